@@ -7,15 +7,18 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+PAGE := tests/studio/page
+NODE_BIN := $(PAGE)/node_modules/.bin
+PAGE_READY := $(PAGE)/node_modules/.ready
 
-.PHONY: demo docs test check thorough format bench fuzz outlines clean constraints
+.PHONY: demo docs test check page thorough format bench fuzz outlines clean constraints page-lock
 
 demo: $(READY)
 	$(BIN)/vinefab demo --out demo
 
 test: check
 
-check: $(READY)
+check: $(READY) page
 	$(BIN)/ruff format --check --diff .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -23,6 +26,11 @@ check: $(READY)
 	$(BIN)/mypy --platform darwin --cache-dir .mypy_cache/darwin
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n 2
+
+# The studio's page: types and lint.
+page: $(PAGE_READY)
+	$(NODE_BIN)/tsc --project $(PAGE)
+	$(NODE_BIN)/biome lint --config-path=$(PAGE) --error-on-warnings vinefab/studio/page
 
 docs: $(READY)
 	$(BIN)/python -m sphinx -b html -q -W --keep-going docs docs/_build
@@ -42,7 +50,7 @@ thorough: check fuzz outlines
 	$(BIN)/pytest -n 2 -m thorough
 	$(BIN)/python tests/fabrication/rules/mutate.py
 	$(BIN)/python tests/fabrication/rules/cuts_clear.py 2000
-	$(BIN)/python tests/fabrication/rules/fix_many.py 40
+	$(BIN)/python tests/search/fix_many.py 40
 	$(BIN)/python tests/tasks/measure_area_errors.py 1000
 	$(BIN)/python tests/search/kill.py 20
 	$(BIN)/python tests/search/target_cases.py
@@ -65,10 +73,20 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[cluster,dev,docs,gis,studio,vision]'
 	touch $(READY)
 
+$(PAGE_READY): $(PAGE)/package.json $(PAGE)/package-lock.json
+	@command -v npm >/dev/null || { echo "node and npm are missing: they check the studio's page, see docs/testing.md" >&2; exit 1; }
+	npm ci --prefix $(PAGE) --no-audit --no-fund --loglevel=error
+	touch $(PAGE_READY)
+
 # For maintainers: pins for every supported Python and system, without any address in them.
 constraints: $(READY)
 	$(BIN)/python -m pip install --quiet uv
 	$(BIN)/uv pip compile pyproject.toml --all-extras --universal --no-annotate --no-header --output-file constraints.txt
 
+# For maintainers: pins of what checks the page, without any address in them.
+page-lock:
+	cd $(PAGE) && rm -rf node_modules package-lock.json && npm install --no-audit --no-fund --package-lock-only --omit-lockfile-registry-resolved
+	sed -i '/"funding": {/,/}/d' $(PAGE)/package-lock.json
+
 clean:
-	rm -rf $(VENV) demo build dist
+	rm -rf $(VENV) $(PAGE)/node_modules demo build dist

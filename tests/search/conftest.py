@@ -4,6 +4,13 @@ from collections.abc import Callable
 
 import pytest
 
+from tests.fabrication.rules.conftest import (  # noqa: F401  fixtures
+    burst_profile,
+    grown_profile,
+    make,
+    profile,
+    random_design,
+)
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Design

@@ -6,21 +6,37 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from tests.oracles.penalty import fabrication_penalty, path_excess, whole_penalty
+from tests.oracles.quick_cuts import PieceLimits
 from vinefab.fabrication.pieces.partition import in_pieces as in_its_pieces
 from vinefab.fabrication.pieces.partition import partition_of, pieces_of
-from vinefab.fabrication.pieces.quick_cuts import MOST_PIECE_BRANCHES
-from vinefab.fabrication.rules.penalty import MOST_CHECKED_BRANCHES
 from vinefab.fabrication.rules.piece_rules import LAP_PACKING
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.inflation.law import quick_pattern
 from vinefab.inflation.pattern import pattern_of
-from vinefab.model.design import MOST_BRANCHES, Compensation, Mounting, PieceSettings, Pouch
+from vinefab.model.design import (
+    MOST_BRANCHES,
+    Build,
+    Collar,
+    Compensation,
+    Design,
+    Level,
+    Mounting,
+    PieceSettings,
+    Pouch,
+    default_fillets_mm,
+)
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import Quantity, Standing
 from vinefab.search.evaluator import SpacePenalty
 from vinefab.search.manufacturability import ManufacturabilityPenalty
+from vinefab.search.penalty_batch import (
+    MOST_CHECKED_BRANCHES,
+    MOST_PIECE_BRANCHES,
+    PenaltyRules,
+)
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
 
 PENALTY = ManufacturabilityPenalty(profile=read_profile(DEFAULT_RECIPE))
@@ -39,9 +55,14 @@ POUCHES = {
 }
 
 
+def readable(design: Design) -> float:
+    """Penalty of one design by the oracle."""
+    return whole_penalty(design, PENALTY.profile)
+
+
 def both(space: Space, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Penalties of points, at once and one by one."""
-    return PENALTY.within(space)(space.batch(x)), np.array([PENALTY(space.design(p)) for p in x])
+    return PENALTY.within(space)(space.batch(x)), np.array([readable(space.design(p)) for p in x])
 
 
 CHOICES: tuple[Compensation, ...] = ("inflation", "none")
@@ -87,7 +108,7 @@ def test_penalties_at_once_know_a_measured_gain_and_large_fans(gain: float) -> N
     space = Space(settings, BuildSettings(compensation="inflation", width_ratio=0.5))
     x = np.random.default_rng(9).random((40, len(space)))
     found = penalty.within(space)(space.batch(x))
-    wanted = [penalty(space.design(point)) for point in x]
+    wanted = [whole_penalty(space.design(point), penalty.profile) for point in x]
     assert np.abs(found - wanted).max() < WITHIN["inflation"]
     assert np.abs(found - PENALTY.within(space)(space.batch(x))).max() > 1e-3
 
@@ -128,8 +149,67 @@ def test_large_trees_count_by_their_size_and_too_large_ones_have_no_penalty() ->
     designs = space.batch(x)
     assert MOST_CHECKED_BRANCHES < designs.sizes[0] < MOST_BRANCHES < designs.sizes[1]
     large, invalid = PENALTY.within(space)(designs)
-    assert large == pytest.approx(PENALTY(space.design(x[0])), abs=1e-9)
+    assert large == pytest.approx(readable(space.design(x[0])), abs=1e-9)
     assert np.isnan(invalid)
+
+
+def any_build(rng: np.random.Generator, *, pieces: bool) -> Design:
+    """A design with a build of its own: widths, tapers, fillets, often a pouch and a collar."""
+    depth, number = int(rng.integers(1, 5)), rng.uniform
+    widths_mm = tuple((number(24, 50) * number(0.4, 1.05, depth).cumprod()).tolist())
+    taper = tuple(number(0.4, 1.0, depth).tolist()) if rng.random() < 0.7 else ()
+    length_mm, width_mm = number(0.2, 3.0, 2) * widths_mm[-1]
+    pouches = [
+        None,
+        Pouch(shape="round", radius_mm=length_mm),
+        Pouch(shape="rectangle", length_mm=length_mm, width_mm=width_mm),
+    ]
+    levels = tuple(
+        Level(
+            branches=int(rng.integers(1, 5)),
+            length_mm=number(15, 220),
+            fan_rad=number(0.0, 6.0),
+            growth=number(0.5, 1.5),
+        )
+        for _ in range(depth - 1)
+    )
+    build = Build(
+        widths_mm=widths_mm,
+        fillet_mm=tuple(mm * number(0.2, 2.0) for mm in default_fillets_mm(widths_mm)),
+        taper=taper,
+        tail_mm=number(0, 300),
+        pouch=pouches[rng.integers(3)],
+        collar=Collar(clamp_diameter_mm=number(5, 60)) if rng.random() < 0.4 else None,
+        compensation=rng.choice(CHOICES),
+        pieces=PieceSettings(most=int(rng.integers(2, 6))) if pieces else None,
+        mounting=rng.choice(["tail_inverted", "turned"]),
+    )
+    return Design(name="any", trunk_length_mm=number(20, 400), levels=levels, build=build)
+
+
+@pytest.mark.parametrize("pieces", [False, True])
+def test_designs_with_builds_of_their_own_have_the_readable_penalties(*, pieces: bool) -> None:
+    """Tapers, collars and laser paths, as a fix asks for them; no pressure for growth."""
+    rng, profile, sheet_mm = np.random.default_rng(12), PENALTY.profile, (700.0, 500.0)
+    designs = [any_build(rng, pieces=pieces) for _ in range(60 if pieces else 150)]
+    for design in designs:
+        rules = PenaltyRules.of(design.build, profile, {}, sheet_mm, grows=False)
+        of = {"profile": profile, "sheet_mm": sheet_mm}
+        cuts = PieceLimits.of(design.build, profile, {}, sheet_mm) if pieces else None
+        wanted = fabrication_penalty(design, {}, **of, pieces=cuts)
+        (penalty,), (excess,) = rules.with_path_excess([design])
+        assert penalty == rules.penalties([design])[0] == pytest.approx(wanted, abs=1e-6)
+        flat = quick_pattern(design, profile.material).flat
+        assert excess == pytest.approx(path_excess(flat, profile, {}), abs=1e-9)
+
+
+def test_a_batch_of_many_builds_has_the_penalties_of_each_alone() -> None:
+    rng, sheet_mm = np.random.default_rng(13), (700.0, 500.0)
+    designs = [any_build(rng, pieces=False).changed() for _ in range(40)]
+    designs = [one.changed(build=one.build.changed(compensation="none")) for one in designs]
+    rules = PenaltyRules.of(designs[0].build, PENALTY.profile, {}, sheet_mm, grows=False)
+    alone = np.array([rules.with_path_excess([design]) for design in designs])
+    assert np.array_equal(np.transpose(rules.with_path_excess(designs)), alone[:, :, 0])
 
 
 def test_the_search_takes_the_faster_one() -> None:
@@ -236,7 +316,9 @@ def test_film_with_laps_in_it_keeps_within_its_lumen(compensation: Compensation)
     assert len(decided) > 5
     assert len(passing) > 5
     for row in (*decided[:15], *passing[:15]):
-        assert found[row] == pytest.approx(penalty(space.design(x[row])), abs=1e-9)
+        assert found[row] == pytest.approx(
+            whole_penalty(space.design(x[row]), penalty.profile), abs=1e-9
+        )
     # What is cut as designed has joints whose passages the search does not know.
     for row in passing[:15] if compensation == "inflation" else ():
         pattern = pattern_of(space.design(x[row]), penalty.profile, known_only=True)
@@ -261,7 +343,9 @@ def test_branches_whose_lap_would_burst_or_whose_plug_does_not_go_in_are_not_cut
     rows = np.flatnonzero((free == 0.0) & (bound > 0.0))
     assert len(rows) > 3
     for row in rows[:5]:
-        assert bound[row] == pytest.approx(penalty(space.design(x[row])), abs=1e-9)
+        assert bound[row] == pytest.approx(
+            whole_penalty(space.design(x[row]), penalty.profile), abs=1e-9
+        )
     tight = in_pieces(6)
     tight = Space(CROSSING, tight.build.changed(pieces=PieceSettings(most=6, ease_mm=0.05)))
     assert not PENALTY.within(tight).with_joints(designs)[1].any()

@@ -1,13 +1,16 @@
 """The studio as a user starts it, and a real browser in front of it."""
 
+import json
 import os
 import re
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
@@ -161,3 +164,30 @@ def browser():
             yield opened
         finally:
             opened.close()
+
+
+PAGE = Path(__file__).parent / "page"
+
+
+@pytest.fixture
+def page_types(program, tmp_path):
+    """Return a check of values, each with its name, against the types of the page."""
+    program("npm", "npm")
+    compiler = PAGE / "node_modules" / ".bin" / "tsc"
+
+    def check(values: Iterable[tuple[str, Any]]) -> None:
+        lines = [
+            f"export const a{number}: {kind} = {json.dumps(value, allow_nan=False)};"
+            for number, (kind, value) in enumerate(values)
+        ]
+        (tmp_path / "answers.ts").write_text("\n".join(lines), encoding="utf-8")
+        include = [str(PAGE / "*.d.ts"), "answers.ts"]
+        project = {"extends": str(PAGE / "tsconfig.json"), "include": include}
+        (tmp_path / "tsconfig.json").write_text(json.dumps(project), encoding="utf-8")
+        assert compiler.exists(), "`make page` installs the compiler"
+        done = subprocess.run(
+            [compiler, "-p", tmp_path], capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stdout
+
+    return check

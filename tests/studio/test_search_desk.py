@@ -331,6 +331,24 @@ finalists_by = "training"
         desk.resume({"folder": "."})
 
 
+@pytest.mark.usefixtures("front_run")
+def test_the_page_takes_what_searches_answer(desk, page_types, monkeypatch):
+    plain = SearchDesk._arguments
+    monkeypatch.setattr(SearchDesk, "_arguments", lambda *given: [*plain(*given), "--no-page"])
+    asks = {
+        "search_runs": {},
+        "search_front": {"folder": "two"},
+        "search_load": {"folder": "two", "point": "best"},
+        "search_start": ask(generations=1),
+        "search_stop": {},
+    }
+    found = [
+        (f'DeskAnswers["{name}"]', SEARCH_DESK[name](desk, page(), asks[name])) for name in asks
+    ]
+    events = [("SearchEvent", event) for event in followed(desk, is_over)]
+    page_types([*found, *events, ('DeskAnswers["search_runs"]', desk.runs())])
+
+
 def test_what_is_new_is_told_once(desk):
     told, news = [], iter([{"event": "search", "share": 0.5}, None])
     desk.news = lambda: next(news, None)

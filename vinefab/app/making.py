@@ -212,9 +212,9 @@ def fix(
     """
     from dataclasses import replace
 
-    from vinefab.fabrication.rules.fix import parsed_keeps
     from vinefab.model.files.design_toml import design_text
     from vinefab.prediction.fix_proposal import propose_fix, score_change_lines
+    from vinefab.search.fix import parsed_keeps
 
     file = page_path("out", out, force=force)
     if file is not None:

@@ -119,6 +119,9 @@ def run() -> None:
     # Imports make a hundred thousand objects that stay: looking for garbage among them, time and
     # again, would take a tenth of a short command.
     gc.set_threshold(100_000, 20, 20)
+    # Matrices are small: threads of BLAS would wait for each other, and take a third of the time
+    # of a command that fits cameras. Read when NumPy is first imported, here or in a worker.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with warnings.catch_warnings():
         if not sys.warnoptions:
             warnings.simplefilter("ignore")

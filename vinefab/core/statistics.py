@@ -7,8 +7,8 @@ import math
 from collections.abc import Hashable, Sequence
 
 import numpy as np
+import scipy  # its parts load at their first use
 from numpy.typing import ArrayLike
-from scipy.special import betaincinv, stdtr, stdtrit
 
 from vinefab.core.validation import Floats
 
@@ -69,7 +69,7 @@ def mean_interval(
     if error == 0.0:
         known = len(sample) > 1 and _alike_p(len(sample)) < 1.0 - level
         return (mean, mean) if known else (math.nan, math.nan)
-    half = float(stdtrit(degrees_of(len(sample), tails), 0.5 + 0.5 * level)) * error
+    half = float(scipy.special.stdtrit(degrees_of(len(sample), tails), 0.5 + 0.5 * level)) * error
     return mean - half, mean + half
 
 
@@ -85,8 +85,12 @@ def clopper_pearson(share: float, count: int, level: float = LEVEL) -> tuple[flo
     [0.0, 0.036]
     """
     tail, have = 0.5 * (1.0 - level), share * count
-    low = float(betaincinv(have, count - have + 1.0, tail)) if have > 0.0 else 0.0
-    high = float(betaincinv(have + 1.0, count - have, 1.0 - tail)) if have < count else 1.0
+    low = float(scipy.special.betaincinv(have, count - have + 1.0, tail)) if have > 0.0 else 0.0
+    high = (
+        float(scipy.special.betaincinv(have + 1.0, count - have, 1.0 - tail))
+        if have < count
+        else 1.0
+    )
     return low, high
 
 
@@ -106,7 +110,7 @@ def mean_p(differences: ArrayLike, tails: float = LONG_TAILS) -> float:
         return math.nan
     if error == 0.0:
         return _alike_p(len(sample)) if mean else 1.0
-    return 2.0 * float(stdtr(degrees_of(len(sample), tails), -abs(mean) / error))
+    return 2.0 * float(scipy.special.stdtr(degrees_of(len(sample), tails), -abs(mean) / error))
 
 
 def degrees_of(count: int, tails: float = LONG_TAILS) -> float:

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy import ndimage
-from scipy.spatial import cKDTree
+import scipy  # its parts load at their first use
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints
@@ -445,7 +444,7 @@ def _passages(found: InflatedJoint) -> Floats:
     shares = [(a, b, 4 - a - b) for a in range(5) for b in range(5 - a)]
     cloud = np.concatenate([np.tensordot(np.array(s) / 4.0, corners, (0, 1)) for s in shares])
     flat = np.column_stack([grid.reshape(-1, 2), np.zeros(grid.shape[0] * grid.shape[1])])
-    room = np.asarray(cKDTree(cloud).query(flat)[0], dtype=np.float64)
+    room = np.asarray(scipy.spatial.cKDTree(cloud).query(flat)[0], dtype=np.float64)
     within = _covered(corners[:, :, :2], (x, y))
     room = np.where(within, room.reshape(grid.shape[:2]), 0.0)
 
@@ -463,7 +462,7 @@ def _passages(found: InflatedJoint) -> Floats:
         low, high = 0.0, own
         for _ in range(12):
             tried = (low + high) / 2.0
-            label, _ = ndimage.label(room >= tried)
+            label, _ = scipy.ndimage.label(room >= tried)
             near = label[child[0] - 2 : child[0] + 3, child[1] - 2 : child[1] + 3]
             home = label[trunk[0] - 2 : trunk[0] + 3, trunk[1] - 2 : trunk[1] + 3]
             joined = np.intersect1d(near[near > 0], home[home > 0])

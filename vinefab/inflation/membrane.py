@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from typing import cast
 
 import numpy as np
+import scipy  # its parts load at their first use
 from numpy.typing import NDArray
-from scipy import sparse
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints
@@ -122,7 +122,7 @@ class Membrane:
             )
         return total
 
-    def hessian(self, positions: Floats) -> "sparse.csc_array":
+    def hessian(self, positions: Floats) -> "scipy.sparse.csc_array":
         """Return the second derivatives by the free coordinates, symmetric, shape (k, k)."""
         return self.scatter.matrix(self._curvature(positions))
 
@@ -360,7 +360,7 @@ class _Scatter:
         entry = np.concatenate(entries)
         order = np.argsort(inverse, kind="stable")
         starts = np.concatenate([[0], np.cumsum(np.bincount(inverse, minlength=len(lower)))])
-        self._sum = sparse.csr_array(
+        self._sum = scipy.sparse.csr_array(
             (np.ones(len(entry)), entry[order], starts), shape=(len(lower), 45 * count)
         )
         low_column, low_row = lower // unknowns, lower % unknowns
@@ -376,8 +376,8 @@ class _Scatter:
         self._unknowns = unknowns
         self.diagonal = np.flatnonzero(full_rows[order] == full_columns[order])
 
-    def matrix(self, upper: Floats) -> "sparse.csc_array":
+    def matrix(self, upper: Floats) -> "scipy.sparse.csc_array":
         """Return the sum of the triangles' matrices."""
         values = cast("Floats", self._sum @ upper.ravel())[self._source]
         shape = (self._unknowns, self._unknowns)
-        return sparse.csc_array((values, self._indices, self._pointers), shape=shape)
+        return scipy.sparse.csc_array((values, self._indices, self._pointers), shape=shape)

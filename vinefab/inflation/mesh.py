@@ -10,11 +10,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy  # its parts load at their first use
 import shapely
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.linalg import splu
-from scipy.spatial import Delaunay, cKDTree
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
@@ -132,7 +130,9 @@ def mesh_of(
     fixed = np.concatenate([np.zeros((0, 2)), *inner])
     # A stretch that ends at a mouth has its last points on the outline already.
     if len(fixed):
-        fixed = fixed[cKDTree(curve.at(places)).query(fixed)[0] > 0.25 * sizes.inside(fixed)]
+        fixed = fixed[
+            scipy.spatial.cKDTree(curve.at(places)).query(fixed)[0] > 0.25 * sizes.inside(fixed)
+        ]
     free = _lattice(curve, places, fixed, straights, sizes, across)
     for _ in range(_MOST_REPAIRS):
         points, triangles, missing = _triangulated(curve, places, fixed, free)
@@ -144,7 +144,7 @@ def mesh_of(
         )
         seam = curve.at(places)
         if len(free):
-            free = free[cKDTree(seam).query(free)[0] > 0.3 * sizes.inside(free)]
+            free = free[scipy.spatial.cKDTree(seam).query(free)[0] > 0.3 * sizes.inside(free)]
     else:
         raise BadInputError(
             "outline", "crosses itself or is too narrow", "an outline that triangles fill"
@@ -190,15 +190,15 @@ def followed(
     moved = new.at(places) - mesh.points[mesh.seam]
     count = len(mesh.points)
     sides = np.concatenate([mesh.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
-    links = sparse.coo_array((np.ones(len(sides)), sides.T), shape=(count, count)).tocsr()
+    links = scipy.sparse.coo_array((np.ones(len(sides)), sides.T), shape=(count, count)).tocsr()
     links = links + links.T
-    laplacian = sparse.diags_array(links.sum(axis=1)) - links
+    laplacian = scipy.sparse.diags_array(links.sum(axis=1)) - links
     inner = np.setdiff1d(np.arange(count), mesh.seam)
-    rows = sparse.csr_array(laplacian)[inner]
+    rows = scipy.sparse.csr_array(laplacian)[inner]
     pull = -rows[:, mesh.seam] @ moved
     points = mesh.points.copy()
     points[mesh.seam] += moved
-    points[inner] += splu(sparse.csc_array(rows[:, inner])).solve(pull)
+    points[inner] += scipy.sparse.linalg.splu(scipy.sparse.csc_array(rows[:, inner])).solve(pull)
     return replace(mesh, points=points, places=places, straights=straights)
 
 
@@ -338,7 +338,7 @@ class _Sizes:
         backward = (np.minimum.accumulate((tiled + ramp - ramp[-1])[::-1]))[::-1] - ramp + ramp[-1]
         self.size = np.minimum(forward, backward)[count : 2 * count]
         points = curve.at(self.place)
-        self.tree = cKDTree(points)
+        self.tree = scipy.spatial.cKDTree(points)
         self.coarsest = float(wanted.max())
 
     def finer(self, boxes: list[Floats], size: float) -> list[Floats]:
@@ -411,7 +411,7 @@ def _lattice(
         grid = grid[(wanted >= low) & (wanted < high)]
         if not len(grid):
             continue
-        grid = grid[cKDTree(known).query(grid)[0] > 0.65 * size]
+        grid = grid[scipy.spatial.cKDTree(known).query(grid)[0] > 0.65 * size]
         grid = grid[_within(grid, seam)]
         known, chosen = np.concatenate([known, grid]), np.concatenate([chosen, grid])
     return chosen
@@ -422,7 +422,7 @@ def _covered(points: Floats, straights: tuple[StraightSide, ...]) -> Ints:
     found = [np.zeros(0, dtype=np.int64)]
     if not len(points):
         return found[0]
-    tree = cKDTree(points)
+    tree = scipy.spatial.cKDTree(points)
     for straight in straights:
         half = max(straight.half_begin, straight.half_end) * (1.0 + 1e-6)
         middle = straight.points(np.array([(straight.begin + straight.end) / 2.0]), np.zeros(1))[0]
@@ -505,7 +505,7 @@ def _triangulated(
 
 
 def _inside_triangles(points: Floats, seam: int) -> Ints:
-    triangles = Delaunay(points).simplices.astype(np.int64)
+    triangles = scipy.spatial.Delaunay(points).simplices.astype(np.int64)
     corners = points[triangles]
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     double = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
@@ -539,7 +539,7 @@ def _angles(points: Floats, triangles: Ints) -> Floats:
 def _sides(
     seam: Floats, straights: tuple[StraightSide, ...], rows: list[_Row]
 ) -> tuple[tuple[Ints, Ints], ...]:
-    tree = cKDTree(seam)
+    tree = scipy.spatial.cKDTree(seam)
 
     def side(straight: StraightSide, steps: int, share: float) -> Ints:
         along = np.linspace(straight.begin, straight.end, steps + 1)

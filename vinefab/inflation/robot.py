@@ -7,8 +7,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts load at their first use
 import shapely
-from scipy.interpolate import LinearNDInterpolator
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
@@ -237,7 +237,7 @@ def inflated_pattern(
         closed, tuple(straights.values()), widths, across=across, hoop_strain=hoop_strain
     )
     found = sheet.inflated(tell=tell)
-    flat = LinearNDInterpolator(sheet.mesh.points, found.positions[:, :2])
+    flat = scipy.interpolate.LinearNDInterpolator(sheet.mesh.points, found.positions[:, :2])
     shares = np.linspace(0.0, 1.0, _CENTER_POINTS)[None, :, None]
     start, end = layout.start_mm[:, None] / unit, layout.end_mm[:, None] / unit
     lines = flat((start + shares * (end - start)).reshape(-1, 2)).reshape(len(ids), -1, 2)

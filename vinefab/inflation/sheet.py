@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy  # its parts load at their first use
 
 from vinefab.core.validation import Floats, Ints
 from vinefab.inflation.membrane import Membrane
@@ -61,7 +61,7 @@ class Sheet:
         """Return a start: the flat sheet raised with the distance from the seam, shape (n, 3)."""
         points = self.mesh.points
         held = ~self.membrane.free[:, 2]
-        away = cKDTree(points[held]).query(points)[0]
+        away = scipy.spatial.cKDTree(points[held]).query(points)[0]
         return np.column_stack([points, np.where(held, 0.0, _START_SLOPE * away)])
 
     def seam_loads(self, found: Equilibrium) -> Floats:

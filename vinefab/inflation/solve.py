@@ -9,8 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import SuperLU, splu
+import scipy  # its parts load at their first use
 
 from vinefab.core.errors import VinefabError
 from vinefab.core.validation import Floats
@@ -59,10 +58,10 @@ class Equilibrium:
 class Factor:
     """A factorized symmetric matrix."""
 
-    def __init__(self, matrix: "sparse.csc_array", order: "_Order") -> None:
+    def __init__(self, matrix: "scipy.sparse.csc_array", order: "_Order") -> None:
         self._order = order
         permuted = order.permuted(matrix)
-        self._lu: SuperLU = splu(
+        self._lu: scipy.sparse.linalg.SuperLU = scipy.sparse.linalg.splu(
             permuted,
             permc_spec="NATURAL",
             diag_pivot_thresh=0.0,
@@ -84,32 +83,34 @@ class Factor:
 class _Order:
     """An elimination order, found once for all matrices of one pattern."""
 
-    def __init__(self, matrix: "sparse.csc_array") -> None:
+    def __init__(self, matrix: "scipy.sparse.csc_array") -> None:
         count = matrix.shape[0]
         # SuperLU tells its order of minimum degree with its factors alone; values are all the same
         # to that order, and a heavy diagonal keeps the pivots on it.
-        plain = sparse.csc_array(
+        plain = scipy.sparse.csc_array(
             (np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape
         )
-        found = splu(
-            sparse.csc_array(plain + sparse.diags_array(np.full(count, 1e3), format="csc")),
+        found = scipy.sparse.linalg.splu(
+            scipy.sparse.csc_array(
+                plain + scipy.sparse.diags_array(np.full(count, 1e3), format="csc")
+            ),
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True, "Equil": False},
         )
         self.back = found.perm_c.astype(np.int64)
         self.rows = np.argsort(self.back)
-        number = sparse.csc_array(
+        number = scipy.sparse.csc_array(
             (np.arange(1.0, matrix.nnz + 1.0), matrix.indices, matrix.indptr), shape=matrix.shape
         )
-        moved = sparse.csc_array(number[self.rows][:, self.rows])
+        moved = scipy.sparse.csc_array(number[self.rows][:, self.rows])
         moved.sort_indices()
         self._entries = moved.data.astype(np.int64) - 1
         self._indices, self._pointers = moved.indices, moved.indptr
 
-    def permuted(self, matrix: "sparse.csc_array") -> "sparse.csc_array":
+    def permuted(self, matrix: "scipy.sparse.csc_array") -> "scipy.sparse.csc_array":
         parts = (matrix.data[self._entries], self._indices, self._pointers)
-        return sparse.csc_array(parts, shape=matrix.shape)
+        return scipy.sparse.csc_array(parts, shape=matrix.shape)
 
 
 def at_rest(
@@ -226,7 +227,7 @@ def _corner_areas(membrane: Membrane) -> Floats:
 
 def _descent(
     membrane: Membrane,
-    matrix: "sparse.csc_array",
+    matrix: "scipy.sparse.csc_array",
     gradient: Floats,
     how: tuple[Floats, float, _Order],
 ) -> tuple[Floats, float]:

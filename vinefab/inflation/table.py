@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from scipy.linalg import cho_solve, cholesky, solve_triangular
+import scipy  # its parts load at their first use
 
 from vinefab.core.hashing import fingerprint
 from vinefab.core.validation import Floats, Ints
@@ -168,10 +168,10 @@ class Process:
         self._coefficients = np.linalg.lstsq(_trend(x), y, rcond=None)[0]
         rest = y - _trend(x) @ self._coefficients
         self.amplitude: Floats = np.sqrt((rest**2).mean(axis=0)) + 1e-9
-        self.factor = cholesky(
+        self.factor = scipy.linalg.cholesky(
             self._near(x) + scales.noise**2 * np.eye(len(x)), lower=True, check_finite=False
         )
-        self.weights = cho_solve((self.factor, True), rest)
+        self.weights = scipy.linalg.cho_solve((self.factor, True), rest)
 
     def __call__(self, x: Floats) -> Floats:
         """Return the quantities at some places, shape (m, quantities)."""
@@ -190,7 +190,7 @@ class Process:
 
     def deviation(self, x: Floats) -> Floats:
         """Return the standard deviation of the quantities from the rows alone, noise left out."""
-        known = solve_triangular(self.factor, self._near(x).T, lower=True)
+        known = scipy.linalg.solve_triangular(self.factor, self._near(x).T, lower=True)
         share = np.sqrt(np.maximum(0.0, 1.0 - (known**2).sum(axis=0)))
         spread: Floats = share[:, None] * self.amplitude
         return spread

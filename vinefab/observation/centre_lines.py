@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from itertools import combinations, pairwise, product
 
 import numpy as np
+import scipy  # its parts load at their first use
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 from shapely import LineString
 
 from vinefab.core.units import deg, rad
@@ -638,7 +638,7 @@ def _straight(
     gone = ~there[:, :-1] & ~there[:, 1:]
     first = np.where(gone.any(axis=1), gone.argmax(axis=1), there.shape[1])
     run = np.minimum(first * 1.5, most)
-    peaks = ndimage.maximum_filter1d(run, 7)
+    peaks = scipy.ndimage.maximum_filter1d(run, 7)
     best = np.flatnonzero((run >= peaks - 1e-9) & (run > max(6.0, 2.0 * radius)))
     groups = np.split(best, np.flatnonzero(np.diff(best) > 1) + 1) if len(best) else []
     picked = [(float(angles[int(np.median(g))]), float(run[int(np.median(g))])) for g in groups]
@@ -837,8 +837,8 @@ def _smoothed(edges: _Edges, sigma_mm: float) -> Floats:
     weight = np.where(np.isfinite(edges.off), edges.weight, 0.0)
     weight = weight / np.maximum(1.0, np.abs(off - np.median(off)) / 1.0)
     sigma = sigma_mm / step
-    over = ndimage.gaussian_filter1d(weight * off, sigma, mode="nearest")
-    under = ndimage.gaussian_filter1d(weight, sigma, mode="nearest")
+    over = scipy.ndimage.gaussian_filter1d(weight * off, sigma, mode="nearest")
+    under = scipy.ndimage.gaussian_filter1d(weight, sigma, mode="nearest")
     return np.asarray(over / (under + 0.05))
 
 

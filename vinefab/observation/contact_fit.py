@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import t as student
+import scipy  # its parts load at their first use
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
@@ -291,7 +291,7 @@ def _shape_fit(photos: Sequence[ObservedPhoto], width_ratio: float) -> ShapeFit 
     fall = 2.0 * (likely.max() - likely)
     angles = np.array(SHAPE_ANGLES_DEG)
     # As many independent observations as photos: the few give a wide interval.
-    most_fall = float(student.ppf(0.975, max(1, len(known) - 1))) ** 2
+    most_fall = float(scipy.stats.t.ppf(0.975, max(1, len(known) - 1))) ** 2
     inside, top = angles[fall <= most_fall], angles[fall <= 0.1]
     at_best = squared[:, likely.argmax()]
     both = at_best[at_best > 0.0]  # branches that are there in both
@@ -414,7 +414,9 @@ def _t_interval(values: Floats) -> tuple[float, float, float]:
     mean = float(values.mean())
     if len(values) < 2:
         return mean, mean, mean
-    half = float(student.ppf(0.975, len(values) - 1) * values.std(ddof=1) / math.sqrt(len(values)))
+    half = float(
+        scipy.stats.t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / math.sqrt(len(values))
+    )
     return mean, mean - half, mean + half
 
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import scipy  # its parts load at their first use
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 from shapely import LineString
 
 from vinefab.core.units import deg
@@ -125,7 +125,7 @@ class _Looks:
         explained = _drawn(areas, film)
         left = (film.share > 0.5) & ~film.solid & ~explained
         thick = max(1, round(THICK_MM / film.view.mm_per_pixel))
-        left = ndimage.binary_opening(left, np.ones((thick, thick), dtype=np.bool_))
+        left = scipy.ndimage.binary_opening(left, np.ones((thick, thick), dtype=np.bool_))
         return cls(film, traced, radii, areas, np.asarray(left))
 
     def doubts(self, index: int) -> list[str]:
@@ -307,7 +307,7 @@ def _turn_deg(one_rad: float, other_rad: float) -> float:
 
 def _longest(there: NDArray[np.bool_]) -> int:
     """Return the length of the longest run of True."""
-    runs, count = ndimage.label(there)
+    runs, count = scipy.ndimage.label(there)
     return int(np.bincount(runs)[1:].max()) if count else 0
 
 

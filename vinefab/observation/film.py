@@ -8,9 +8,9 @@ is told by lightness, which shadows may imitate; that is said.
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy  # its parts load at their first use
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
@@ -89,7 +89,9 @@ class SeenFilm:
         """Return how much film is seen at points at a height above the floor, shape (n,)."""
         seen = self.view.to_pixels(self.moved(points_mm, z_mm, self.sight.plane_mm)) - 0.5
         places = [seen[:, 1], seen[:, 0]]
-        return np.asarray(ndimage.map_coordinates(self.share, places, order=1, mode="nearest"))
+        return np.asarray(
+            scipy.ndimage.map_coordinates(self.share, places, order=1, mode="nearest")
+        )
 
     def is_solid(self, points_mm: Floats) -> NDArray[np.bool_]:
         """Tell which points of the floor lie in obstacles or outside the bounds, shape (n,)."""
@@ -158,11 +160,11 @@ def found_film(
     """
     solid = solid_raster(world, view)
     light, hue = _light_and_hue(view.pixels)
-    inner = ndimage.binary_erosion(~solid, iterations=max(1, round(2.0 / view.mm_per_pixel)))
+    inner = scipy.ndimage.binary_erosion(~solid, iterations=max(1, round(2.0 / view.mm_per_pixel)))
     if not inner.any():
         raise BadInputError("photo", "none of the map's free space on it", "a photo of the rig")
     floor = _mode(hue[inner])
-    core = ndimage.binary_erosion(solid, iterations=max(1, round(6.0 / view.mm_per_pixel)))
+    core = scipy.ndimage.binary_erosion(solid, iterations=max(1, round(6.0 / view.mm_per_pixel)))
     block = np.median(hue[core], axis=0) if core.any() else None
     film, how = _film_hue(hue, floor, inner, block, _strip(view, pose, widths_mm[0]), colour)
     cautions: tuple[str, ...] = ()
@@ -171,8 +173,10 @@ def found_film(
     else:
         share, how = _by_light(light, inner, _strip(view, pose, widths_mm[0]))
         cautions = ("film and floor have the same hue: shadows may have been taken for film",)
-    share = ndimage.gaussian_filter(share, 0.5)
-    share[ndimage.binary_erosion(solid, iterations=max(1, round(1.0 / view.mm_per_pixel)))] = 0.0
+    share = scipy.ndimage.gaussian_filter(share, 0.5)
+    share[
+        scipy.ndimage.binary_erosion(solid, iterations=max(1, round(1.0 / view.mm_per_pixel)))
+    ] = 0.0
     share = _without_gloss(share, view.mm_per_pixel)
     is_film = share > 0.5
     if is_film[~solid].mean() < LEAST_FILM_SHARE:
@@ -201,7 +205,7 @@ def outlined_film(
     if not inside.any():
         raise BadInputError("--outline", "no area on the map", "areas in the map's millimetres")
     return SeenFilm(
-        share=ndimage.gaussian_filter(inside.astype(np.float64), 0.5),
+        share=scipy.ndimage.gaussian_filter(inside.astype(np.float64), 0.5),
         view=view,
         sight=sight,
         solid=solid_raster(world, view),
@@ -237,7 +241,7 @@ def _light_and_hue(pixels: NDArray[np.uint8]) -> tuple[Floats, Floats]:
     level = np.arange(256) / 255.0
     linear = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4)
     light = linear[pixels].astype(np.float32)
-    light = ndimage.gaussian_filter(light, (0.7, 0.7, 0.0)) + np.float32(_BLACK)
+    light = scipy.ndimage.gaussian_filter(light, (0.7, 0.7, 0.0)) + np.float32(_BLACK)
     lab = np.cbrt(light @ _TO_CONES.T.astype(np.float32)) @ _TO_LAB.T.astype(np.float32)
     return lab[..., 0], lab[..., 1:] / lab[..., :1]
 
@@ -322,10 +326,10 @@ def _by_light(
 def _without_gloss(share: Floats, mm_per_pixel: float) -> Floats:
     """Return the share of film with small holes closed, where gloss hides its colour."""
     is_film = share > 0.5
-    holes, count = ndimage.label(ndimage.binary_fill_holes(is_film) & ~is_film)
+    holes, count = scipy.ndimage.label(scipy.ndimage.binary_fill_holes(is_film) & ~is_film)
     if count == 0:
         return share
-    areas = ndimage.sum_labels(np.ones_like(share), holes, np.arange(1, count + 1))
+    areas = scipy.ndimage.sum_labels(np.ones_like(share), holes, np.arange(1, count + 1))
     small = np.flatnonzero(areas * mm_per_pixel**2 <= HIGHLIGHT_MM2) + 1
     return np.where(np.isin(holes, small), 1.0, share)
 

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import theilslopes
+import scipy  # its parts load at their first use
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
@@ -114,7 +114,7 @@ def _outer_heading_rad(
     steps = first[rows] - 1 + (inner - 0.5) / (inner - outer)
     off = middle[rows] + steps * outward[1]
     # The median of slopes leaves out what shadows and creases add at some places.
-    slope = float(theilslopes(off, places[rows])[0])
+    slope = float(scipy.stats.theilslopes(off, places[rows])[0])
     return heading_rad + side * math.atan(slope)
 
 

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
-from scipy.special import ndtr
+import scipy  # its parts load at their first use
 
 from vinefab.core.validation import Floats
 from vinefab.model.contacts import Side
@@ -121,7 +120,9 @@ def _averaged(values: Floats, spread_deg: float) -> Floats:
     """Return functions of the threshold averaged over a normal spread of it, shape (n, grid)."""
     if spread_deg == 0.0:
         return values
-    return np.asarray(gaussian_filter1d(values, spread_deg / STEP_DEG, axis=1, mode="nearest"))
+    return np.asarray(
+        scipy.ndimage.gaussian_filter1d(values, spread_deg / STEP_DEG, axis=1, mode="nearest")
+    )
 
 
 def _log_likelihood(
@@ -132,7 +133,9 @@ def _log_likelihood(
     error = np.maximum(np.broadcast_to(error_deg, angle_deg.shape), STEP_DEG)[:, None]
     away = angle_deg[:, None]
     # The true angle has a sign that the measured one has lost: both sides of the normal count.
-    stops = ndtr((threshold - away) / error) - ndtr((-threshold - away) / error)
+    stops = scipy.special.ndtr((threshold - away) / error) - scipy.special.ndtr(
+        (-threshold - away) / error
+    )
     photos = int(group.max()) + 1
     spreads = PHOTO_SPREADS_DEG if photos > 1 else PHOTO_SPREADS_DEG[:1]
     inside = (_grid_deg() >= 0.0) & (_grid_deg() <= 90.0)

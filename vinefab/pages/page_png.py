@@ -16,6 +16,7 @@ from vinefab.pages.panel import (
     MIDDLE,
     OPEN_SIGNS,
     SIGNS,
+    Box,
     Ink,
     Marks,
     Page,
@@ -37,13 +38,11 @@ def page_png(page: Page, dpi: int = 150) -> bytes:
     painter = _Painter(page, _SHARPNESS * dpi / 72.0)
     for layer in page.layers:
         # Only the part within its window of what a layer draws is kept.
-        before = painter.image.copy() if layer.window else None
+        around = painter.around(layer.window) if layer.window else []
         for primitive in layer.primitives:
             painter.paint(primitive)
-        if before is not None and layer.window is not None:
-            box = tuple(round(painter.scale * end) for end in layer.window)
-            before.paste(painter.image.crop(box), box[:2])  # type: ignore[arg-type]
-            painter.use(before)
+        for strip, place in around:
+            painter.image.paste(strip, place)
     info = PngInfo()
     info.add_text("Software", ROOMY_GENERATOR)
     stream = io.BytesIO()
@@ -58,10 +57,18 @@ class _Painter:
     def __init__(self, page: Page, scale: float) -> None:
         self.scale = scale  # pixels per point
         size = (round(scale * page.width_pt), round(scale * page.height_pt))
-        self.use(Image.new("RGB", size, "white"))
+        self.image = Image.new("RGB", size, "white")
+        self.draw = ImageDraw.Draw(self.image)
 
-    def use(self, image: Image.Image) -> None:
-        self.image, self.draw = image, ImageDraw.Draw(image)
+    def around(self, window: Box) -> list[tuple[Image.Image, tuple[int, int]]]:
+        """Return what is painted around a window: strips, and where they stand."""
+        left, top, right, low = (round(self.scale * end) for end in window)
+        wide, high = self.image.size
+        places = (
+            (0, 0, wide, top), (0, low, wide, high), (0, top, left, low), (right, top, wide, low)
+        )  # fmt: skip
+        boxes = [box for box in places if box[2] > box[0] and box[3] > box[1]]
+        return [(self.image.crop(box), box[:2]) for box in boxes]
 
     def paint(self, primitive: Primitive) -> None:
         if isinstance(primitive, Shape):

@@ -7,10 +7,9 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
+import scipy  # its parts load at their first use
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.optimize import least_squares
-from scipy.special import ndtr
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
@@ -184,7 +183,7 @@ def _fitted(stored: NDArray[np.uint8], rough: Floats, bits: NDArray[np.bool_]) -
         [np.full(8, 0.2 * size), [math.log(size / 6.0), _MIXING[1], 0.9, 400, 1, 1]]
     )
     begin = np.clip(begin, least + 1e-6, most - 1e-6)
-    fit = least_squares(
+    fit = scipy.optimize.least_squares(
         off, begin, bounds=(least, most), x_scale=np.maximum(1e-3, 0.1 * (most - least)),
         loss="soft_l1", f_scale=0.1, xtol=1e-4, ftol=1e-4, max_nfev=20,
     )  # fmt: skip
@@ -218,7 +217,7 @@ def _mean_side(corners: Floats) -> float:
 def _blurred_cells(places: Floats, pattern: Floats, spread: float) -> Floats:
     """Return how white a pattern of cells is at places (in cells), spread by a normal blur."""
     edges = np.arange(-1.0, MARKER_SIDE_CELLS + 2.0)
-    across, down = (ndtr((places[:, axis, None] - edges) / spread) for axis in (0, 1))
+    across, down = (scipy.special.ndtr((places[:, axis, None] - edges) / spread) for axis in (0, 1))
     shares = []
     for beyond in (across, down):
         first, last = 1.0 - beyond[:, :1], beyond[:, -1:]
@@ -316,7 +315,7 @@ def marker_spread(control: ControlPoints) -> MarkerSpread:
         return np.asarray((seen - control.points_px).ravel())
 
     still = np.append(begin, np.zeros(len(axes)))
-    fit = least_squares(off, still, x_scale="jac", method="lm", max_nfev=2000)
+    fit = scipy.optimize.least_squares(off, still, x_scale="jac", method="lm", max_nfev=2000)
     before, after = float((off(still) ** 2).sum()), float((fit.fun**2).sum())
     freedom = max(1, len(fit.fun) - len(fit.x))
     noise_px = max(control.noise_px, math.sqrt(after / freedom))
@@ -370,7 +369,7 @@ def _placed_squares(seen: Floats) -> Floats:
             projected(matrix, _squares(values[8:]).reshape(-1, 2)) - seen.reshape(-1, 2)
         ).ravel()
 
-    fit = least_squares(off, begin, x_scale="jac", method="lm", max_nfev=5000)
+    fit = scipy.optimize.least_squares(off, begin, x_scale="jac", method="lm", max_nfev=5000)
     return _squares(fit.x[8:])
 
 

@@ -8,8 +8,7 @@ both, weighed by how well each knows it.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
+import scipy  # its parts load at their first use
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, frozen_floats, number
@@ -197,7 +196,7 @@ def fitted_homography(control: ControlPoints) -> Floats:
 
     if abs(rough[2, 2]) < 1e-9:
         raise BadInputError("points", "on a line", "four points of which no three lie on a line")
-    fit = least_squares(off, (rough / rough[2, 2]).ravel()[:8], method="lm")
+    fit = scipy.optimize.least_squares(off, (rough / rough[2, 2]).ravel()[:8], method="lm")
     unit = np.append(fit.x, 1.0).reshape(3, 3)
     if abs(np.linalg.det(unit)) < 1e-6:
         raise BadInputError("points", "on a line", "four points of which no three lie on a line")
@@ -265,7 +264,7 @@ class _Pose:
             noise = max(noise, float(np.sqrt((left**2).sum() / freedom)))
 
         def off(values: Floats) -> Floats:
-            axes = Rotation.from_rotvec(values[1:4]).as_matrix()
+            axes = scipy.spatial.transform.Rotation.from_rotvec(values[1:4]).as_matrix()
             inside = control.points_mm @ axes[:, :2].T + values[4:7]
             seen = np.exp(values[0]) * inside[:, :2] / inside[:, 2:] + middle
             apart = (seen - control.points_px).ravel() / noise
@@ -273,9 +272,9 @@ class _Pose:
                 return np.asarray(apart)
             return np.append(apart, (values[0] - np.log(photo.focal_px)) / EXIF_FOCAL_SHARE)
 
-        fit = least_squares(off, begin, x_scale="jac", method="lm", max_nfev=300)
+        fit = scipy.optimize.least_squares(off, begin, x_scale="jac", method="lm", max_nfev=300)
         share = _first_deviation(np.asarray(fit.jac))
-        turn = Rotation.from_rotvec(fit.x[1:4]).as_matrix()
+        turn = scipy.spatial.transform.Rotation.from_rotvec(fit.x[1:4]).as_matrix()
         return cls(float(np.exp(fit.x[0])), share, turn, fit.x[4:7], middle)
 
     def rise(self, homography: Floats) -> Floats:
@@ -320,7 +319,11 @@ def _pose_vector(centred: Floats, focal_px: float) -> Floats:
     left, _, right = np.linalg.svd(turn)
     nearest = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
     return np.concatenate(
-        [[np.log(focal_px)], Rotation.from_matrix(nearest).as_rotvec(), axes[:, 2]]
+        [
+            [np.log(focal_px)],
+            scipy.spatial.transform.Rotation.from_matrix(nearest).as_rotvec(),
+            axes[:, 2],
+        ]
     )
 
 

@@ -9,15 +9,6 @@ from vinefab.core.statistics import PAIRED_TAILS, group_means, mean_interval
 from vinefab.core.view import NO_INTERVAL, Block, Notes, Picture, Result
 from vinefab.fabrication.checking import Deployed, subject_of
 from vinefab.fabrication.job.laser_job import MOST_CUT_BRANCHES
-from vinefab.fabrication.rules.fix import (
-    BRANCHES,
-    FixedDesign,
-    FixStage,
-    fix_design,
-    fix_in_stage,
-    fix_stages,
-)
-from vinefab.fabrication.rules.fix_targets import DesignChange, FixTargets, design_changes
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.model.design import Design
@@ -25,6 +16,15 @@ from vinefab.model.files.run_context import RunContext
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
+from vinefab.search.fix import (
+    BRANCHES,
+    FixedDesign,
+    FixStage,
+    fix_design,
+    fix_in_stage,
+    fix_stages,
+)
+from vinefab.search.fix_targets import DesignChange, FixTargets, design_changes
 
 MARGINS = (0.005, 0.02, 0.05)
 """How much stricter than the check the search is, one after the other until the check passes."""

@@ -5,9 +5,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
+import scipy  # its parts load at their first use
 import shapely
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -204,7 +203,7 @@ class Mesh:
         closed = bool((count == 2).all())
         pairs = order[first[count == 2]], order[first[count == 2] + 1]
         one, other = (edges[pair, 0] < edges[pair, 1] for pair in pairs)
-        adjacent = coo_array(
+        adjacent = scipy.sparse.coo_array(
             (np.ones(len(pairs[0]), dtype=np.int8), (owner[pairs[0]], owner[pairs[1]])),
             shape=(len(self.faces), len(self.faces)),
         )
@@ -213,7 +212,10 @@ class Mesh:
             "is not closed: an edge has not exactly two triangles": closed,
             "has triangles that face different ways": oriented,
             "is no solid: open, or inside out": closed and oriented and self.volume_mm3 > 0.0,
-            "is more than one piece": connected_components(adjacent, directed=False)[0] == 1,
+            "is more than one piece": scipy.sparse.csgraph.connected_components(
+                adjacent, directed=False
+            )[0]
+            == 1,
         }
         return [text for text, holds in conditions.items() if not holds]
 

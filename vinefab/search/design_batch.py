@@ -44,18 +44,26 @@ class DesignBatch:
         return len(self.depth)
 
     @classmethod
-    def of(cls, design: Design) -> "DesignBatch":
-        """Return a batch of one design."""
-        levels = design.levels
-        depth = np.array([design.depth])
-        branches = np.array([[level.branches for level in levels]], dtype=np.int64)
+    def of(cls, *designs: Design) -> "DesignBatch":
+        """Return a batch of some designs, all of even fans."""
+        below = max(design.depth for design in designs) - 1
+        depth = np.array([design.depth for design in designs])
+        branches, numbers = (
+            np.ones((len(designs), below), dtype=np.int64),
+            np.ones((3, len(designs), below)),
+        )
+        for row, design in enumerate(designs):
+            for place, level in enumerate(design.levels):
+                branches[row, place] = level.branches
+                numbers[:, row, place] = level.length_mm, level.fan_rad, level.growth
+        length_mm, fan_rad, growth = numbers
         return cls(
             depth=depth,
-            trunk_mm=np.array([design.trunk_length_mm]),
+            trunk_mm=np.array([design.trunk_length_mm for design in designs]),
             branches=branches,
-            length_mm=np.array([[level.length_mm for level in levels]], dtype=np.float64),
-            fan_rad=np.array([[level.fan_rad for level in levels]], dtype=np.float64),
-            growth=np.array([[level.growth for level in levels]], dtype=np.float64),
+            length_mm=length_mm,
+            fan_rad=fan_rad,
+            growth=growth,
             counts=branch_counts(depth, branches),
         )
 

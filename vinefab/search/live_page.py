@@ -217,10 +217,9 @@ class _BestSoFar:
         if settings is None or not evaluation.fabricable:
             return ""
         penalty = ManufacturabilityPenalty(profile=run_profile(evaluation))
-        found = penalty.cuts(design)
-        if found is None or found.left > 0.0:
+        count = penalty.pieces(design)
+        if count is None:
             return f", not yet in {counted(settings.most, 'piece')} that lie flat"
-        count = 1 + len(found.branches)
         return f", {counted(count, 'piece')} by the quick rules"
 
     def _picture(self, design: Design) -> bytes:

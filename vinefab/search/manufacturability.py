@@ -15,24 +15,29 @@ from vinefab.core.errors import BadInputError
 from vinefab.fabrication.checking import check_design, subject_of
 from vinefab.fabrication.job.passes import bare_sheet_mm
 from vinefab.fabrication.outline.layout import flat_layout
-from vinefab.fabrication.pieces.quick_cuts import PieceLimits, QuickCuts, quick_cuts
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits
 from vinefab.fabrication.rules.clearance import POUCH
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH
 from vinefab.fabrication.rules.laser_rules import BED, PLY
-from vinefab.fabrication.rules.penalty import fabrication_penalty, window_penalty
-from vinefab.fabrication.rules.pressure_limits import BURST, RATING, WINDOW
+from vinefab.fabrication.rules.pressure_limits import (
+    BURST,
+    RATING,
+    WINDOW,
+    GrowthConstantsRange,
+    most_growth_kpa,
+)
 from vinefab.fabrication.rules.rule import ROUNDING, LimitChanges, Rule
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.spacing import capsules_of, excess_mm
 from vinefab.fabrication.rules.tree_and_base import CLAMP, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
-from vinefab.inflation.law import quick_pattern
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.finding import Finding
 from vinefab.model.laser import LaserProfile
-from vinefab.search.penalty_batch import BatchPenalty
+from vinefab.model.tree import branch_tree
+from vinefab.physics.growth_pressure import planned_growth_kpa
+from vinefab.search.penalty_batch import BatchPenalty, PenaltyRules
 from vinefab.search.settings import RunSettings
 from vinefab.search.space import Bounds, Space
 
@@ -50,40 +55,30 @@ class ManufacturabilityPenalty:
     profile: LaserProfile  # the recipe with its machine and material
 
     def __call__(self, design: Design) -> float:
-        """Return the penalty of the cheap rules, under the recipe's limits.
+        """Return the penalty of the cheap rules, under the recipe's limits: a batch of one.
 
         Rules about the sheet see the pattern of a compensated design, by `quick_pattern`.
         The flat robot must fit the recipe's bed with room for seam, kerf and the mouth's overcut,
         and grow along its planned paths at a pressure that its seams withstand.
         """
-        limits = by_rule(changed_limits(design, self.profile))
-        return window_penalty(design, self.profile, limits) + fabrication_penalty(
-            design,
-            limits,
-            profile=self.profile,
-            sheet_mm=self.sheet_mm,
-            pieces=self._pieces(design),
-        )
+        return float(self._rules(design).penalties([design])[0])
 
-    def cuts(self, design: Design) -> QuickCuts | None:
-        """Return where a design is cut in pieces; None if it must be one, or is too large."""
-        limits = self._pieces(design)
-        pattern = quick_pattern(design, self.profile.material)
-        return None if limits is None else quick_cuts(pattern.flat, limits, pattern.passages)
+    def pieces(self, design: Design) -> int | None:
+        """Return in how many pieces the cheap rules cut a design; None where some conflict stays.
 
-    def _pieces(self, design: Design) -> PieceLimits | None:
-        """Return what the pieces of a design must keep; None if it may have but one."""
-        build = design.build
-        if build.pieces is None or build.pieces.most == 1:
-            return None
+        None also for designs that must be one piece, or are too large to look for cuts.
+        """
+        found = self._rules(design).found([design])
+        return None if found.left > 0.0 else 1 + int(found.joints[0])
+
+    def _rules(self, design: Design) -> PenaltyRules:
         changed = by_rule(changed_limits(design, self.profile))
-        return PieceLimits.of(build, self.profile, changed, self.sheet_mm)
+        return PenaltyRules.of(design.build, self.profile, changed, self.sheet_mm)
 
     def within(self, space: Space) -> BatchPenalty:
         """Return the same penalty for batches of a space's designs."""
         vine = Design(name="vine", trunk_length_mm=_VINE_MM, build=space.build_of(1))
-        changed = by_rule(changed_limits(vine, self.profile))
-        return BatchPenalty.of(space, self.profile, changed, self.sheet_mm)
+        return self._rules(vine).of_space(space)
 
     @property
     def sheet_mm(self) -> tuple[float, float]:
@@ -291,6 +286,19 @@ def film_in_trunk(query: SpaceQuery, design: Design) -> tuple[float, float]:
     return full, design.build.widths_mm[0] * full / query.limit(PACKING)
 
 
+def _grows(query: SpaceQuery, design: Design) -> bool:
+    """Return whether growth to the worst tip takes no more than the seams stand, by VF-P03.
+
+    A search keeps to limits that are only assumed, too: there the rule finds a warning.
+    """
+    limits = WINDOW.limits_with(query.changed.get(WINDOW.id, {}))
+    fit = GrowthConstantsRange.of(query.profile, limits)
+    takes_kpa = planned_growth_kpa(
+        branch_tree(design), design.build.widths_mm, fit.loose, fit.diameter_mm
+    )
+    return float(takes_kpa.max()) <= most_growth_kpa(design.build, query.profile, limits)
+
+
 def _least(query: SpaceQuery) -> Iterator[BadInputError]:
     """Yield violations by the smallest design: film packing and pressure for growth."""
     settings = query.settings
@@ -309,9 +317,9 @@ def _least(query: SpaceQuery) -> Iterator[BadInputError]:
             "of the trunk"
         )
         yield _no(PACKING, "space.branches", f"at least {branches} by level", allowed)
-    if window_penalty(design, query.profile, query.changed) > 0.0:
+    if not _grows(query, design):
         pressed = design.changed(build=design.build.changed(pressure_kpa=10_000.0))
-        if window_penalty(pressed, query.profile, query.changed) == 0.0:
+        if _grows(query, pressed):
             allowed = "more: no leaf of the space grows to its tip with it"
             yield _no(WINDOW, "build.pressure_kpa", design.build.pressure_kpa, allowed)
             return

@@ -18,7 +18,7 @@ from vinefab.fabrication.rules.tree_and_base import CLAMP
 from vinefab.fabrication.rules.widths import PACKING
 from vinefab.growth.simulator import grow_on
 from vinefab.model.design import DEFAULT_TRUNK_WIDTH_MM, Design, Level
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.profile_toml import profile_files, read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Pose
 from vinefab.search.evaluator import Evaluator
@@ -56,8 +56,10 @@ def with_trunk_for_film(settings: RunSettings) -> RunSettings:
     """
     if not settings.evaluation.fabricable or _WIDTHS & settings.build.model_fields_set:
         return settings
+    recipe = settings.evaluation.recipe or DEFAULT_RECIPE
+    profile_files(recipe)  # a name that is unknown is told; what stands in its files is not
     with values_hidden():
-        profile = read_profile(settings.evaluation.recipe or DEFAULT_RECIPE)
+        profile = read_profile(recipe)
     query = SpaceQuery.of(settings, profile, (math.inf, math.inf))
     tree = middle_tree(query)
     wide_mm = DEFAULT_TRUNK_WIDTH_MM

@@ -1,8 +1,10 @@
 """Penalties of many designs at once: the tables and limits that the compiled kernel needs.
 
-Everything that depends on a level or a depth alone is computed once, by the readable rules.
+Everything that depends on a build and a level alone is computed once, by the rules.
 """
 
+import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -10,34 +12,38 @@ import numpy as np
 
 from vinefab.core.compiling import imported_later
 from vinefab.core.validation import Floats, Ints
-from vinefab.fabrication.job.passes import reach_mm, taken_mm
-from vinefab.fabrication.job.sleeve import STRAIGHT_AFTER_MM, STRAIGHT_BEFORE_MM, sleeve_size
-from vinefab.fabrication.outline.ends import pouch_takes_mm
-from vinefab.fabrication.outline.layout import level_fillets_mm
-from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
-from vinefab.fabrication.pieces.bodies import beside_mm
-from vinefab.fabrication.pieces.quick_cuts import (
-    LEAST_DEPTH,
-    MOST_CONFLICTS,
-    MOST_PIECE_BRANCHES,
-    MOST_STEPS,
+from vinefab.fabrication.job.passes import reach_mm, seal_offset_mm, taken_mm
+from vinefab.fabrication.job.sleeve import (
+    BLEND_RATIO,
+    STRAIGHT_AFTER_MM,
+    STRAIGHT_BEFORE_MM,
+    sleeve_size,
 )
+from vinefab.fabrication.outline.ends import pouch_takes_mm
+from vinefab.fabrication.outline.gap import STEEPEST
+from vinefab.fabrication.outline.layout import flat_layout, level_fillets_mm
+from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM, Point
+from vinefab.fabrication.pieces.bodies import beside_mm, sleeve_sides
 from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
 from vinefab.fabrication.rules.inflation_rules import BODIES
-from vinefab.fabrication.rules.joints import ANGLE, CROTCH
-from vinefab.fabrication.rules.penalty import (
-    MOST_CHECKED_BRANCHES,
-    FilletSizes,
-    width_violations,
-)
+from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET
+from vinefab.fabrication.rules.laser_rules import PATHS
 from vinefab.fabrication.rules.piece_rules import LAP_PACKING, widest_cut_mm
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, most_growth_kpa
-from vinefab.fabrication.rules.rule import MOST_OF_ONE, LimitChanges, Rule
-from vinefab.fabrication.rules.spacing import TURNS, pouch_capsules
-from vinefab.fabrication.rules.widths import PACKING
-from vinefab.inflation.law import FANS, LEAST_LENGTH, MOST_CHILDREN, MOST_TURN_RAD, level_law
+from vinefab.fabrication.rules.rule import MOST_OF_ONE, LimitChanges, Limits, Rule
+from vinefab.fabrication.rules.spacing import TURNS, pouch_capsules, tail_capsules
+from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
+from vinefab.inflation.law import (
+    FANS,
+    LEAST_LENGTH,
+    MOST_CHILDREN,
+    MOST_TURN_RAD,
+    FanLaw,
+    level_law,
+    quick_pattern,
+)
 from vinefab.inflation.pattern import stretch_at
-from vinefab.model.design import MOST_BRANCHES, MOST_LEVELS, Build
+from vinefab.model.design import MOST_BRANCHES, MOST_LEVELS, Build, Design
 from vinefab.model.laser import LaserProfile, Material
 from vinefab.physics.tube import inflated_diameter_mm, lumen_area_mm2
 from vinefab.search.design_batch import DesignBatch, batch_branches
@@ -48,11 +54,24 @@ if TYPE_CHECKING:
 else:
     penalty_kernel = imported_later("vinefab.search.penalty_kernel")
 
+MOST_CHECKED_BRANCHES = 2000
+"""Larger trees are penalized for their size, without checking their branches."""
+
+LEAST_DEPTH = 1e-9
+"""Pairs less deep in each other's clearance count as clear of each other."""
+
+MOST_CONFLICTS, MOST_PIECE_BRANCHES = 20_000, 400
+"""Designs with more pairs that are too near, or more branches, count as one flat outline."""
+
+MOST_STEPS = 64
+"""Sets of cuts that are looked at for each design."""
+
 
 class DesignArrays(NamedTuple):
     """Designs, m of them, with at most n levels below the trunk, and their trees one by one."""
 
     depth: Ints  # levels of each design, the trunk included, shape (m,)
+    build: Ints  # row of each design's build in the tables, shape (m,)
     trunk: Floats  # length of each trunk, mm, shape (m,)
     # of each design and level below the trunk, as in `vinefab.model.design.Level`, shape (m, n)
     branches: Ints
@@ -68,27 +87,36 @@ class DesignArrays(NamedTuple):
 
 
 class LevelTables(NamedTuple):
-    """What depends on the level or the depth of a design alone, for n + 1 levels and depths."""
+    """What depends on a build and a level alone, for b builds of at most n + 1 levels."""
 
-    half: Floats  # half the lay-flat width of each level, mm
-    fillet: Floats  # radius at the joint below each level, mm
-    area: Floats  # cross-section of each level's inflated lumen, mm2
-    scale: Floats  # growth constants of each level's tube over those of the fitted tube
-    # of designs of each depth
+    # of each level, shape (b, n + 1)
+    half: Floats  # half the lay-flat width where its branches begin, mm
+    end_half: Floats  # the same where they end
+    fillet: Floats  # radius at the joint below, mm
+    area: Floats  # cross-section of the inflated lumen where its branches end, mm2
+    scale: Floats  # growth constants of its tube over those of the fitted tube
+    stretch: Floats  # by which its tubes grow longer under pressure
+    # of each build, shape (b,)
     widths: Floats  # summed violations by the widths themselves
     tip: Floats  # what the pouch takes of a leaf, mm
     tip_cut: Floats  # the same where the cut runs, mm
     pouch_share: Floats  # share of a leaf's lumen that its own pouch fills
     leaf_width: Floats  # lay-flat width of the leaves, pouches included, mm
-    pouch_first: Ints  # first of the pouch's capsules; with the total at the end
-    # capsules of the pouch in the frame of the tip: both ends and half the width, mm, shape (k, 5)
+    tail_mm: Floats
+    even_mm: Floats  # what of the tail is as wide as the trunk
+    most_kpa: Floats  # most that growth may take
+    widest_mm: Floats  # branch that may be cut
+    # Capsules of the pouch in the frame of the tip, and of the tail in that of the base: where each
+    # build's begin, with the total at the end, and both ends and half widths, mm, shape (k, 6).
+    pouch_first: Ints
     pouch: Floats
-    # how fans are cut; no rows where they are cut as designed
-    # of each level below the trunk and number of children, by deployed fan: `FanLaw.rows`
-    law: Floats
+    tail_first: Ints
+    tail: Floats
+    # how fans are cut; laws by their place, with or without compensation
+    law_at: Ints  # of each level below the trunk and number of children, -1 for none, (b, n, c)
+    law: Floats  # by deployed fan: `FanLaw.rows`; no rows where they are cut as designed
     least: Floats  # smallest deployed fan among the simulated ones, rad
     drawn: Floats  # passages of fans cut as designed, by fan; no rows where fans are compensated
-    stretch: Floats  # by which each level's tubes grow longer under pressure
     most_turn: float  # by which children are turned so that their tips come near, rad
     least_length: float  # share of a planned length that is always cut
 
@@ -107,10 +135,12 @@ class PenaltyLimits(NamedTuple):
     film_mm: float  # thickness of all plies over the share of solid film when crumpled
     clearance_mm: float  # least distance of lumens
     segment_mm: float  # shortest straight side
-    tail_mm: float
+    side_mm: float  # shortest straight side that the laser can run
+    drawn_mm: float  # least fillet that rules allow and the laser can run
+    steepest: float  # sine of the most that a side may lean
+    compensated: bool  # whether fans are cut narrower than they deploy
     sheet_wide_mm: float  # sheet that the flat robot must fit
     sheet_high_mm: float
-    most_kpa: float  # most that growth may take
     yield_kpa: float
     drag_kpa_mm: float
     storage_kpa: float
@@ -123,12 +153,11 @@ class PenaltyLimits(NamedTuple):
     reach_mm: float  # how far cuts lie outside the lumen
     before_mm: float  # straight stub before the sleeve
     lap_mm: float
-    blend_mm: float
+    blend_ratio: float  # length of the blend from the socket to the branch, over the rise
     after_mm: float  # straight branch beyond the sleeve
     rise_mm: float  # how far a socket's lumen lies outside the branch's
     beside_mm: float  # how far outside lumens sockets of one joint need room, cut and all
     on_stub: bool  # whether sockets are on stubs, not on outer pieces
-    widest_mm: float  # branch that may be cut
     lap_film_mm: float  # as `film_mm`, where laps ride in it
     lap_percent: float  # most of a lumen that film with laps in it may fill
 
@@ -146,9 +175,11 @@ class Scratch(NamedTuple):
     riding: Floats  # film inside each branch, mm
     factor: Floats  # on the store's tension, of each branch
     drag: Floats  # of all segments before, of each branch
-    capsule: Floats  # start x, start y, end x, end y, half width, mm, shape (k, 5)
+    # start x, start y, end x, end y, half the width at the start and at the end, mm, shape (k, 6)
+    capsule: Floats
     box: Floats  # low x, low y, high x, high y, mm, shape (k, 4)
     owner: Ints  # branch that each capsule belongs to, shape (k,)
+    bare: Ints  # capsules before those of pouches, shape (1,)
     turn: Floats  # cosine and sine of the rotations tried, shape (2, t)
     low: Floats  # lowest place across each rotation, mm, shape (t,)
     high: Floats  # highest place, mm, shape (t,)
@@ -175,9 +206,14 @@ class CutScratch(NamedTuple):
     weight: Ints  # how many pairs its cut parts
     share: Floats  # summed depths of those
     piece: Ints  # branch that its piece begins with
+    wide: Floats  # lay-flat width at its sleeve, mm
+    rise: Floats  # how far the socket's lumen lies outside the branch's, mm
     # straight sides on each level, mm
     begin: Floats  # of each child of a fan, shape (levels, children)
     stop: Floats
+    # of tapered designs, known from their outlines, shape (m, levels, children); else no rows
+    begins: Floats
+    stops: Floats
     # of each set of cuts on the way to the one that is tried
     option: Ints  # branches of which one must be cut, shape (c, o)
     options: Ints  # how many there are, shape (c,)
@@ -185,134 +221,292 @@ class CutScratch(NamedTuple):
     path: Ints  # branches between two
     hit: Ints  # a conflict of a stub or socket, shape (3,); see the kernel
     needed: Ints  # cuts that are needed for certain, shape (1,)
+    left: Floats  # what the cuts leave; infinite for designs that are not cut, shape (1,)
     # film that rides in each branch, mm across, by level; shape (k, levels)
     below: Floats
     laps: Ints  # whether a lap is in it, shape (k,)
     fullest: Floats  # share of a lumen that is filled on each level
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BatchPenalty:
-    """The penalty of the designs of one space, many at once; equal to that of single designs."""
+class FilletSizes(NamedTuple):
+    """Which fillets can be made, and which ends of parents between them."""
 
-    tables: LevelTables
+    error_mm: float  # least radius that VF-C04 allows
+    seal_mm: float  # how far outside the lumen's edge the seam runs: smaller fillets are corners
+    run_mm: float  # least radius whose arc on the seam's path is large enough to be run (VF-L02)
+    end_mm: float  # least length of a parent's end on that path, with a tenth for the law's error
+
+    @classmethod
+    def of(cls, changed: LimitChanges, profile: LaserProfile) -> "FilletSizes":
+        """Return the sizes for a recipe and limits that are changed."""
+        seal_mm, paths = seal_offset_mm(profile), _limits_of(PATHS, changed)
+        return cls(
+            error_mm=_limits_of(FILLET, changed)["error"],
+            seal_mm=seal_mm,
+            run_mm=1.001 * (paths["radius_error"] + seal_mm),
+            end_mm=1.1 * paths["segment_error"],
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PenaltyRules:
+    """The rules of the penalty for designs that differ in widths and lengths, not in how they join.
+
+    These are the error limits of VF-W01 to VF-W03, VF-C01 to VF-C04, VF-C07, VF-I04, VF-L02, VF-S01
+    and, as negative clearance, VF-T03; with pieces VF-J01 to VF-J04 and VF-J06, and for growth
+    VF-P03 (also where its limit is only assumed). Each kind of rule adds ``log(1 + depth)`` with
+    the summed depths of its violations, each relative to its limit and at most 10: the penalty
+    falls steadily as branches part, also while they still cross, and a hopeless tree stays below
+    about 100. A design without penalty has no error from these rules. Fillets count with their
+    designed radius, so that a few designs whose fillets the outline reduces are penalized
+    needlessly. Fans count as their pattern by `vinefab.inflation.law.quick_pattern`.
+    """
+
+    profile: LaserProfile
+    changed: LimitChanges
     limits: PenaltyLimits
+    grows: bool  # whether the pressure for growth counts
 
     @classmethod
     def of(
         cls,
-        space: Space,
+        build: Build,
         profile: LaserProfile,
         changed: LimitChanges,
         sheet_mm: tuple[float, float],
-    ) -> "BatchPenalty":
-        """Prepare the penalty of a space's designs with a recipe and its changed limits."""
-        deepest = int(space.settings.levels.high)
-        builds = [space.build_of(depth) for depth in range(1, deepest + 1)]
-        window = WINDOW.limits_with(changed.get(WINDOW.id, {}))
-        fit = GrowthConstantsRange.of(profile, window)
-        packing, laps = (
-            rule.limits_with(changed.get(rule.id, {})) for rule in (PACKING, LAP_PACKING)
-        )
-        material, settings = profile.material, space.build.pieces
-        sizes = FilletSizes.of(changed, profile)
-        size = sleeve_size(builds[-1], profile)
+        *,
+        grows: bool = True,
+    ) -> "PenaltyRules":
+        """Return the rules for a recipe, its changed limits and builds like one.
+
+        Parameters
+        ----------
+        sheet_mm
+            Width and height that the flat robot must fit after a rotation. Subtract a few
+            millimetres for seam, kerf and the overcut at the mouth.
+        """
+        fit = GrowthConstantsRange.of(profile, _limits_of(WINDOW, changed))
+        packing, laps = (_limits_of(rule, changed) for rule in (PACKING, LAP_PACKING))
+        material, sizes = profile.material, FilletSizes.of(changed, profile)
+        size = sleeve_size(build, profile)
         limits = PenaltyLimits(
-            angle_deg=_error(ANGLE, changed),
-            crotch=_error(CROTCH, changed),
+            angle_deg=_limits_of(ANGLE, changed)["error"],
+            crotch=_limits_of(CROTCH, changed)["error"],
             fillet_mm=sizes.error_mm,
             seal_mm=sizes.seal_mm,
             run_mm=sizes.run_mm,
             end_mm=sizes.end_mm,
-            sibling_share=BODIES.limits_with(changed.get(BODIES.id, {}))["sibling_share"],
+            sibling_share=_limits_of(BODIES, changed)["sibling_share"],
             packing_percent=packing["error"],
             film_mm=material.plies * material.ply_mm.value / packing["packing"],
             clearance_mm=least_gap_mm(CLEARANCE, changed, taken_mm(profile)),
             segment_mm=LEAST_SEGMENT_MM,
-            tail_mm=space.build.tail_mm,
+            side_mm=1.001 * _limits_of(PATHS, changed)["segment_error"],
+            drawn_mm=max(sizes.error_mm, sizes.run_mm),
+            steepest=STEEPEST,
+            compensated=build.compensation != "none",
             sheet_wide_mm=sheet_mm[0],
             sheet_high_mm=sheet_mm[1],
-            most_kpa=most_growth_kpa(builds[-1], profile, window),
             yield_kpa=fit.loose.yield_kpa.value,
             drag_kpa_mm=fit.loose.drag_kpa_m.value / 1000.0,
             storage_kpa=fit.loose.storage_kpa.value,
             friction=fit.loose.friction.value,
             most_branches=MOST_CHECKED_BRANCHES,
             most=MOST_OF_ONE,
-            most_cuts=settings.most - 1 if settings else 0,
+            most_cuts=build.pieces.most - 1 if build.pieces else 0,
             most_steps=MOST_STEPS,
             least_depth=LEAST_DEPTH,
             reach_mm=reach_mm(profile),
             before_mm=STRAIGHT_BEFORE_MM,
             lap_mm=size.lap_mm,
-            blend_mm=size.blend_mm,
+            blend_ratio=BLEND_RATIO,
             after_mm=STRAIGHT_AFTER_MM,
             rise_mm=size.rise_mm,
             beside_mm=beside_mm(size, reach_mm(profile)),
             on_stub=size.socket_on_stub,
-            widest_mm=widest_cut_mm(builds[-1], profile, changed),
             lap_film_mm=material.film_mm / laps["packing"],
             lap_percent=laps["error"],
         )
-        most = _most_children(space)
-        tables = _tables(
-            builds, fit.diameter_mm, limits, changed, _laws(builds[-1], material, most)
-        )
-        return cls(tables=tables, limits=limits)
+        return cls(profile=profile, changed=changed, limits=limits, grows=grows)
+
+    def of_builds(
+        self, builds: Sequence[Build], fans: Sequence[Mapping[int, Collection[int]]]
+    ) -> "BatchPenalty":
+        """Return the penalty of designs with some builds.
+
+        Parameters
+        ----------
+        fans
+            Of each build, the numbers of children that the joints below each level may have, the
+            trunk's at 0.
+        """
+        tables = _tables(self, builds, _Laws.of(builds, self.profile.material, fans))
+        return BatchPenalty(tables=tables, limits=self.limits)
+
+    def of_space(self, space: Space) -> "BatchPenalty":
+        """Return the penalty of a space's designs, one build for each depth."""
+        deepest, most = int(space.settings.levels.high), _most_children(space)
+        children = range(1, min(most, MOST_CHILDREN) + 1)
+        builds = [space.build_of(depth) for depth in range(1, deepest + 1)]
+        return self.of_builds(builds, [dict.fromkeys(range(deepest - 1), children)] * deepest)
+
+    def _at_once(self, designs: Sequence[Design]) -> "BatchPenalty":
+        """Return the penalty of designs with a build each."""
+        fans = [
+            {place: (level.branches,) for place, level in enumerate(design.levels)}
+            for design in designs
+        ]
+        return self.of_builds([design.build for design in designs], fans)
+
+    def penalties(self, designs: Sequence[Design]) -> Floats:
+        """Return the penalties of some designs with even fans, shape (m,)."""
+        return self.found(designs).penalty
+
+    def found(self, designs: Sequence[Design]) -> "BatchFound":
+        """Return the penalties of some designs with even fans, and where the last one is cut."""
+        return self._at_once(designs).found(*_rows(designs), self._known_sides(designs))
+
+    def with_path_excess(self, designs: Sequence[Design]) -> tuple[Floats, Floats]:
+        """Return the penalties of some designs, and how far they are from what the laser can run.
+
+        That is the summed excess of straight sides and drawn fillets that are too small; (m,) each.
+        """
+        at_once, rows = self._at_once(designs), _rows(designs)
+        found = at_once.found(*rows, self._known_sides(designs))
+        return found.penalty, at_once.path_excess(*rows)
+
+    def _known_sides(self, designs: Sequence[Design]) -> tuple[Floats, Floats] | None:
+        """Return where sides of tapered branches are straight, from outlines; None without any.
+
+        Of each design, level and child where they begin and how far before the end they stop, mm.
+        """
+        if self.limits.most_cuts == 0 or not any(design.build.taper for design in designs):
+            return None
+        children = max((level.branches for design in designs for level in design.levels), default=1)
+        begins, stops = np.zeros((2, len(designs), MOST_LEVELS, children))
+        for number, design in enumerate(designs):
+            flat = quick_pattern(design, self.profile.material).flat
+            layout = flat_layout(flat)
+            size = sleeve_size(design.build, self.profile)
+            sides, tree = sleeve_sides(flat, layout, size, self.limits.reach_mm), layout.tree
+            counts = np.array([1, *(level.branches for level in flat.levels)])
+            first = np.searchsorted(tree.level, tree.level)
+            child = (np.arange(len(tree)) - first) % counts[tree.level - 1]
+            begins[number, tree.level - 1, child] = sides.start_mm
+            stops[number, tree.level - 1, child] = tree.length_mm - sides.end_mm
+        return begins, stops
+
+
+class BatchFound(NamedTuple):
+    """The penalties of some designs."""
+
+    penalty: Floats  # NaN for those with too many branches, shape (m,)
+    joints: Ints  # how many sleeve joints each takes, 0 for those, shape (m,)
+    cut: Ints  # branches of the last design that are cut
+    left: float  # what is left of its conflicts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BatchPenalty:
+    """The penalty of designs with the same few builds, many at once."""
+
+    tables: LevelTables
+    limits: PenaltyLimits
 
     def __call__(self, designs: DesignBatch) -> Floats:
-        """Return the penalties of designs, NaN for those with too many branches; shape (m,)."""
+        """Return the penalties of a space's designs, NaN for those with too many branches; (m,)."""
         return self.with_joints(designs)[0]
 
     def with_joints(self, designs: DesignBatch) -> tuple[Floats, Ints]:
-        """Return the penalties of designs, and how many sleeve joints they take; shape (m,) each.
+        """Return the penalties of a space's designs, and how many sleeve joints they take.
 
-        Joints are 0 for designs with too many branches, which have penalty NaN.
+        Joints are 0 for designs with too many branches, which have penalty NaN; shape (m,) each.
+        """
+        found = self.found(designs, designs.depth - 1)
+        return found.penalty, found.joints
+
+    def found(
+        self, designs: DesignBatch, builds: Ints, sides: tuple[Floats, Floats] | None = None
+    ) -> BatchFound:
+        """Return the penalties of designs with some builds, by their rows in the tables.
+
+        Parameters
+        ----------
+        sides
+            Where the sides of tapered designs are straight.
         """
         penalty, joints = np.full(len(designs), np.nan), np.zeros(len(designs), dtype=np.int64)
         rows = np.flatnonzero(designs.sizes <= MOST_BRANCHES)
-        if len(rows):
-            penalty[rows], joints[rows] = self._of_valid(designs.part(rows))
-        return penalty, joints
+        if not len(rows):
+            return BatchFound(penalty, joints, np.empty(0, dtype=np.int64), math.inf)
+        known = None if sides is None else (sides[0][rows], sides[1][rows])
+        some = self._of_valid(designs.part(rows), builds[rows], known)
+        penalty[rows], joints[rows] = some.penalty, some.joints
+        return some._replace(penalty=penalty, joints=joints)
 
-    def _of_valid(self, designs: DesignBatch) -> tuple[Floats, Ints]:
+    def path_excess(self, designs: DesignBatch, builds: Ints) -> Floats:
+        """Return by how much sides and drawn fillets are too small to run, summed; shape (m,)."""
+        arrays, excess = _arrays(designs, builds), np.zeros(len(designs))
+        scratch = _scratch(1, 1, int(designs.branches.max(initial=1)))
+        penalty_kernel.add_path_excess(arrays, self.tables, self.limits, scratch, excess)
+        return excess
+
+    def _of_valid(
+        self, designs: DesignBatch, builds: Ints, sides: tuple[Floats, Floats] | None
+    ) -> BatchFound:
         """Return the penalties and joints of designs of which none is too large."""
-        branches = batch_branches(designs)
-        arrays = DesignArrays(
-            depth=np.ascontiguousarray(designs.depth),
-            trunk=np.ascontiguousarray(designs.trunk_mm),
-            branches=np.ascontiguousarray(designs.branches),
-            fan=np.ascontiguousarray(designs.fan_rad),
-            size=np.ascontiguousarray(designs.length_mm),
-            growth=np.ascontiguousarray(designs.growth),
-            first=branches.first,
-            parent=branches.parent,
-            level=branches.level,
-            offset=branches.offset_rad,
-            length=branches.length_mm,
-        )
+        arrays = _arrays(designs, builds)
         flat = np.where(designs.sizes <= MOST_CHECKED_BRANCHES, designs.sizes, 0)
-        pouches = np.diff(self.tables.pouch_first)[designs.depth - 1]
-        capsules, largest = int((flat * (1 + pouches)).max()), int(designs.sizes.max())
+        pouches, tails = (
+            np.diff(first)[builds] for first in (self.tables.pouch_first, self.tables.tail_first)
+        )
+        capsules, largest = int((flat * (1 + pouches) + tails).max()), int(designs.sizes.max())
         children = int(designs.branches.max(initial=1))
         penalty, joints = np.empty(len(designs)), np.zeros(len(designs), dtype=np.int64)
         if self.limits.most_cuts == 0:
             scratch = _scratch(largest, capsules, children)
             penalty_kernel.penalize(arrays, self.tables, self.limits, scratch, penalty)
-            return penalty, joints
+            return BatchFound(penalty, joints, joints[:0], math.inf)
         parts = min(int(flat.max()), MOST_PIECE_BRANCHES)
         scratch = _scratch(largest, capsules + 3 * parts, children)
-        cutting = _cut_scratch(parts, capsules, children)
+        cutting = _cut_scratch(parts, capsules, children, sides)
         penalty_kernel.penalize_pieces(
             arrays, self.tables, self.limits, scratch, cutting, penalty, joints
         )
-        return penalty, joints
+        return BatchFound(penalty, joints, np.flatnonzero(cutting.cut), float(cutting.left[0]))
 
 
-def _cut_scratch(branches: int, capsules: int, children: int) -> CutScratch:
+def _rows(designs: Sequence[Design]) -> tuple[DesignBatch, Ints]:
+    """Return designs with a build each as arrays, and the rows of their builds."""
+    return DesignBatch.of(*designs), np.arange(len(designs))
+
+
+def _arrays(designs: DesignBatch, builds: Ints) -> DesignArrays:
+    """Return designs and their trees for the kernel."""
+    branches = batch_branches(designs)
+    return DesignArrays(
+        depth=np.ascontiguousarray(designs.depth),
+        build=np.ascontiguousarray(builds),
+        trunk=np.ascontiguousarray(designs.trunk_mm),
+        branches=np.ascontiguousarray(designs.branches),
+        fan=np.ascontiguousarray(designs.fan_rad),
+        size=np.ascontiguousarray(designs.length_mm),
+        growth=np.ascontiguousarray(designs.growth),
+        first=branches.first,
+        parent=branches.parent,
+        level=branches.level,
+        offset=branches.offset_rad,
+        length=branches.length_mm,
+    )
+
+
+def _cut_scratch(
+    branches: int, capsules: int, children: int, sides: tuple[Floats, Floats] | None
+) -> CutScratch:
     """Return memory for the pieces of a design, with at most so many children in a fan."""
     pairs = min(MOST_CONFLICTS, capsules * capsules // 2)
-    ways = 2 * MOST_LEVELS
+    ways, unknown = 2 * MOST_LEVELS, np.zeros((0, MOST_LEVELS, children))
+    begins, stops = (unknown, unknown) if sides is None else sides
 
     def whole(*shape: int) -> Ints:
         return np.zeros(shape, dtype=np.int64)
@@ -334,14 +528,19 @@ def _cut_scratch(branches: int, capsules: int, children: int) -> CutScratch:
         weight=whole(branches),
         share=np.empty(branches),
         piece=whole(branches),
+        wide=np.empty(branches),
+        rise=np.empty(branches),
         begin=np.zeros((MOST_LEVELS, children)),
         stop=np.zeros(MOST_LEVELS),
+        begins=begins,
+        stops=stops,
         option=whole(branches + 1, ways),
         options=whole(branches + 1),
         tried=whole(branches + 1),
         path=whole(ways),
         hit=whole(3),
         needed=whole(1),
+        left=np.full(1, math.inf),
         below=np.zeros((branches, MOST_LEVELS)),
         laps=whole(branches),
         fullest=np.zeros(MOST_LEVELS),
@@ -361,26 +560,27 @@ def _scratch(branches: int, capsules: int, children: int) -> Scratch:
         riding=np.empty(branches),
         factor=np.empty(branches),
         drag=np.empty(branches),
-        capsule=np.empty((capsules, 5)),
+        capsule=np.empty((capsules, 6)),
         box=np.empty((capsules, 4)),
         owner=np.empty(capsules, dtype=np.int64),
+        bare=np.zeros(1, dtype=np.int64),
         turn=np.stack([np.cos(turns), np.sin(turns)]),
         low=np.empty(TURNS),
         high=np.empty(TURNS),
     )
 
 
-def _error(rule: Rule, changed: LimitChanges) -> float:
-    return rule.limits_with(changed.get(rule.id, {}))["error"]
+def _limits_of(rule: Rule, changed: LimitChanges) -> Limits:
+    return rule.limits_with(changed.get(rule.id, {}))
 
 
-class _Laws(NamedTuple):
-    """How the fans of each level are cut, as in `LevelTables`."""
-
-    law: Floats
-    least: Floats
-    drawn: Floats
-    stretch: Floats
+def width_violations(build: Build, changed: LimitChanges) -> float:
+    """Return the summed depths of violations by the widths of the levels, whatever they hold."""
+    widths_mm, ends_mm = build.widths_mm, build.end_widths_mm
+    least_mm, least = (_limits_of(rule, changed)["error"] for rule in (LEAST_WIDTH, WIDTH_RATIO))
+    ratios = (wide / narrow for wide, narrow in zip(ends_mm, widths_mm[1:], strict=False))
+    narrow = math.fsum((least_mm - mm) / least_mm for mm in ends_mm if mm < least_mm)
+    return narrow + math.fsum((least - ratio) / least for ratio in ratios if ratio < least)
 
 
 def _most_children(space: Space) -> int:
@@ -389,54 +589,100 @@ def _most_children(space: Space) -> int:
     return max((int(space.settings.bounds(level, "branches").high) for level in below), default=1)
 
 
-def _laws(build: Build, material: Material, most: int) -> _Laws:
-    """Return how fans of a build are cut, of at most so many children; the build is the deepest."""
-    levels, children = len(build.widths_mm), min(most, MOST_CHILDREN)
-    law = np.zeros((levels - 1, children + 1, FANS, 2 * MOST_CHILDREN + 2))
-    drawn = np.ones((levels - 1, children + 1, FANS, 1))
-    least = np.zeros((levels - 1, children + 1))
-    for place in range(levels - 1):
-        for count in range(1, children + 1):
-            found = level_law(build, material, place, count)
-            law[place, count], least[place, count] = found.rows, found.least_rad
-            drawn[place, count] = found.passages_as_drawn
-    if build.compensation == "none":
-        return _Laws(law[:0], least, drawn, np.ones(levels))
-    stretch = [stretch_at(build, material, width_mm) for width_mm in build.widths_mm]
-    return _Laws(law, least, drawn[:0], np.array(stretch))
+class _Laws(NamedTuple):
+    """How the fans of some builds are cut, as in `LevelTables`."""
+
+    law_at: Ints
+    law: Floats
+    least: Floats
+    drawn: Floats
+
+    @classmethod
+    def of(
+        cls,
+        builds: Sequence[Build],
+        material: Material,
+        fans: Sequence[Mapping[int, Collection[int]]],
+    ) -> "_Laws":
+        """Return the laws of the fans that some builds may have."""
+        counts = {count for by_place in fans for some in by_place.values() for count in some}
+        most = min(MOST_CHILDREN, max(counts, default=1))
+        levels = max(len(build.widths_mm) for build in builds)
+        law_at = np.full((len(builds), levels, most + 1), -1)
+        laws: dict[FanLaw, int] = {}
+        for row, (build, by_place) in enumerate(zip(builds, fans, strict=True)):
+            for place in range(len(build.widths_mm) - 1):
+                for count in (count for count in by_place[place] if count <= most):
+                    law = level_law(build, material, place, count)
+                    law_at[row, place, count] = laws.setdefault(law, len(laws))
+        compensated = builds[0].compensation != "none"
+        rows = [law.rows for law in laws if compensated]
+        drawn = [law.passages_as_drawn for law in laws if not compensated]
+        return cls(
+            law_at=law_at,
+            law=np.array(rows).reshape(-1, FANS, 2 * MOST_CHILDREN + 2),
+            least=np.array([law.least_rad for law in laws]),
+            drawn=np.array(drawn).reshape(-1, FANS, 1),
+        )
 
 
-def _tables(
-    builds: list[Build],
-    diameter_mm: float,
-    limits: PenaltyLimits,
-    changed: LimitChanges,
-    laws: _Laws,
-) -> LevelTables:
-    """Return what depends on a level or a depth alone; the last build is the deepest."""
-    deepest = builds[-1]
-    widths_mm = np.array(deepest.widths_mm)
-    pouch_mm = deepest.pouch.flat_width_mm if deepest.pouch else 0.0
-    leaves_mm = np.array([build.widths_mm[-1] for build in builds])
-    leaf_areas_mm2 = lumen_area_mm2(1.0) * leaves_mm**2
-    pouches = [pouch_capsules(build) for build in builds]
-    rows = [[*start, *end, half] for found in pouches for start, end, half in found]
+def _tables(rules: PenaltyRules, builds: Sequence[Build], laws: _Laws) -> LevelTables:
+    """Return what depends on a build and a level alone."""
+    profile, changed, limits = rules.profile, rules.changed, rules.limits
+    material, window = profile.material, _limits_of(WINDOW, changed)
+    fitted_mm = GrowthConstantsRange.of(profile, window).diameter_mm
+    widths_mm = _padded([build.widths_mm for build in builds])
+    ends_mm = _padded([build.end_widths_mm for build in builds])
+    leaves_mm = np.array([(build.widths_mm[-1], build.end_widths_mm[-1]) for build in builds]).T
+    pouch_mm = np.array([build.pouch.flat_width_mm if build.pouch else 0.0 for build in builds])
+    pouch_shares = pouch_mm * limits.film_mm / (lumen_area_mm2(1.0) * leaves_mm[1] ** 2)
+    pouches, tails = map(pouch_capsules, builds), map(tail_capsules, builds)
+    pouch_first, pouch = _capsule_rows(list(pouches))
+    tail_first, tail = _capsule_rows(list(tails))
+    tails_mm = np.array([build.tail_mm for build in builds])
+    collars_mm = np.array([build.collar.reach_mm if build.collar else 0.0 for build in builds])
     return LevelTables(
         half=widths_mm / 2.0,
-        fillet=np.array(level_fillets_mm(deepest)),
-        area=np.array([lumen_area_mm2(width_mm) for width_mm in deepest.widths_mm]),
-        scale=diameter_mm / (inflated_diameter_mm(1.0) * widths_mm),
+        end_half=ends_mm / 2.0,
+        fillet=_padded([level_fillets_mm(build) for build in builds]),
+        area=lumen_area_mm2(1.0) * ends_mm**2,
+        scale=fitted_mm / (inflated_diameter_mm(1.0) * widths_mm),
+        stretch=_padded(
+            [[stretch_at(build, material, mm) for mm in build.widths_mm] for build in builds]
+        )
+        if limits.compensated
+        else np.ones_like(widths_mm),
         widths=np.array([width_violations(build, changed) for build in builds]),
         tip=np.array([pouch_takes_mm(build) for build in builds]),
         tip_cut=np.array([pouch_takes_mm(build, limits.reach_mm) for build in builds]),
-        pouch_share=np.where(pouch_mm > leaves_mm, pouch_mm * limits.film_mm / leaf_areas_mm2, 0.0),
-        leaf_width=np.maximum(leaves_mm, pouch_mm),
-        pouch_first=np.cumsum([0, *map(len, pouches)]),
-        pouch=np.array(rows).reshape(-1, 5),
+        pouch_share=np.where(pouch_mm > leaves_mm[1], pouch_shares, 0.0),
+        leaf_width=np.maximum(leaves_mm[0], pouch_mm),
+        tail_mm=tails_mm,
+        even_mm=tails_mm - collars_mm,
+        most_kpa=np.array(
+            [most_growth_kpa(one, profile, window) if rules.grows else math.inf for one in builds]
+        ),
+        widest_mm=np.array([widest_cut_mm(build, profile, changed) for build in builds]),
+        pouch_first=pouch_first,
+        pouch=pouch,
+        tail_first=tail_first,
+        tail=tail,
+        law_at=laws.law_at,
         law=laws.law,
         least=laws.least,
         drawn=laws.drawn,
-        stretch=laws.stretch,
         most_turn=MOST_TURN_RAD,
         least_length=LEAST_LENGTH,
     )
+
+
+def _padded(rows: Sequence[Sequence[float]]) -> Floats:
+    """Return rows of different lengths as one table, with ones where they end."""
+    longest = max(map(len, rows))
+    return np.array([[*row, *[1.0] * (longest - len(row))] for row in rows])
+
+
+def _capsule_rows(found: Sequence[Sequence[tuple[Point, Point, float]]]) -> tuple[Ints, Floats]:
+    """Return where the capsules of each build begin, and all of them, as in `LevelTables`."""
+    rows = [[*start, *end, half, half] for some in found for start, end, half in some]
+    return np.cumsum([0, *map(len, found)]), np.array(rows).reshape(-1, 6)

@@ -1,9 +1,9 @@
 """The compiled penalty of designs that branch alike on each level.
 
-The readable twins are `vinefab.fabrication.rules.penalty` and, for the pattern of a compensated
-design, `vinefab.inflation.law`: this file computes the same for many even
-designs (no tapers, no collar) without building a design, a tree or an array for any of them. Like
-`vinefab.growth.kernel` it imports no module of vinefab but `core.compiling`.
+It computes the penalty of many designs with even fans without building a tree or an array for any
+of them. The tests compare it with a readable twin (``tests/oracles/penalty.py``); the pattern of a
+compensated design is that of `vinefab.inflation.law`. Like `vinefab.growth.kernel` it imports no
+module of vinefab but `core.compiling`.
 """
 
 import math
@@ -17,7 +17,7 @@ from vinefab.core.compiling import called, compiled, inlined
 
 @compiled
 def penalize(designs, tables, limits, scratch, penalty):
-    """Write the penalty of every design: `window_penalty` plus `fabrication_penalty`.
+    """Write the penalty of every design: of growth and of the cheap geometric rules.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def penalize(designs, tables, limits, scratch, penalty):
         else:
             capsules = _lay_out(designs, d, tables, limits, scratch)
             near = _too_near(designs, d, capsules, limits, scratch)
-            penalty[d] += math.log1p(near + _over_sheet(capsules, limits, scratch))
+            penalty[d] += math.log1p(near + _over_sheet(designs, d, capsules, limits, scratch))
 
 
 @compiled
@@ -59,14 +59,32 @@ def penalize_pieces(designs, tables, limits, scratch, cutting, penalty, joints):
         capsules = _lay_out(designs, d, tables, limits, scratch)
         near, pairs = _near_pairs(designs, d, capsules, limits, scratch, cutting)
         if count > len(cutting.cut) or pairs > len(cutting.one):
-            penalty[d] += math.log1p(near + _over_sheet(capsules, limits, scratch))
+            penalty[d] += math.log1p(near + _over_sheet(designs, d, capsules, limits, scratch))
         else:
             _place_joints(designs, d, capsules, tables, limits, scratch, cutting)
             _prepare_pairs(designs, d, capsules, pairs, limits, scratch, cutting)
             left, joints[d] = _in_pieces(
                 designs, d, capsules, pairs, tables, limits, scratch, cutting
             )
+            cutting.left[0] = left
             penalty[d] += math.log1p(left)
+
+
+@compiled
+def add_path_excess(designs, tables, limits, scratch, excess):
+    """Add how far every design is from what the laser can run: side lengths and drawn fillets.
+
+    Parameters
+    ----------
+    designs, tables, limits, scratch
+        As of `penalize`.
+    excess
+        To what the summed excesses are added, shape (m,).
+    """
+    for d in range(len(designs.depth)):
+        _cut_fans(designs, d, tables, limits, scratch)
+        excess[d] += _drawn_fillets(designs, d, tables, limits, scratch)
+        excess[d] += _short_sides(designs, d, limits.side_mm, tables, limits, scratch)
 
 
 @inlined
@@ -76,8 +94,10 @@ def _of_levels(designs, d, beyond, tables, limits, scratch):
     ``beyond`` is how far fans are from any that was simulated, and inflated siblings from apart.
     """
     penalty = math.log1p(_growth_excess(designs, d, tables, limits, scratch))
-    penalty += math.log1p(tables.widths[designs.depth[d] - 1])
-    penalty += math.log1p(_joints(designs, d, tables, limits, scratch) + beyond)
+    penalty += math.log1p(tables.widths[designs.build[d]])
+    joints = _joints(designs, d, tables, limits, scratch)
+    joints += _short_sides(designs, d, limits.segment_mm, tables, limits, scratch)
+    penalty += math.log1p(joints + beyond)
     return penalty + math.log1p(_packing(designs, d, tables, limits, scratch))
 
 
@@ -92,21 +112,21 @@ def _cut_fans(designs, d, tables, limits, scratch):
     `vinefab.inflation.law.quick_pattern`. Returns by how much fans are narrower than any that was
     simulated, and by how much too far inflated siblings lie on each other.
     """
-    row, beyond = designs.first[d], 0.0
+    row, build, beyond = designs.first[d], designs.build[d], 0.0
     scratch.passage[0] = 1.0
-    scratch.run[0, 0] = scratch.short[0] = designs.trunk[d] / tables.stretch[0]
+    scratch.run[0, 0] = scratch.short[0] = designs.trunk[d] / tables.stretch[build, 0]
     children, count = 1, 1
     row += 1
     for below in range(designs.depth[d] - 1):
         children = designs.branches[d, below]
         fan = designs.fan[d, below] if children > 1 else 0.0
-        compensated = tables.law.shape[0] > 0 and children < tables.law.shape[1]
-        if tables.law.shape[0] > 0 and children > 1:
+        law = tables.law_at[build, below, children] if children < tables.law_at.shape[2] else -1
+        if limits.compensated and children > 1:
             beyond += _touching(designs, d, below, fan / (children - 1), tables, limits)
-        if compensated:
-            beyond += _compensate(designs, d, row, below, children, fan, tables, scratch)
+        if limits.compensated and law >= 0:
+            beyond += _compensate(designs, d, row, below, children, fan, law, tables, scratch)
         else:
-            _keep(designs, d, row, below, children, fan, tables, scratch)
+            _keep(designs, d, row, below, children, fan, law, tables, scratch)
         count *= children
         row += count
     return beyond
@@ -119,13 +139,13 @@ def _touching(designs, d, below, gap, tables, limits):
         return 0.0
     contact_mm = math.inf
     if gap > 0.0:
-        contact_mm = 2.0 * tables.half[below + 1] / math.pi / math.sin(gap / 2.0)
+        contact_mm = 2.0 * tables.half[designs.build[d], below + 1] / math.pi / math.sin(gap / 2.0)
     shortest_mm = designs.size[d, below] * min(1.0, designs.growth[d, below])
     return _excess(contact_mm / shortest_mm, limits.sibling_share, limits.most)
 
 
 @inlined
-def _keep(designs, d, row, below, children, fan, tables, scratch):
+def _keep(designs, d, row, below, children, fan, law, tables, scratch):
     """Write the children of a level as they are designed."""
     level = below + 1
     for child in range(children):
@@ -133,18 +153,17 @@ def _keep(designs, d, row, below, children, fan, tables, scratch):
         scratch.run[level, child] = designs.length[row + child]
         scratch.gap[level, child] = fan / max(children - 1, 1)
     scratch.gap[level, 0] = scratch.gap[level, children] = math.pi - fan / 2.0
-    scratch.passage[level] = 1.0
-    if below < tables.drawn.shape[0] and children < tables.drawn.shape[1]:
-        scratch.passage[level] = _at(tables.drawn[below, children], fan, 0)
+    scratch.passage[level] = _at(tables.drawn[law], fan, 0) if law >= 0 else 1.0
     last = designs.growth[d, below] if children > 1 else 1.0
     scratch.short[level] = designs.size[d, below] * min(1.0, last)
 
 
 @inlined
-def _compensate(designs, d, row, below, children, fan, tables, scratch):
+def _compensate(designs, d, row, below, children, fan, place, tables, scratch):
     """Write the children of a level as the law cuts them."""
-    level, law, most = below + 1, tables.law[below, children], (tables.law.shape[3] - 2) // 2
-    width, least, away_mm = 2.0 * tables.half[below], tables.least[below, children], 0.0
+    level, law, most = below + 1, tables.law[place], (tables.law.shape[2] - 2) // 2
+    build, least, away_mm = designs.build[d], tables.least[place], 0.0
+    width = 2.0 * tables.end_half[build, below]
     for further in range(below, designs.depth[d] - 1):
         # Lengths of one fan are even: their mean is that of the first and the last.
         last = designs.growth[d, further] if designs.branches[d, further] > 1 else 1.0
@@ -158,7 +177,7 @@ def _compensate(designs, d, row, below, children, fan, tables, scratch):
         scratch.angle[level, child] = _at(law, cut, child)
         back_mm = width * _at(law, cut, most + child)
         run_mm = designs.length[row + child]
-        run_mm = max(run_mm + back_mm, tables.least_length * run_mm) / tables.stretch[level]
+        run_mm = max(run_mm + back_mm, tables.least_length * run_mm) / tables.stretch[build, level]
         scratch.run[level, child] = run_mm
         shortest_mm = min(shortest_mm, run_mm)
         before = scratch.angle[level, child - 1] if child > 0 else -math.pi
@@ -187,10 +206,11 @@ def _growth_excess(designs, d, tables, limits, scratch):
     """
     base, until = designs.first[d], designs.first[d + 1]
     riding, factor, drag = scratch.riding, scratch.factor, scratch.drag
+    half, scale = tables.half[designs.build[d]], tables.scale[designs.build[d]]
     for k in range(until - base):
         riding[k] = 0.0
     for k in range(until - base - 1, 0, -1):
-        width = 2.0 * tables.half[designs.level[base + k] - 1]
+        width = 2.0 * half[designs.level[base + k] - 1]
         riding[designs.parent[base + k]] += riding[k] + designs.length[base + k] * width
     worst = 0.0
     for k in range(until - base):
@@ -202,10 +222,10 @@ def _growth_excess(designs, d, tables, limits, scratch):
             above_kpa = limits.drag_kpa_mm * designs.length[base + parent]
             drag[k] = (drag[parent] + above_kpa) * bend
         own_kpa = limits.drag_kpa_mm * designs.length[base + k]
-        store_kpa = limits.storage_kpa + limits.drag_kpa_mm * riding[k] / (2.0 * tables.half[level])
+        store_kpa = limits.storage_kpa + limits.drag_kpa_mm * riding[k] / (2.0 * half[level])
         takes_kpa = limits.yield_kpa + store_kpa * factor[k] + drag[k] + own_kpa
-        worst = max(worst, takes_kpa * tables.scale[level])
-    return min(limits.most, max(0.0, worst / limits.most_kpa - 1.0))
+        worst = max(worst, takes_kpa * scale[level])
+    return min(limits.most, max(0.0, worst / tables.most_kpa[designs.build[d]] - 1.0))
 
 
 # --- Joints, level by level ---------------------------------------------------------------------
@@ -213,42 +233,118 @@ def _growth_excess(designs, d, tables, limits, scratch):
 
 @inlined
 def _joints(designs, d, tables, limits, scratch):
-    """Return the summed violations by angles, crotches, and branches too short for their ends."""
-    found, above_mm = 0.0, scratch.short[0]
-    base_mm, length_mm = 0.0, scratch.short[0] + limits.tail_mm
+    """Return the summed violations by angles, crotches, fillets and the arcs between them."""
+    found, above_mm, build = 0.0, scratch.short[0], designs.build[d]
     for below in range(designs.depth[d] - 1):
-        wide, narrow = tables.half[below], tables.half[below + 1]
-        branches, gap, run = (
-            designs.branches[d, below],
-            scratch.gap[below + 1],
-            scratch.run[below + 1],
-        )
-        shortest_mm, fillet, disc = (
-            scratch.short[below + 1],
-            tables.fillet[below + 1],
-            max(wide, narrow),
-        )
-        beside = min(gap[0], gap[branches])
+        wide, narrow = tables.end_half[build, below], tables.half[build, below + 1]
+        branches, shortest_mm = designs.branches[d, below], scratch.short[below + 1]
+        gap, run, disc = scratch.gap[below + 1], scratch.run[below + 1], max(wide, narrow)
+        lean = _least_lean(designs, d, below + 1, tables, limits, scratch)
+        beside = _beside(designs, d, below, lean, tables, limits, scratch)
         reach_mm = _bare_reach(beside, wide, narrow, disc)
         within_mm = shortest_mm if reach_mm <= disc else min(shortest_mm, above_mm)
         found += _narrow(beside, limits) + _excess(reach_mm / within_mm, limits.crotch, limits.most)
-        parent_mm, child_mm = _straight_begins(beside, wide, narrow, fillet, 0.0)
         if branches > 1:
             between, share = math.inf, 0.0
             # Fans are their own mirror images.
             for child in range(1, branches // 2 + 1):
-                between = min(between, gap[child])
+                angle = gap[child] + 2.0 * lean
+                between = min(between, angle)
                 shorter_mm = _shorter(run, branches, child)
-                share = max(share, _bare_reach(gap[child], narrow, narrow, disc) / shorter_mm)
+                share = max(share, _bare_reach(angle, narrow, narrow, disc) / shorter_mm)
             found += _narrow(between, limits) + _excess(share, limits.crotch, limits.most)
+        fillet = tables.fillet[build, below + 1]
+        found += _small_arcs(gap, run, branches, wide, narrow, above_mm, fillet, limits)
+        above_mm = shortest_mm
+    return found
+
+
+@inlined
+def _short_sides(designs, d, least_mm, tables, limits, scratch):
+    """Return how much is missing, over all levels, for straight sides of a least length.
+
+    The shortest branch of each level counts. The side of an even trunk goes on along the tail.
+    """
+    found, build, base_mm = 0.0, designs.build[d], 0.0
+    length_mm = scratch.short[0]
+    lean = _lean(tables.half[build, 0], tables.end_half[build, 0], length_mm, limits)
+    length_mm = length_mm * math.cos(lean) if lean != 0.0 else length_mm + tables.even_mm[build]
+    for below in range(designs.depth[d] - 1):
+        wide, narrow = tables.end_half[build, below], tables.half[build, below + 1]
+        fillet = tables.fillet[build, below + 1]
+        lean = _least_lean(designs, d, below + 1, tables, limits, scratch)
+        beside = _beside(designs, d, below, lean, tables, limits, scratch)
+        parent_mm, child_mm = _straight_begins(beside, wide, narrow, fillet, 0.0)
+        if designs.branches[d, below] > 1:
+            between = _between(designs, d, below, lean, scratch)
             sibling_mm, _ = _straight_begins(between, narrow, narrow, fillet, wide)
             child_mm = max(child_mm, sibling_mm)
-        found += _crowded(length_mm - base_mm - parent_mm, length_mm, limits)
-        found += _small_arcs(gap, run, branches, wide, narrow, above_mm, fillet, limits)
-        above_mm, base_mm = shortest_mm, child_mm
-        length_mm = shortest_mm if branches > 1 else run[0]
-    tip_mm = tables.tip[designs.depth[d] - 1]
-    return found + _crowded(length_mm - base_mm - tip_mm, length_mm, limits)
+        found += _crowded(length_mm - base_mm - parent_mm, length_mm, least_mm, limits)
+        base_mm, length_mm = child_mm, scratch.short[below + 1]
+        lean = _lean(narrow, tables.end_half[build, below + 1], length_mm, limits)
+        length_mm *= math.cos(lean)
+    return found + _crowded(length_mm - base_mm - tables.tip[build], length_mm, least_mm, limits)
+
+
+@inlined
+def _drawn_fillets(designs, d, tables, limits, scratch):
+    """Return by how much the fillets of each level's two tightest gaps fall short of the least.
+
+    These are the gap beside the parent and the one between the two shortest children.
+    """
+    found, above_mm, build = 0.0, scratch.short[0], designs.build[d]
+    for below in range(designs.depth[d] - 1):
+        wide, narrow = tables.end_half[build, below], tables.half[build, below + 1]
+        child_mm, disc = scratch.short[below + 1], max(wide, narrow)
+        fillet = tables.fillet[build, below + 1]
+        lean = _least_lean(designs, d, below + 1, tables, limits, scratch)
+        beside = _beside(designs, d, below, lean, tables, limits, scratch)
+        most = _largest_fillet(beside, wide, narrow, max(0.5 * min(child_mm, above_mm), disc))
+        found += _excess(limits.drawn_mm, max(0.0, min(fillet, most)), limits.most)
+        if designs.branches[d, below] > 1:
+            between = _between(designs, d, below, lean, scratch)
+            most = _largest_fillet(between, narrow, narrow, max(0.5 * child_mm, disc))
+            found += _excess(limits.drawn_mm, max(0.0, min(fillet, most)), limits.most)
+        above_mm = child_mm
+    return found
+
+
+@inlined
+def _beside(designs, d, below, lean, tables, limits, scratch):
+    """Return the least angle beside a parent: the shortest leans most, its children least."""
+    build, gap = designs.build[d], scratch.gap[below + 1]
+    half, end = tables.half[build, below], tables.end_half[build, below]
+    bare = min(gap[0], gap[designs.branches[d, below]])
+    return bare - _lean(half, end, scratch.short[below], limits) + lean
+
+
+@inlined
+def _between(designs, d, below, lean, scratch):
+    """Return the least angle between siblings whose sides lean."""
+    least = math.inf
+    for child in range(1, designs.branches[d, below]):
+        least = min(least, scratch.gap[below + 1, child])
+    return least + 2.0 * lean
+
+
+@inlined
+def _least_lean(designs, d, level, tables, limits, scratch):
+    """Return by how much the sides of the longest branch of a level, and so of all, lean."""
+    half, end = tables.half[designs.build[d], level], tables.end_half[designs.build[d], level]
+    if half == end:
+        return 0.0
+    longest_mm = 0.0
+    for child in range(designs.branches[d, level - 1]):
+        longest_mm = max(longest_mm, scratch.run[level, child])
+    return _lean(half, end, longest_mm, limits)
+
+
+@inlined
+def _lean(half, end, length, limits):
+    """Return the angle by which a branch's sides lean, as `outline.gap.taper_rad`."""
+    if half == end:
+        return 0.0
+    return math.asin(max(-limits.steepest, min(limits.steepest, (half - end) / length)))
 
 
 @inlined
@@ -311,9 +407,9 @@ def _excess(value, limit, most):
 
 
 @inlined
-def _crowded(room_mm, length_mm, limits):
-    """Return how much of a branch is missing for its two ends to fit on it, capped."""
-    return min(limits.most, max(0.0, (limits.segment_mm - room_mm) / length_mm))
+def _crowded(room_mm, length_mm, least_mm, limits):
+    """Return how much of a branch is missing for its side to keep a least length, capped."""
+    return min(limits.most, max(0.0, (least_mm - room_mm) / length_mm))
 
 
 @inlined
@@ -348,18 +444,18 @@ def _packing(designs, d, tables, limits, scratch):
 
     What rides in a child comes through its joint's passage.
     """
-    levels, found = designs.depth[d] - 1, 0.0
+    levels, build, found = designs.depth[d] - 1, designs.build[d], 0.0
     for above in range(levels):
         count, most_mm = 1.0, 0.0
         for below in range(above, levels):
             count *= designs.branches[d, below]
             leaf = below == levels - 1
-            wide = tables.leaf_width[levels] if leaf else 2.0 * tables.half[below + 1]
+            wide = tables.leaf_width[build] if leaf else 2.0 * tables.half[build, below + 1]
             most_mm = max(most_mm, count * wide)
-        percent = 100.0 * most_mm * limits.film_mm / tables.area[above]
+        percent = 100.0 * most_mm * limits.film_mm / tables.area[build, above]
         percent /= scratch.passage[above]
         found += _excess(percent, limits.packing_percent, limits.most)
-    own_percent = 100.0 * tables.pouch_share[levels] / scratch.passage[levels]
+    own_percent = 100.0 * tables.pouch_share[build] / scratch.passage[levels]
     return found + _excess(own_percent, limits.packing_percent, limits.most)
 
 
@@ -369,6 +465,7 @@ def _packing(designs, d, tables, limits, scratch):
 @inlined
 def _lay_out(designs, d, tables, limits, scratch):
     """Write the capsules of a flat robot, pouches last, and their boxes; return their number."""
+    build = designs.build[d]
     base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
     depth, capsule, heading = designs.depth[d], scratch.capsule, scratch.heading
     above, child = -2, 0
@@ -384,11 +481,17 @@ def _lay_out(designs, d, tables, limits, scratch):
         capsule[k, 0], capsule[k, 1] = x, y
         capsule[k, 2] = x + length * math.cos(heading[k])
         capsule[k, 3] = y + length * math.sin(heading[k])
-        capsule[k, 4] = tables.half[level]
+        capsule[k, 4], capsule[k, 5] = tables.half[build, level], tables.end_half[build, level]
         scratch.owner[k] = k
-    capsule[0, 0] -= limits.tail_mm
+    capsule[0, 0] -= tables.tail_mm[build]
     count = branches
-    for pouch in range(tables.pouch_first[depth - 1], tables.pouch_first[depth]):
+    for row in range(tables.tail_first[build], tables.tail_first[build + 1]):
+        for column in range(6):
+            capsule[count, column] = tables.tail[row, column]
+        scratch.owner[count] = 0
+        count += 1
+    scratch.bare[0] = count
+    for pouch in range(tables.pouch_first[build], tables.pouch_first[build + 1]):
         for k in range(branches):
             if designs.level[base + k] == depth:
                 _add_pouch(capsule, count, k, tables.pouch, pouch, heading[k])
@@ -402,7 +505,7 @@ def _lay_out(designs, d, tables, limits, scratch):
 @inlined
 def _box(capsule, box, k, limits):
     """Write the box around a capsule, grown by half the clearance."""
-    grown = capsule[k, 4] + limits.clearance_mm / 2.0
+    grown = max(capsule[k, 4], capsule[k, 5]) + limits.clearance_mm / 2.0
     box[k, 0] = min(capsule[k, 0], capsule[k, 2]) - grown
     box[k, 1] = min(capsule[k, 1], capsule[k, 3]) - grown
     box[k, 2] = max(capsule[k, 0], capsule[k, 2]) + grown
@@ -417,16 +520,16 @@ def _add_pouch(capsule, row, leaf, pouch, piece, heading):
         along, across = pouch[piece, end], pouch[piece, end + 1]
         capsule[row, end] = x + (cos * along - sin * across)
         capsule[row, end + 1] = y + (sin * along + cos * across)
-    capsule[row, 4] = pouch[piece, 4]
+    capsule[row, 4] = capsule[row, 5] = pouch[piece, 4]
 
 
 @inlined
 def _too_near(designs, d, capsules, limits, scratch):
     """Return the summed depths of all pairs of capsules that are nearer than the clearance."""
-    found = 0.0
+    found, bare = 0.0, scratch.bare[0]
     for one in range(capsules):
         for two in range(one + 1, capsules):
-            if _may_conflict(designs, d, one, two, scratch):
+            if _may_conflict(designs, d, one, two, bare, scratch):
                 found += _pair_depth(scratch.capsule, one, two, limits.clearance_mm)
     return found
 
@@ -434,10 +537,10 @@ def _too_near(designs, d, capsules, limits, scratch):
 @inlined
 def _near_pairs(designs, d, capsules, limits, scratch, cutting):
     """Write down as many of these pairs as there is room for; return their depths and number."""
-    found, pairs = 0.0, 0
+    found, pairs, bare = 0.0, 0, scratch.bare[0]
     for one in range(capsules):
         for two in range(one + 1, capsules):
-            if not _may_conflict(designs, d, one, two, scratch):
+            if not _may_conflict(designs, d, one, two, bare, scratch):
                 continue
             depth = _pair_depth(scratch.capsule, one, two, limits.clearance_mm)
             found += depth
@@ -450,8 +553,11 @@ def _near_pairs(designs, d, capsules, limits, scratch, cutting):
 
 
 @inlined
-def _may_conflict(designs, d, one, two, scratch):
-    """Return whether the boxes of two capsules meet, and their branches not by design."""
+def _may_conflict(designs, d, one, two, bare, scratch):
+    """Return whether the boxes of two capsules meet, and their branches not by design.
+
+    Capsules from ``bare`` on are those of pouches, which meet no branch by design.
+    """
     box, base = scratch.box, designs.first[d]
     beside = (box[two, 0] > box[one, 2]) | (box[two, 2] < box[one, 0])
     if beside | (box[two, 1] > box[one, 3]) | (box[two, 3] < box[one, 1]):
@@ -459,7 +565,7 @@ def _may_conflict(designs, d, one, two, scratch):
     a, b = scratch.owner[one], scratch.owner[two]
     up_a, up_b = designs.parent[base + a], designs.parent[base + b]
     joined = (up_a == up_b) | (up_a == b) | (up_b == a)
-    return a != b and not (joined and two < designs.first[d + 1] - base)
+    return a != b and not (joined and two < bare)
 
 
 @inlined
@@ -481,8 +587,11 @@ def _pair_depth(capsule, one, two, clearance):
     along_a = min(1.0, max(0.0, (ab * along_b - ar) / aa))
     gap_x, gap_y = rx + along_a * ax - along_b * bx, ry + along_a * ay - along_b * by
     distance = math.sqrt(gap_x * gap_x + gap_y * gap_y)
-    room = clearance + capsule[one, 4] + capsule[two, 4]
+    room = clearance + max(capsule[one, 4], capsule[one, 5])
+    room += max(capsule[two, 4], capsule[two, 5])
     depth = max(0.0, (room - distance) / room)
+    if capsule[one, 4] != capsule[one, 5] or capsule[two, 4] != capsule[two, 5]:
+        depth = max(0.0, (clearance - _hull_gap(capsule, one, two)) / room)
     if distance < 1e-9:
         short_a = min(along_a, 1.0 - along_a) * math.sqrt(ax * ax + ay * ay)
         short_b = min(along_b, 1.0 - along_b) * math.sqrt(bx * bx + by * by)
@@ -491,17 +600,66 @@ def _pair_depth(capsule, one, two, clearance):
     return depth
 
 
+@called
+def _hull_gap(capsule, one, two):
+    """Return the free distance of two capsules of which one is tapered, negative if they overlap.
+
+    The least distance of places on both is found by golden section along the first, as in
+    `vinefab.fabrication.rules.spacing.hull_gap_mm`.
+    """
+    low, high = 0.0, 1.0
+    for _ in range(_STEPS):
+        left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+        if _disc_gap(capsule, one, left, two) <= _disc_gap(capsule, one, right, two):
+            high = right
+        else:
+            low = left
+    middle = _disc_gap(capsule, one, (low + high) / 2.0, two)
+    ends = min(_disc_gap(capsule, one, 0.0, two), _disc_gap(capsule, one, 1.0, two))
+    return min(middle, ends)
+
+
+@called
+def _disc_gap(capsule, one, along, two):
+    """Return the free distance of a disc of one capsule from another capsule."""
+    x = capsule[one, 0] + along * (capsule[one, 2] - capsule[one, 0])
+    y = capsule[one, 1] + along * (capsule[one, 3] - capsule[one, 1])
+    half = capsule[one, 4] + along * (capsule[one, 5] - capsule[one, 4])
+    run_x, run_y = capsule[two, 2] - capsule[two, 0], capsule[two, 3] - capsule[two, 1]
+    length, growth = math.hypot(run_x, run_y), capsule[two, 5] - capsule[two, 4]
+    length = max(length, 1e-12)
+    unit_x, unit_y = run_x / length, run_y / length
+    lean = min(0.99, max(-0.99, growth / length))
+    away_x, away_y = x - capsule[two, 0], y - capsule[two, 1]
+    foot = away_x * unit_x + away_y * unit_y
+    across = abs(away_x * unit_y - away_y * unit_x)
+    place = min(1.0, max(0.0, (foot + across * lean / math.sqrt(1.0 - lean * lean)) / length))
+    distance = math.hypot(away_x - place * run_x, away_y - place * run_y)
+    return distance - capsule[two, 4] - place * growth - half
+
+
 @inlined
-def _over_sheet(capsules, limits, scratch):
+def _over_sheet(designs, d, capsules, limits, scratch):
     """Return by how much a flat robot exceeds the sheet, over the sheet's shorter side.
 
-    Of a branch only the end counts: it begins within the wider end of its parent. The trunk begins
-    with the two corners of the tail.
+    The trunk begins with the two corners of the tail.
     """
     _span_of_mouth(scratch)
     for k in range(capsules):
         _widen_span(scratch, k, 2)
+        _widen_to_begin(designs, d, k, scratch)
     return _excess_of_span(limits, scratch)
+
+
+@inlined
+def _widen_to_begin(designs, d, k, scratch):
+    """Widen the span to where a capsule begins; mostly that is within the wider end before it."""
+    capsule, branches = scratch.capsule, designs.first[d + 1] - designs.first[d]
+    if 0 < k < branches:
+        if capsule[k, 4] > capsule[designs.parent[designs.first[d] + k], 5]:
+            _widen_span(scratch, k, 0)
+    elif branches <= k < scratch.bare[0]:
+        _widen_span(scratch, k, 0)
 
 
 @inlined
@@ -518,7 +676,7 @@ def _span_of_mouth(scratch):
 def _widen_span(scratch, k, end):
     """Widen the places across each rotation to the disc at one end of a capsule."""
     low, high, capsule = scratch.low, scratch.high, scratch.capsule
-    x, y, half = capsule[k, end], capsule[k, end + 1], capsule[k, 4]
+    x, y, half = capsule[k, end], capsule[k, end + 1], capsule[k, 4 + end // 2]
     for t in range(scratch.turn.shape[1]):
         across = x * scratch.turn[0, t] + y * scratch.turn[1, t]
         low[t] = across - half if across - half < low[t] else low[t]
@@ -539,11 +697,14 @@ def _excess_of_span(limits, scratch):
 
 
 # --- Pieces -------------------------------------------------------------------------------------
-# The readable twin is `vinefab.fabrication.pieces.quick_cuts`. After the capsules of the flat robot
+# The tests compare them with ``tests/oracles/quick_cuts.py``. After the capsules of the flat robot
 # come three for each branch that may be cut: its stub, its outer part, and the outer part's socket.
 
 STUB, OUTER, SOCKET = 0, 1, 2
 """Places of the three."""
+
+_GOLDEN, _STEPS = (math.sqrt(5.0) - 1.0) / 2.0, 48
+"""Golden section: 1e-10 of a branch is left of the search interval."""
 
 _PARTED = 1.0 - 1e-9
 """A further cut must leave at most this share of what is left without it."""
@@ -556,9 +717,11 @@ TOO_MANY = 1_000_000
 def _place_joints(designs, d, capsules, tables, limits, scratch, cutting):
     """Write which branches have room for a sleeve, and the capsules of their parts."""
     base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
-    capsule, levels = scratch.capsule, designs.depth[d]
-    _find_straight_sides(designs, d, tables, limits, scratch, cutting)
-    cutting.stop[levels - 1] = tables.tip_cut[levels - 1]
+    capsule, build = scratch.capsule, designs.build[d]
+    known = d < len(cutting.begins)
+    if not known:
+        _find_straight_sides(designs, d, tables, limits, scratch, cutting)
+    cutting.stop[designs.depth[d] - 1] = tables.tip_cut[build]
     first, children = 0, 1
     for k in range(branches):
         level = designs.level[base + k] - 1
@@ -566,32 +729,41 @@ def _place_joints(designs, d, capsules, tables, limits, scratch, cutting):
             first, children = k, designs.branches[d, level - 1]
         child = (k - first) % children
         length = scratch.run[level, child]
-        begin = cutting.begin[level, child] + limits.before_mm
-        needed = begin + limits.lap_mm + limits.blend_mm + limits.after_mm + cutting.stop[level]
-        bears = 2.0 * tables.half[level] <= limits.widest_mm
-        fits = bears and needed <= length + limits.least_depth
+        begin = cutting.begins[d, level, child] if known else cutting.begin[level, child]
+        stop = cutting.stops[d, level, child] if known else cutting.stop[level]
+        begin += limits.before_mm
+        rise = limits.rise_mm
+        if limits.on_stub:
+            # The plug is wider at its rim than farther out, where the socket's rim is.
+            lean = _lean(capsule[k, 4], capsule[k, 5], length, limits)
+            rise += limits.lap_mm * math.sin(lean)
+        blend_mm = limits.blend_ratio * rise
+        needed = begin + limits.lap_mm + blend_mm + limits.after_mm + stop
+        outer = begin + (blend_mm if limits.on_stub else 0.0)
+        wide = 2.0 * (capsule[k, 4] + outer / length * (capsule[k, 5] - capsule[k, 4]))
+        fits = wide <= tables.widest_mm[build] and needed <= length + limits.least_depth
         cutting.can[k] = 1 if k > 0 and fits else 0
         if cutting.can[k] == 0:
             continue
-        outer, half = begin + (limits.blend_mm if limits.on_stub else 0.0), capsule[k, 4]
         row, end = capsules + 3 * k, outer + limits.lap_mm
-        _part(scratch, row + STUB, k, 0.0, end / length, half, limits)
-        _part(scratch, row + OUTER, k, outer / length, 1.0, half, limits)
-        rim, blend = (end, begin) if limits.on_stub else (outer, end + limits.blend_mm)
-        wide = half + limits.rise_mm
-        _part(scratch, row + SOCKET, k, rim / length, blend / length, wide, limits)
+        cutting.wide[k], cutting.rise[k] = wide, rise
+        _part(scratch, row + STUB, k, 0.0, end / length, 0.0, limits)
+        _part(scratch, row + OUTER, k, outer / length, 1.0, 0.0, limits)
+        rim, blend = (end, begin) if limits.on_stub else (outer, end + blend_mm)
+        _part(scratch, row + SOCKET, k, rim / length, blend / length, rise, limits)
 
 
 @inlined
 def _find_straight_sides(designs, d, tables, limits, scratch, cutting):
-    """Write where the sides of each child of each level begin to be straight, and where they stop.
+    """Write where even sides of each child of each level begin to be straight, and where they stop.
 
     Corners in place of small fillets lie farther from the joint where the cut runs.
     """
     begin, stop, above_mm = cutting.begin, cutting.stop, scratch.run[0, 0]
+    half, fillets = tables.half[designs.build[d]], tables.fillet[designs.build[d]]
     begin[0, 0] = 0.0
     for below in range(designs.depth[d] - 1):
-        wide, narrow = tables.half[below], tables.half[below + 1]
+        wide, narrow = half[below], half[below + 1]
         children, disc = designs.branches[d, below], max(wide, narrow)
         run = scratch.run[below + 1]
         stop[below], shortest_mm = 0.0, math.inf
@@ -604,11 +776,11 @@ def _find_straight_sides(designs, d, tables, limits, scratch, cutting):
             one_mm = run[gap - 1] if after else above_mm
             two_mm = run[gap] if before else above_mm
             reach_mm = max(0.5 * min(one_mm, two_mm), disc)
-            fillet = min(tables.fillet[below + 1], _largest_fillet(angle, one, two, reach_mm))
+            fillet = min(fillets[below + 1], _largest_fillet(angle, one, two, reach_mm))
             for place in range(3):
                 # Sockets beside each other lie on children alone, beyond the straight and a blend.
                 out = (0.0, limits.reach_mm, limits.beside_mm)[place]
-                less = (0.0, 0.0, limits.before_mm + limits.blend_mm)[place]
+                less = (0.0, 0.0, limits.before_mm + limits.blend_ratio * limits.rise_mm)[place]
                 none = (0.0, 0.0, math.inf)[place]
                 radius = max(0.0, max(0.0, fillet) - out)
                 a, b = _straight_begins(angle, one + out, two + out, radius, disc + out)
@@ -646,14 +818,16 @@ def _largest_fillet(angle, one, two, reach):
 
 
 @inlined
-def _part(scratch, row, k, low, high, half, limits):
-    """Write the capsule of a part of a branch, between two shares of its length."""
+def _part(scratch, row, k, low, high, rise, limits):
+    """Write the capsule of part of a branch, between two shares of its length, wider by a rise."""
     capsule = scratch.capsule
     x, y = capsule[k, 0], capsule[k, 1]
     run_x, run_y = capsule[k, 2] - x, capsule[k, 3] - y
     capsule[row, 0], capsule[row, 1] = x + low * run_x, y + low * run_y
     capsule[row, 2], capsule[row, 3] = x + high * run_x, y + high * run_y
-    capsule[row, 4] = half
+    growth = capsule[k, 5] - capsule[k, 4]
+    capsule[row, 4] = capsule[k, 4] + low * growth + rise
+    capsule[row, 5] = capsule[k, 4] + high * growth + rise
     _box(capsule, scratch.box, row, limits)
 
 
@@ -795,6 +969,7 @@ def _overfull(designs, d, tables, limits, scratch, cutting):
     As `vinefab.fabrication.rules.widths.lap_occupancies`, the fullest branch of each level.
     """
     base, depth, below = designs.first[d], designs.depth[d], cutting.below
+    build = designs.build[d]
     branches, found = designs.first[d + 1] - base, 0.0
     for level in range(depth):
         cutting.fullest[level] = 0.0
@@ -804,16 +979,18 @@ def _overfull(designs, d, tables, limits, scratch, cutting):
             below[k, level] = 0.0
     for k in range(branches - 1, -1, -1):
         level, parent = designs.level[base + k] - 1, designs.parent[base + k]
-        wide, most_mm = 2.0 * tables.half[level], 0.0
+        wide, most_mm = 2.0 * tables.half[build, level], 0.0
         for at in range(level + 1, depth):
             most_mm = max(most_mm, below[k, at])
         if cutting.laps[k]:
-            share = most_mm * limits.lap_film_mm / tables.area[level] / scratch.passage[level]
+            share = (
+                most_mm * limits.lap_film_mm / tables.area[build, level] / scratch.passage[level]
+            )
             cutting.fullest[level] = max(cutting.fullest[level], share)
         if parent >= 0:
-            across = tables.leaf_width[level] if level == depth - 1 else wide
+            across = tables.leaf_width[build] if level == depth - 1 else wide
             if cutting.cut[k]:
-                across = max(across, 2.0 * (wide + limits.rise_mm))
+                across = max(across, 2.0 * (cutting.wide[k] + cutting.rise[k]))
                 cutting.laps[parent] = 1
             below[parent, level] += across
             for at in range(level + 1, depth):
@@ -905,7 +1082,7 @@ def _socket_left(designs, d, capsules, a, limits, scratch, cutting):
         b = scratch.owner[row]
         up = designs.parent[base + b]
         joined = up == a or (limits.on_stub and above in (up, b))
-        if a != b and not (row < branches and joined):
+        if a != b and not (row < scratch.bare[0] and joined):
             left += _depth_in_piece(home, socket, b, row, -1, limits, scratch, cutting)
     for b in range(1 if limits.on_stub else a + 1, branches):
         up = designs.parent[base + b]
@@ -961,6 +1138,8 @@ def _span_of_piece(designs, d, capsules, root, limits, scratch, cutting):
     for k in range(capsules):
         if piece[scratch.owner[k]] == root:
             _widen_span(scratch, k, 2)
+            if k != root:
+                _widen_to_begin(designs, d, k, scratch)
     for k in range(root + 1, branches):
         if cutting.cut[k] and piece[designs.parent[base + k]] == root:
             part, end = (SOCKET, 0) if limits.on_stub else (STUB, 2)

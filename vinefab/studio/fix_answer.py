@@ -6,12 +6,12 @@ from dataclasses import replace
 from typing import Any
 
 from vinefab.core.errors import BadInputError
-from vinefab.fabrication.rules.fix import KEEPS, parsed_keeps
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.map import Map, Start
 from vinefab.prediction.fix_proposal import FIX_TASKS, ProposedFix, propose_fix
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
+from vinefab.search.fix import KEEPS, parsed_keeps
 from vinefab.studio.edited_map import PAGE
 from vinefab.studio.panels import Tell
 from vinefab.studio.rules_answer import report_content

@@ -8,7 +8,6 @@ joins, segment lengths, arc angles. The exit code is 1 if any of them is beyond 
 """
 
 import argparse
-import importlib.util
 import math
 import sys
 import time
@@ -20,6 +19,9 @@ from pathlib import Path
 import numpy as np
 import shapely
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
+
+from tests.oracles.body_outline import Twin
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.stroke import LEAST_CUT_MM
 from vinefab.model.design import Build, Collar, Design, Level, Pouch
@@ -34,15 +36,6 @@ LIMITS = {
     "corner_rad": 1e-6,
     "shortest_mm": 0.05,
 }
-
-
-def twin():
-    """The other way to draw a design, from the tests' own conftest."""
-    place = Path(__file__).parents[1] / "conftest.py"
-    spec = importlib.util.spec_from_file_location("outline_twin", place)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.Twin
 
 
 def random_design(random):
@@ -115,7 +108,7 @@ def check_outline(number_and_seed):
     shape = shapely.Polygon(contour.flattened_mm(FINE_MM))
     if not shape.is_valid:
         return number, "crosses itself", {}  # rule VF-T02 names it
-    union = twin()(design, FINE_MM).body()
+    union = Twin(design, FINE_MM).body()
     if union.geom_type != "Polygon" or len(union.interiors):
         return number, "crosses itself", {}
     edges = shape.exterior, union.exterior

@@ -6,6 +6,7 @@ import pytest
 import shapely
 from shapely import LineString, Polygon
 
+from tests.oracles.body_outline import Twin
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.exactness import ProblemKind
 from vinefab.fabrication.outline.joint import level_tapers_rad
@@ -223,7 +224,7 @@ def test_tapered_sides_touch_the_discs_at_both_ends(make_plan):
     [(40.0, 0.95, 120.0), (40.0, 0.9, 400.0), (20.0, 0.8, 120.0), (6.0, 0.5, 40.0)],
 )
 def test_a_tapered_trunk_has_a_corner_where_an_arc_would_be_too_short_to_cut(
-    make_plan, twin, width, ratio, trunk, offset_mm
+    make_plan, width, ratio, trunk, offset_mm
 ):
     design = make_plan((width,), trunk=trunk, taper=(ratio,))
     lean = math.asin(width / 2 * (1 - ratio) / trunk)
@@ -232,7 +233,7 @@ def test_a_tapered_trunk_has_a_corner_where_an_arc_would_be_too_short_to_cut(
     assert outline.problems == ()
     assert Part.JOINT not in [segment.part for segment in outline.contour.segments]
     assert min(segment.length_mm for segment in outline.contour.segments) >= LEAST_CUT_MM
-    body = twin(design, FINE_MM).body(beyond_mm=50.0).buffer(offset_mm, quad_segs=512)
+    body = Twin(design, FINE_MM).body(beyond_mm=50.0).buffer(offset_mm, quad_segs=512)
     body = body.intersection(shapely.box(-design.build.tail_mm, -1e3, 1e3, 1e3))
     assert hausdorff_mm(flat(outline.contour), body) <= 0.0025
 

@@ -12,6 +12,7 @@ from hypothesis import event, example, given, settings
 from hypothesis import strategies as st
 from shapely import LineString, Polygon
 
+from tests.oracles.body_outline import Twin
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.stroke import LEAST_CUT_MM
 from vinefab.model.design import Build, Collar, Design, Level, Pouch
@@ -109,7 +110,7 @@ def bare_corners_mm2(design):
     return half * (1 / math.cos(lean) - 1) * length if bare and half * lean < LEAST_CUT_MM else 0.0
 
 
-def check(design, twin):
+def check(design):
     """Compare an outline without problems with the union of plain shapes."""
     outline = body_outline(design)
     contour = outline.contour
@@ -121,7 +122,7 @@ def check(design, twin):
     segments = list(contour.segments)
     assert min(segment.length_mm for segment in segments) >= 0.05 * (1 - 1e-6)
     assert max(abs(segment.turn_rad) for segment in segments) < math.radians(175)
-    union = twin(design, FINE_MM).body()
+    union = Twin(design, FINE_MM).body()
     shape = Polygon(contour.flattened_mm(FINE_MM))
     # Chords leave out a little of every arc.
     chords_mm2 = FINE_MM * sum(segment.length_mm for segment in segments if segment.bulge)
@@ -151,19 +152,19 @@ WITHOUT_TAIL = Design(
 @settings(max_examples=60)
 @given(ORDINARY)
 @example(WITHOUT_TAIL)
-def test_designs_like_the_papers(twin, design):
-    check(design, twin)
+def test_designs_like_the_papers(design):
+    check(design)
 
 
 @settings(max_examples=150)
 @given(ODD)
-def test_odd_designs(twin, design):
-    check(design, twin)
+def test_odd_designs(design):
+    check(design)
 
 
 @settings(max_examples=100)
 @given(ODD, st.sampled_from([-1.0, 0.55, 3.0, 12.0]))
-def test_offsets_of_odd_designs(twin, design, offset_mm):
+def test_offsets_of_odd_designs(design, offset_mm):
     outline = body_outline(design, offset_mm)
     assert np.isfinite(outline.contour.points_mm).all()
     shape = Polygon(outline.contour.flattened_mm(FINE_MM))
@@ -171,7 +172,7 @@ def test_offsets_of_odd_designs(twin, design, offset_mm):
     if outline.problems or not shape.is_valid or not lumen.is_valid:
         return
     event("compared")
-    edge = twin(design, FINE_MM).body(beyond_mm=50.0).boundary
+    edge = Twin(design, FINE_MM).body(beyond_mm=50.0).boundary
     points = shapely.points(shapely.get_coordinates(shapely.segmentize(shape.exterior, 5.0)))
     # The mouth's own line is nearer to the lumen drawn out than the offset.
     clear = points[shapely.get_x(points) > -design.build.tail_mm + 1e-6]

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from vinefab.core.rng import child
-from vinefab.fabrication.rules.penalty import fabrication_penalty
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.model.finding import Finding
 from vinefab.model.laser import LaserProfile
+from vinefab.search.penalty_batch import PenaltyRules
 
 POUCHES = (
     None,
@@ -66,7 +66,8 @@ def assert_answered(designs: Iterator[Design], profile: LaserProfile) -> None:
     for design in designs:
         report = run_checks(Subject.of(design, profile))
         assert all(is_finite(finding) for finding in report.findings), design
-        assert 0.0 <= fabrication_penalty(design, sheet_mm=(900.0, 500.0)) < 200.0
+        rules = PenaltyRules.of(design.build, profile, {}, (900.0, 500.0))
+        assert 0.0 <= rules.penalties([design])[0] < 200.0
 
 
 @pytest.mark.parametrize("block", range(6))

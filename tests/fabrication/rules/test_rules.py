@@ -879,17 +879,6 @@ def test_a_fillet_cut_down_by_a_narrow_angle_is_found(make: Make) -> None:
     assert findings[1].limit == 6.0
 
 
-@pytest.mark.parametrize(
-    ("fillet_mm", "severities"), [(23.9, []), (24.1, [W]), (47.9, [W]), (48.1, [E])]
-)
-def test_a_fillet_that_swells_its_child_is_found(
-    fillet_mm: float, severities: list[Severity], make: Make
-) -> None:
-    # children are 24 mm wide: once that is a warning, twice an error
-    wide_apart = make((2, 400.0, 150.0), fillet_mm=(fillet_mm,))
-    assert [f.severity for f in found(Subject.of(wide_apart), "VF-C04")] == severities
-
-
 def test_a_pouch_narrower_than_its_branch_is_found(make: Make) -> None:
     subject = Subject.of(make((2, 200.0, 60.0), pouch=Pouch(shape="round", radius_mm=11.9)))
     assert [f.measured for f in found(subject, "VF-C07")] == [23.8]

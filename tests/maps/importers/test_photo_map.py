@@ -11,6 +11,7 @@ from tests.photos.conftest import TrueCamera
 from tests.photos.measure_walls import photo_of_bricks
 from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError
+from vinefab.maps.importers import photo_map
 from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 from vinefab.maps.importers.importers import import_map
 from vinefab.maps.importers.photo_map import read_photo_map
@@ -77,6 +78,15 @@ def test_bricks_with_markers_around_have_their_walls_within_a_millimetre(found):
     assert world.environment == "photo"
     assert world.facts["markers"] == [0, 1, 2, 3]
     assert world.size_mm == pytest.approx((484.0, 384.0), abs=1.5)
+
+
+def test_plans_that_are_looked_at_in_parts_have_the_same_walls(table, found, monkeypatch):
+    options = ImportOptions(photo=PhotoOptions(marker_mm=30.0, height_mm=HEIGHT_MM))
+    for cells in (37, 10**6):
+        monkeypatch.setattr(photo_map, "_TILE", cells)
+        other = read_photo_map(table, options).world
+        assert other.obstacles == found.world.obstacles
+        assert other.facts == found.world.facts
 
 
 def test_without_their_height_bricks_lean(table):

@@ -139,14 +139,9 @@ def _matrix(profile: LaserProfile) -> Matrix | None:
 
 def _written(spec: LaserFileSpec) -> LaserFiles:
     """Return a job's laser files under its own name, read back."""
-    written = laser_files(spec, stem=spec.job.name)
-    if any(path.contour.arc_count for path in spec.job.paths):
-        return written
-    same = DXF_POLYLINE.file_name(spec.job.name)  # without arcs the same drawing as the DXF
-    return LaserFiles(
-        files={name: data for name, data in written.files.items() if name != same},
-        problems={name: found for name, found in written.problems.items() if name != same},
-    )
+    # Without arcs the drawing of chords is the same as the DXF.
+    without = () if any(path.contour.arc_count for path in spec.job.paths) else (DXF_POLYLINE,)
+    return laser_files(spec, stem=spec.job.name, without=without)
 
 
 def _checked(

@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.special import stdtrit
+import scipy  # its parts load at their first use
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
@@ -35,7 +34,7 @@ class Estimate:
 
     def half_width(self, level: float = 0.95) -> float:
         """Return half of the interval by Student's t that holds the truth so often."""
-        return float(stdtrit(self.degrees, 0.5 * (1.0 + level))) * self.uncertainty
+        return float(scipy.special.stdtrit(self.degrees, 0.5 * (1.0 + level))) * self.uncertainty
 
     def times(self, factor: float) -> "Estimate":
         """Return the number in another unit."""
@@ -236,7 +235,7 @@ def _fit_some(paths: Sequence[GrownPath], known: Mapping[str, float]) -> dict[st
     start = dict(
         zip(GROWTH_CONSTANTS, (0.3 * measured.min(), 0.5, 0.6 * measured.min(), 0.25), strict=True)
     )
-    solved = least_squares(
+    solved = scipy.optimize.least_squares(
         residuals,
         [start[name] for name in names],
         bounds=(

@@ -16,8 +16,8 @@ from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
 
+import scipy  # its parts load at their first use
 import tomli_w
-from scipy.stats import beta
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR
@@ -391,7 +391,9 @@ def children_out(results: Results) -> tuple[MeasuredShare, ...]:
         if out == 0:
             place = results.of("children_out")[0]
             raise place.wrong(f"none of {tried} at {pressure_kpa:g} kPa", "at least one came out")
-        ends = [float(beta.ppf(q, out + 0.5, tried - out + 0.5)) for q in (0.025, 0.975)]
+        ends = [
+            float(scipy.stats.beta.ppf(q, out + 0.5, tried - out + 0.5)) for q in (0.025, 0.975)
+        ]
         shares.append(
             MeasuredShare(
                 low=ends[0],

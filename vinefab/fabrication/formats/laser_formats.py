@@ -70,7 +70,11 @@ def formats_for(spec: LaserFileSpec, requested: Collection[str] = ()) -> dict[st
 
 
 def laser_files(
-    spec: LaserFileSpec, *, stem: str = "outline", requested: Collection[str] = ()
+    spec: LaserFileSpec,
+    *,
+    stem: str = "outline",
+    requested: Collection[str] = (),
+    without: Collection[LaserFormat] = (),
 ) -> LaserFiles:
     """Write a job in every format and read every file back.
 
@@ -82,6 +86,8 @@ def laser_files(
         How the names of the files begin.
     requested
         Names of formats that are written on request only, such as `R12_FORMAT`.
+    without
+        Formats that are left out.
 
     Raises
     ------
@@ -92,7 +98,8 @@ def laser_files(
     --------
     ensure_read_back : Raises for a file that differs from its job.
     """
-    formats = {one.file_name(stem): one for one in formats_for(spec, requested).values()}
+    some = [one for one in formats_for(spec, requested).values() if one not in without]
+    formats = {one.file_name(stem): one for one in some}
     files = {name: one.write(spec).encode() for name, one in formats.items()}
     return LaserFiles(
         files=files,

@@ -22,7 +22,7 @@ from vinefab.fabrication.formats.laser_drawing import (
     ReadDrawing,
     StyledPath,
 )
-from vinefab.model.outline import Contour
+from vinefab.model.outline import Contour, following
 
 
 def file_problems(
@@ -176,7 +176,7 @@ def _sizes(contour: Contour) -> _Sizes:
 def _probes_mm(contour: Contour) -> Floats:
     """Return the vertices and the middle of every segment, on the arc where it is one."""
     start = contour.points_mm
-    end = np.roll(start, -1, axis=0)
+    end = following(start)
     if not contour.closed:
         start, end = start[:-1], end[:-1]
     chord = end - start

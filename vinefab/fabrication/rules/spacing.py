@@ -48,7 +48,7 @@ def capsules_of(layout: FlatLayout, build: Build) -> Capsules:
     end_half = layout.end_width_mm / 2.0
     starts, ends = [start], [layout.end_mm]
     halves, end_halves, branches = [layout.width_mm / 2.0], [end_half], [rows]
-    for low_mm, high_mm, half_mm in _tail_capsules(layout, build):
+    for low_mm, high_mm, half_mm in tail_capsules(build):
         starts.append(np.array([low_mm]))
         ends.append(np.array([high_mm]))
         halves.append(np.array([half_mm]))
@@ -74,7 +74,7 @@ def capsules_of(layout: FlatLayout, build: Build) -> Capsules:
     )
 
 
-def _tail_capsules(layout: FlatLayout, build: Build) -> list[tuple[Point, Point, float]]:
+def tail_capsules(build: Build) -> list[tuple[Point, Point, float]]:
     """Return ends and half widths of what the trunk's own capsule leaves out of tail and collar.
 
     They begin so far from the mouth that their round ends do not reach beyond it. A collar's
@@ -83,10 +83,10 @@ def _tail_capsules(layout: FlatLayout, build: Build) -> list[tuple[Point, Point,
     half, wide = build.widths_mm[0] / 2.0, build.mouth_width_mm / 2.0
     found = []
     if build.taper and build.taper[0] < 1.0:
-        found.append(((min(0.0, half - layout.tail_mm), 0.0), (0.0, 0.0), half))
+        found.append(((min(0.0, half - build.tail_mm), 0.0), (0.0, 0.0), half))
     if build.collar is not None and wide > half:
-        end_mm = min(0.0, build.collar.reach_mm - layout.tail_mm)
-        found.append(((min(end_mm, wide - layout.tail_mm), 0.0), (end_mm, 0.0), wide))
+        end_mm = min(0.0, build.collar.reach_mm - build.tail_mm)
+        found.append(((min(end_mm, wide - build.tail_mm), 0.0), (end_mm, 0.0), wide))
     return found
 
 

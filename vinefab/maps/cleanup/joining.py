@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts load at their first use
 import shapely
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -56,7 +54,7 @@ def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
 
 def _near_pairs(ends: Floats, near_mm: float) -> Ints:
     """Return which pairs of ends are near each other, shape (n, 2); refuse millions."""
-    tree = cKDTree(ends)
+    tree = scipy.spatial.cKDTree(ends)
     count = (int(tree.count_neighbors(tree, near_mm)) - len(ends)) // 2
     if count > _MOST_NEAR_ENDS:
         value = f"{counted(count, 'pair')} of ends within {near_mm:.3g} mm"
@@ -70,8 +68,10 @@ def _end_nodes(lines: list[Line], same_mm: float) -> Ints:
     """Return which node each line begins and ends at, shape (n, 2); near ends share a node."""
     ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
     pairs = _near_pairs(ends, same_mm)
-    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(ends), len(ends)))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64).reshape(-1, 2)
+    graph = scipy.sparse.coo_array((np.ones(len(pairs)), pairs.T), shape=(len(ends), len(ends)))
+    return np.asarray(
+        scipy.sparse.csgraph.connected_components(graph, directed=False)[1], dtype=np.int64
+    ).reshape(-1, 2)
 
 
 def _chains(lines: list[Line]) -> list[Line]:
@@ -306,7 +306,7 @@ def closing_gap_mm(
         The widest gap that may be joined.
     """
     ends = np.array([line.points_mm[[0, -1]] for line in left]).reshape(-1, 2)
-    gap_mm = float(np.max(cKDTree(ends).query(ends, k=[2])[0]))
+    gap_mm = float(np.max(scipy.spatial.cKDTree(ends).query(ends, k=[2])[0]))
     # Printed with four digits, so that what is typed is at least the gap.
     typed_mm = float(f"{gap_mm * (1.0 + 1e-3):.4g}")
     if typed_mm > most_mm:

@@ -8,10 +8,9 @@ stays solid (and counted); and in one fill it joins overlapping islands by even-
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts load at their first use
 import shapely
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -149,8 +148,10 @@ def merged(polygons: list[Polygon], gap_mm: float, changes: Changes) -> list[Pol
     for pattern in (_OVERLAP, _SHARED_EDGE):
         joined |= shapely.relate_pattern(items[one], items[other], pattern)
     one, other, apart = one[joined], other[joined], apart[joined]
-    graph = coo_array((np.ones(len(one)), (one, other)), shape=(len(items), len(items)))
-    count, group = connected_components(graph, directed=False)
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(one)), (one, other)), shape=(len(items), len(items))
+    )
+    count, group = scipy.sparse.csgraph.connected_components(graph, directed=False)
     result: list[Polygon] = []
     gaps = np.bincount(group[one[apart]], minlength=count)
     order = np.argsort(group, kind="stable")

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts load at their first use
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 from shapely import Polygon
 
 from vinefab.core.errors import BadInputError
@@ -387,7 +387,7 @@ def _region(
 
     The labels of all cells are freed here: they take four times as much as the cells.
     """
-    labels, count = ndimage.label(free)
+    labels, count = scipy.ndimage.label(free)
     if count == 0:
         raise BadInputError("image", "no free cell", "at least one free cell")
     # Row by row: `bincount` copies what it counts as 8-byte integers.
@@ -403,7 +403,7 @@ def _region(
         if wanted == 0:
             place = f"({start.x_mm:g}, {start.y_mm:g}) mm"
             raise BadInputError("start", place, "a free cell")
-    rows, columns = ndimage.find_objects(labels, max_label=wanted)[wanted - 1]
+    rows, columns = scipy.ndimage.find_objects(labels, max_label=wanted)[wanted - 1]
     left_out: dict[str, object] = {
         "free_regions_left_out": count - 1,
         "free_area_left_out_mm2": float(sizes.sum() - sizes[wanted]) * placement.cell_mm**2,

@@ -3,12 +3,13 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
+import scipy  # its parts load at their first use
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
-from scipy import ndimage
 
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.plain_text import visible
@@ -59,6 +60,10 @@ _EDGE_CELLS = 9
 _EDGE_SHARE = 0.5
 """A step of less than half of the contrast is a shadow's edge, not an obstacle's."""
 
+_TILE, _NEAR_CELLS = 128, 8
+"""Side of the parts of a plan that are looked at alone, in cells, and what the tones of a cell
+depend on around it: more than the reach of the two filters together."""
+
 _TRIALS = 40
 
 _MOST_SIDES = 100.0
@@ -76,6 +81,9 @@ _MOST_OFF_SHARE = 0.08
 
 _CORNER_BLUR = 0.8
 """Blur of standard deviation one rounds a square corner by about so much (computed)."""
+
+
+Pixels = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -111,7 +119,9 @@ def read_photo_map(path: Path, options: ImportOptions) -> PhotoMap:
         tones = _Tones.of(views[0], chosen, shown[0], scene.mixing)
         # What stands upright is seen at its place at every height; its sides are seen beside it
         # on the floor or at the top. (In between: where one's side and another's top would meet.)
-        solid = np.logical_and.reduce([tones.solid(view) for view in views])
+        solid = tones.solid(views[0].pixels)
+        for view in views[1:]:
+            solid = tones.still_solid(view.pixels, solid)
         free = np.logical_and.reduce(shown) & (~solid | _within(scene.quiet_squares(), views[0]))
         world = _world(path, scene, views[0], free, options, tones)
     return PhotoMap(
@@ -392,32 +402,46 @@ class _Tones:
             return cls(chosen, None)
         if chosen.threshold is not None:
             return cls(chosen, chosen.threshold)
-        low, high = _two_tones(_brightness(view)[shown])
+        low, high = _two_tones(_brightness(view.pixels)[shown])
         return cls(chosen, (low + high) / 2.0, high - low, mixing)
 
-    def solid(self, view: PlanView) -> Mask:
-        """Return which cells of a plan are obstacles."""
+    def still_solid(self, pixels: Pixels, before: Mask) -> Mask:
+        """Return which obstacle cells of one plan are so in another: only they are looked at."""
+        after = np.zeros_like(before)
+        rows, columns = before.shape
+        for row, column in product(range(0, rows, _TILE), range(0, columns, _TILE)):
+            tile = np.s_[row : row + _TILE, column : column + _TILE]
+            if not before[tile].any():
+                continue
+            top, left = max(0, row - _NEAR_CELLS), max(0, column - _NEAR_CELLS)
+            around = pixels[top : row + _TILE + _NEAR_CELLS, left : column + _TILE + _NEAR_CELLS]
+            found = self.solid(around)[row - top :, column - left :][:_TILE, :_TILE]
+            after[tile] = found & before[tile]
+        return after
+
+    def solid(self, pixels: Pixels) -> Mask:
+        """Return which cells of a plan, or of a part of it, are obstacles."""
         if self.threshold is None:
             *colour, tolerance = self.chosen.colour or ()
-            pixels = ndimage.gaussian_filter(
-                view.pixels.astype(np.float32), (_SMOOTHING_PX, _SMOOTHING_PX, 0)
+            smooth = scipy.ndimage.gaussian_filter(
+                pixels.astype(np.float32), (_SMOOTHING_PX, _SMOOTHING_PX, 0)
             )
-            off = pixels - np.array(colour, dtype=np.float32)
+            off = smooth - np.array(colour, dtype=np.float32)
             return np.asarray(np.linalg.norm(off, axis=2) <= tolerance)
-        bright = _brightness(view)
+        bright = _brightness(pixels)
         # Half the light at an edge where one is near, else the threshold: in a shadow, and where
         # the light is weaker, an edge lies at another brightness.
-        high = ndimage.maximum_filter(bright, _EDGE_CELLS)
-        low = ndimage.minimum_filter(bright, _EDGE_CELLS)
+        high = scipy.ndimage.maximum_filter(bright, _EDGE_CELLS)
+        low = scipy.ndimage.minimum_filter(bright, _EDGE_CELLS)
         edge = high - low > _EDGE_SHARE * self.contrast
         light = (high ** (1.0 / self.mixing) + low ** (1.0 / self.mixing)) / 2.0
         between = np.where(edge, light**self.mixing, np.float32(self.threshold or 0.0))
         return np.asarray(bright < between if self.chosen.obstacles == "dark" else bright > between)
 
 
-def _brightness(view: PlanView) -> NDArray[np.float32]:
-    grey = np.asarray(Image.fromarray(view.pixels).convert("L"), dtype=np.float32)
-    return np.asarray(ndimage.gaussian_filter(grey, _SMOOTHING_PX))
+def _brightness(pixels: Pixels) -> NDArray[np.float32]:
+    grey = np.asarray(Image.fromarray(pixels).convert("L"), dtype=np.float32)
+    return np.asarray(scipy.ndimage.gaussian_filter(grey, _SMOOTHING_PX))
 
 
 def _two_tones(bright: NDArray[np.float32]) -> tuple[float, float]:

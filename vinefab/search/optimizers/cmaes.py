@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
+import scipy  # its parts load at their first use
 from annotated_types import Ge, Le
 from cmaes import CatCMAwM
-from scipy import special
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
@@ -166,8 +166,8 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
         high = self._z_lim[rows, np.clip(after, 0, last)]
         root = np.sqrt(np.diag(self._C)[place])
         scale = self._sigma * self._A[place] * root
-        below = special.ndtr((low - middle) / scale)
-        above = 1.0 - special.ndtr((high - middle) / scale)
+        below = scipy.special.ndtr((low - middle) / scale)
+        above = 1.0 - scipy.special.ndtr((high - middle) / scale)
         at_end = np.maximum(below, above) > 0.5
         if at_end.any():
             self._widen_at_end(at_end, np.minimum(below, above), high)
@@ -219,7 +219,7 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
 
 def _square_of(chance: Any) -> Any:  # noqa: ANN401 - a number or an array
     """Return the quantile of the chi-square distribution with one degree of freedom."""
-    return 2.0 * special.gammaincinv(0.5, chance)
+    return 2.0 * scipy.special.gammaincinv(0.5, chance)
 
 
 _PACKED = {"_mean": "d", "_C": "dd", "_p_sigma": "d", "_pc": "d", "_A": "d", "_B": "dd", "_D": "d"}

@@ -9,7 +9,7 @@ import * as growthPanel from "studio/growth_panel.js";
 import * as mapPanel from "studio/map_panel.js";
 import * as searchPanel from "studio/search_panel.js";
 import * as sheetPanel from "studio/sheet_panel.js";
-import { GONE, createLink } from "studio/link.js";
+import { GONE, createLink, problemOf } from "studio/link.js";
 import { createStore } from "studio/store.js";
 
 const PANELS = {
@@ -20,8 +20,14 @@ const KEPT = "vinefab-studio";
 const TOKEN = "vinefab-token";
 const WIDE = matchMedia("(min-width: 1151px)"); // as in studio.css
 
-const byId = (id) => document.getElementById(id);
+/** @param {string} id */
+function byId(id) {
+  const found = document.getElementById(id);
+  if (!found) throw new Error(`the page has no #${id}`);
+  return found;
+}
 
+/** @param {string} text @param {"info" | "error"} kind */
 function say(text, kind = "info", isOfLink = false) {
   // While there is no server, that is the news; what failed for want of it is not.
   if (!isOfLink && document.documentElement.dataset.link === "down") return;
@@ -30,20 +36,33 @@ function say(text, kind = "info", isOfLink = false) {
   status.dataset.kind = kind;
 }
 
+/**
+ * Return what calls listeners by name.
+ * @template {object} H
+ */
+function createSignals() {
+  const listeners = /** @type {{ [N in keyof H]?: ((value: H[N]) => void)[] }} */ ({});
+  return {
+    /** @template {keyof H} N @param {N} name @param {(value: H[N]) => void} fn */
+    on(name, fn) {
+      listeners[name] ??= [];
+      listeners[name].push(fn);
+    },
+    /** @template {keyof H} N @param {N} name @param {H[N]} value */
+    tell(name, value) {
+      for (const fn of listeners[name] ?? []) fn(value);
+    },
+  };
+}
+
+/** @param {Hello} hello @param {Link | null} link @param {Stored | null} stored @returns {App} */
 function createApp(hello, link, stored) {
   const answers = stored?.answers ?? {};
-  const answerListeners = new Map();
-  const eventListeners = new Map();
-  const previewListeners = new Set();
-  const highlightListeners = new Set();
-  const referenceListeners = new Set();
+  const found = /** @type {typeof createSignals<Found>} */ (createSignals)();
+  const heard = /** @type {typeof createSignals<Heard>} */ (createSignals)();
   const store = createStore(hello.state);
 
-  function keep(panel, answer, state) {
-    answers[panel] = answer;
-    for (const fn of answerListeners.get(panel) ?? []) fn(answer, state);
-  }
-
+  /** @type {App} */
   const app = {
     store,
     answers,
@@ -51,16 +70,25 @@ function createApp(hello, link, stored) {
     live: !stored,
     file: { ...hello.file, saved_design: structuredClone(hello.state.design), dirty: false },
     previewed: null,
+    present: null,
     reference: null,
     showGhost: true,
+    restored: false,
+    timings: [],
+    remember() {},
     say,
+    fail(thrown, about = "") {
+      const problem = problemOf(thrown);
+      if (problem) say(`${about}${problem}`, "error");
+    },
 
     async ask(panel, ask = {}, { state } = {}) {
       if (!link) throw { stale: true };
       const asked = state ?? app.shown();
-      const found = await link.ask(panel, ask, asked);
-      keep(panel, found.answer, found.state);
-      return found.answer;
+      const reply = await link.ask(panel, ask, asked);
+      answers[panel] = reply.answer;
+      found.tell(panel, reply);
+      return reply.answer;
     },
     cancel: (panel) => link?.cancel(panel),
     onProgress: (panel, fn) => link?.onProgress(panel, fn),
@@ -68,17 +96,12 @@ function createApp(hello, link, stored) {
       if (!link) throw { message: "this is a snapshot, without a server" };
       return link.desk(name, ask, store.get());
     },
-    on(event, fn) {
-      if (!eventListeners.has(event)) eventListeners.set(event, new Set());
-      eventListeners.get(event).add(fn);
-    },
-    take(message) {
-      for (const fn of eventListeners.get(message.event) ?? []) fn(message);
-    },
+    on: heard.on,
+    take: (message) => heard.tell(message.event, message),
     onAnswer(panel, fn) {
-      if (!answerListeners.has(panel)) answerListeners.set(panel, new Set());
-      answerListeners.get(panel).add(fn);
-      if (answers[panel]) fn(answers[panel], store.get());
+      found.on(panel, ({ answer, state }) => fn(answer, state));
+      const answer = /** @type {Partial<Answers>} */ (answers)[panel];
+      if (answer) fn(answer, store.get());
     },
 
     /** The state that is shown: with the previewed design, if there is one. */
@@ -89,42 +112,42 @@ function createApp(hello, link, stored) {
     /** Show another design without taking it, with the present one as a ghost; null ends it. */
     preview(design) {
       app.previewed = design;
-      for (const fn of previewListeners) fn(design);
+      heard.tell("preview", design);
     },
-    onPreview: (fn) => previewListeners.add(fn),
-    highlight(branches) {
-      for (const fn of highlightListeners) fn(branches);
-    },
-    onHighlight: (fn) => highlightListeners.add(fn),
+    onPreview: (fn) => heard.on("preview", fn),
+    highlight: (branches) => heard.tell("highlight", branches),
+    onHighlight: (fn) => heard.on("highlight", fn),
     setReference(reference) {
       app.reference = reference;
-      for (const fn of referenceListeners) fn(reference);
+      heard.tell("reference", null);
     },
-    onReference: (fn) => referenceListeners.add(fn),
+    onReference: (fn) => heard.on("reference", fn),
   };
   return app;
 }
 
 function mountTabs() {
-  for (const list of document.querySelectorAll("[role=tablist]")) {
-    const tabs = [...list.querySelectorAll("[role=tab]")];
-    const show = (chosen) => {
+  for (const list of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[role=tablist]"))) {
+    const tabs = /** @type {HTMLElement[]} */ ([...list.querySelectorAll("[role=tab]")]);
+    const panelOf = (/** @type {HTMLElement} */ tab) => tab.getAttribute("aria-controls") ?? "";
+    const show = (/** @type {HTMLElement} */ chosen) => {
       for (const tab of tabs) {
         const isChosen = tab === chosen;
         tab.setAttribute("aria-selected", String(isChosen));
         tab.tabIndex = isChosen ? 0 : -1;
-        byId(tab.getAttribute("aria-controls")).hidden = !isChosen;
+        byId(panelOf(tab)).hidden = !isChosen;
       }
-      dispatchEvent(new CustomEvent("tabshown", { detail: chosen.getAttribute("aria-controls") }));
+      dispatchEvent(new CustomEvent("tabshown", { detail: panelOf(chosen) }));
     };
     for (const tab of tabs) tab.addEventListener("click", () => show(tab));
     // On a wide window the sheet is a column: its tab is there on narrow ones alone.
-    WIDE.addEventListener("change", () => { if (byId("side") && !byId("side").hidden) tabs[0].click(); });
-    list.addEventListener("keydown", (event) => {
-      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+    WIDE.addEventListener("change", () => { if (!byId("side").hidden) tabs[0].click(); });
+    list.addEventListener("keydown", ({ key }) => {
+      const step = key === "ArrowRight" ? 1 : key === "ArrowLeft" ? -1 : 0;
       if (!step) return;
       const shown = tabs.filter((tab) => tab.checkVisibility());
-      const next = shown.at((shown.indexOf(document.activeElement) + step) % shown.length);
+      const next = shown.at((shown.findIndex((tab) => tab.matches(":focus")) + step) % shown.length);
+      if (!next) return;
       next.focus();
       show(next);
     });
@@ -134,7 +157,7 @@ function mountTabs() {
 function mountTheme() {
   const button = byId("theme");
   const dark = matchMedia("(prefers-color-scheme: dark)");
-  const set = (isDark) => {
+  const set = (/** @type {boolean} */ isDark) => {
     document.documentElement.dataset.theme = isDark ? "dark" : "light";
     button.setAttribute("aria-pressed", String(isDark));
   };
@@ -143,24 +166,25 @@ function mountTheme() {
   dark.addEventListener("change", () => set(dark.matches));
 }
 
+/** @param {App} app */
 function mountHistory(app) {
   const undo = byId("undo");
   const redo = byId("redo");
+  /** @param {HTMLElement} button @param {string} label @param {string} word */
+  const showStep = (button, label, word) => {
+    button.toggleAttribute("disabled", !label || !app.live);
+    button.title = label ? `${word}: ${label}` : `Nothing to ${word.toLowerCase()}`;
+  };
   const show = () => {
-    for (const [button, label, word] of [
-      [undo, app.store.canUndo(), "Undo"],
-      [redo, app.store.canRedo(), "Redo"],
-    ]) {
-      button.disabled = !label || !app.live;
-      button.title = label ? `${word}: ${label}` : `Nothing to ${word.toLowerCase()}`;
-    }
+    showStep(undo, app.store.canUndo(), "Undo");
+    showStep(redo, app.store.canRedo(), "Redo");
   };
   undo.addEventListener("click", () => app.store.undo());
   redo.addEventListener("click", () => app.store.redo());
   addEventListener("keydown", (event) => {
     if (!(event.ctrlKey || event.metaKey) || event.altKey || !app.live) return;
     const key = event.key.toLowerCase();
-    const isText = event.target.matches?.("input[type=text], textarea");
+    const isText = event.target instanceof Element && event.target.matches("input[type=text], textarea");
     if (isText || (key !== "z" && key !== "y")) return;
     event.preventDefault();
     if (key === "y" || event.shiftKey) app.store.redo();
@@ -170,7 +194,7 @@ function mountHistory(app) {
   show();
 }
 
-/** Keep the state over a reload of the tab; unsaved work outlives the tab in the recovery file. */
+/** Keep the state over a reload of the tab; unsaved work outlives the tab in the recovery file. @param {App} app */
 function mountKeeping(app) {
   app.remember = () => {
     const content = { started: app.hello.started, state: app.store.get(), file: app.file };
@@ -183,6 +207,11 @@ function mountKeeping(app) {
   app.store.subscribe(app.remember);
 }
 
+/**
+ * Return what a reload of this tab finds of itself.
+ * @param {Hello} hello
+ * @returns {{ state: StudioState, file: OpenFile } | null}
+ */
 function kept(hello) {
   try {
     const found = JSON.parse(sessionStorage.getItem(KEPT) ?? "null");
@@ -192,6 +221,7 @@ function kept(hello) {
   }
 }
 
+/** @param {Hello} hello @param {Link | null} link @param {Stored | null} stored */
 function start(hello, link, stored) {
   const before = stored ? null : kept(hello);
   const app = createApp(before ? { ...hello, state: before.state } : hello, link, stored);
@@ -204,13 +234,13 @@ function start(hello, link, stored) {
   if (app.live) mountKeeping(app);
   for (const [name, panel] of Object.entries(PANELS)) panel.mount(byId(name), app);
   document.documentElement.dataset.ready = "true";
-  say(app.live ? "Ready" : snapshotWords(stored));
+  say(stored ? snapshotWords(stored) : "Ready");
   return app;
 }
 
-/** Say of a snapshot what it is, and how to go on from it. */
+/** Say of a snapshot what it is, and how to go on from it. @param {Stored} stored */
 function snapshotWords({ date, hello }) {
-  const file = decodeURIComponent(location.pathname.split("/").at(-1));
+  const file = decodeURIComponent(location.pathname.replace(/.*\//, ""));
   const opens = file.endsWith(".html") ? file : "FILE.html";
   return `A snapshot${date ? ` of ${date}` : ""} by vinefab ${hello.version}: nothing here is computed anew.`
     + ` To go on from it: vinefab studio ${/^[\w.-]+$/.test(opens) ? opens : `'${opens}'`}`;
@@ -235,13 +265,13 @@ function leave() {
 }
 
 function main() {
-  const stored = byId("stored");
+  const stored = document.getElementById("stored");
   if (stored) {
     const content = JSON.parse(stored.textContent);
     start(content.hello, null, content);
     return;
   }
-  let app = null;
+  let app = /** @type {App | null} */ (null);
   const token = takenToken();
   if (!token) {
     leave();
@@ -249,20 +279,15 @@ function main() {
   }
   const link = createLink(token, {
     onEvent(message) {
-      if (message.event === "hello" && !app) app = start(message, link, null);
-      else if (message.event === "hello") app.take({ ...message, event: "again" });
-      else app?.take(message);
+      if (message.event !== "hello") app?.take(message);
+      else if (app) app.take({ ...message, event: "again" });
+      else app = start(message, link, null);
     },
     onState(isUp, isOver) {
       document.documentElement.dataset.link = isUp ? "up" : "down";
       if (isUp) return;
       if (isOver && !app) leave();
-      say(
-        isOver ? "The studio was started anew: open the address that it printed"
-          : GONE,
-        "error",
-        true,
-      );
+      say(isOver ? "The studio was started anew: open the address that it printed" : GONE, "error", true);
     },
   });
 }

@@ -5,23 +5,24 @@ import { familyConditions, isClear, signed } from "studio/family_panel.js";
 
 const REST_MS = 500;
 const STILL_MS = 120;
+/** Which version is compared with: its name and what that means. */
 const RULES = {
   step: ["before the last change", "The version that was open, unchanged for half a second, before the design was changed last"],
   saved: ["as last saved or opened", "The design in the file"],
   kept: ["kept as reference", "The version that the button keeps, until another one is kept"],
 };
 
-const same = (one, two) => JSON.stringify(one) === JSON.stringify(two);
-
-/** What the answers of a panel depend on beside the design. */
+/** What the answers of a panel depend on beside the design. @type {Record<keyof Compared, (state: StudioState) => string>} */
 const CONDITIONS = {
   live: ({ map, pose, growth }) => JSON.stringify([map, pose, growth]),
   rules: ({ map, pose, growth, recipe }) => JSON.stringify([map, pose, growth, recipe]),
   family: familyConditions,
 };
 
+const PANELS = /** @type {const} */ (["live", "rules", "family"]);
 const GROUPS = ["simulated", "computed"];
 
+/** @param {string} item @param {number} factor @returns {Measure["of"]} */
 function billValue(item, factor) {
   return (found) => {
     const line = found.rules?.bill?.find((one) => one.item === item);
@@ -29,28 +30,31 @@ function billValue(item, factor) {
   };
 }
 
-/** What is compared: where it comes from, whether more or less of it is better, how it is written. */
+/** Return what is compared. @param {Partial<Compared>} answers @param {string} task @returns {Measure[]} */
 function measures(answers, task) {
   const tasks = Object.keys(answers.live?.scores ?? {});
   return [
-    ...tasks.map((name) => ({
+    ...tasks.map((name) => /** @type {Measure} */ ({
       key: `score-${name}`, name, group: "simulated", panel: "live", better: 1, digits: 3, unit: "",
       title: `Score on the open map, task ${name}`, of: (found) => found.live?.scores?.[name],
     })),
     {
       key: "family", name: "many maps", group: "simulated", panel: "family", better: 1, digits: 3, unit: "",
       title: `Mean score over many maps, task ${task}`, of: (found) => found.family?.distribution?.mean,
-      isUnclear: (found) => Boolean(found.family?.difference) && !isClear(found.family.difference),
+      isUnclear: ({ family }) => Boolean(family?.difference && !isClear(family.difference)),
     },
     {
       key: "grown", name: "length grown", group: "simulated", panel: "live", better: 1, digits: 1, unit: "%",
       title: "Grown over planned length of all branches, on the open map",
-      of: (found) => (found.live?.facts?.planned_mm ? (100 * found.live.facts.grown_mm) / found.live.facts.planned_mm : null),
+      of({ live }) {
+        const { grown_mm = 0, planned_mm = 0 } = live?.facts ?? {};
+        return planned_mm ? (100 * grown_mm) / planned_mm : null;
+      },
     },
     {
       key: "pressure", name: "pressure", group: "simulated", panel: "live", better: -1, digits: 1, unit: "kPa", note: "assumed",
       title: "Pressure that growth to every tip takes on the open map; its constants are assumed",
-      of: (found) => found.live?.facts?.pressure_needed_kpa,
+      of: (found) => found.live?.facts.pressure_needed_kpa,
     },
     {
       key: "film", name: "film", group: "computed", panel: "rules", better: -1, digits: 0, unit: "cm²", note: "assumed",
@@ -71,17 +75,25 @@ function measures(answers, task) {
   ];
 }
 
+/** @param {Measure} measure */
 const nameOf = ({ name, unit }) => (unit ? `${name}, ${unit}` : name);
-const isKnown = (value) => value !== null && value !== undefined && Number.isFinite(value);
+/** Return a number that is one. @param {number | null | undefined} value */
+const known = (value) => (Number.isFinite(value) ? value ?? null : null);
 
-/** Return what is shown of a measure now and before; `comparable` tells whether before is known. */
+/**
+ * Return what is shown of a measure now and before; `comparable` tells whether before is known.
+ * @param {Measure} measure
+ * @param {Partial<Compared>} now
+ * @param {Partial<Compared>} before
+ * @param {boolean} comparable
+ */
 export function comparedCell(measure, now, before, comparable) {
-  const [present, former] = [measure.of(now), comparable ? measure.of(before) : null];
+  const [present, former] = [known(measure.of(now)), comparable ? known(measure.of(before)) : null];
   const cell = { now: "–", before: "–", change: "", kind: "" };
-  if (isKnown(present)) cell.now = present.toFixed(measure.digits);
-  if (!isKnown(former)) return cell;
+  if (present !== null) cell.now = present.toFixed(measure.digits);
+  if (former === null) return cell;
   cell.before = former.toFixed(measure.digits);
-  if (!isKnown(present)) return cell;
+  if (present === null) return cell;
   const gain = present - former;
   const isSame = Math.abs(gain) < 0.5 * 10 ** -measure.digits;
   cell.kind = isSame ? "same" : gain * measure.better > 0 ? "better" : "worse";
@@ -91,10 +103,12 @@ export function comparedCell(measure, now, before, comparable) {
   return cell;
 }
 
+/** @param {Design} design @param {StudioState} state @returns {Version} */
 function version(design, state) {
   return { design, key: JSON.stringify(design), state, answers: {}, conditions: {} };
 }
 
+/** @param {HTMLElement} root @param {App} app */
 export function mount(root, app) {
   const choice = el("select", { id: "compare-with" }, Object.entries(RULES).map(([key, [text]]) => el("option", { value: key }, text)));
   const keep = el("button", { type: "button", id: "keep-reference" }, "Keep this as reference");
@@ -103,23 +117,25 @@ export function mount(root, app) {
   const tables = GROUPS.map((name, index) => el("table", { class: "differences" },
     el("thead", {}, el("tr", {}, [name, "before", "now", "change"].map((text) => el("th", { scope: "col" }, text)))), bodies[index]));
   const changes = el("span");
+  const toolbar = el("div", { class: "toolbar" }, el("label", {}, "Compared with ", choice), keep, rule);
   root.append(
     el("summary", {}, "Changed: ", changes),
-    el("div", { class: "toolbar" }, el("label", {}, "Compared with ", choice), keep, rule),
+    toolbar,
     el("div", { class: "tables" }, tables),
   );
 
-  const rows = new Map();
-  const kept = { step: null, saved: null, kept: null };
+  const rows = /** @type {Map<string, ReturnType<typeof makeRow>>} */ (new Map());
+  const kept = /** @type {Record<keyof typeof RULES, Version | null>} */ ({ step: null, saved: null, kept: null });
   let now = version(app.shown().design, app.shown());
   let changedAt = -Infinity;
-  let stash = null;
+  let stash = /** @type {{ now: Version, step: Version | null } | null} */ (null);
   let keptAt = "";
-  let told = null;
+  let told = /** @type {Version | null} */ (null);
 
   // ---- versions
 
-  const current = () => kept[choice.value];
+  const chosen = () => /** @type {keyof typeof RULES} */ (choice.value);
+  const current = () => kept[chosen()];
 
   /** Take note that another design is shown; what rested before is the version before. */
   function follow() {
@@ -131,17 +147,19 @@ export function mount(root, app) {
       now = version(state.design, state);
     }
     now.state = state;
-    const saved = app.file?.saved_design;
-    const savedKey = saved ? JSON.stringify(saved) : "";
-    if (saved && kept.saved?.key !== savedKey) {
+    const saved = app.file.saved_design;
+    const savedKey = JSON.stringify(saved);
+    if (kept.saved?.key !== savedKey) {
       kept.saved = [now, kept.step, kept.kept].find((one) => one?.key === savedKey) ?? version(saved, state);
     } else if (savedKey === now.key) kept.saved = now;
     show();
     compareAtRest();
   }
 
+  /** @template {keyof Compared} P @param {P} panel @param {Answers[P]} answer @param {StudioState} state */
   function take(panel, answer, state) {
-    if (JSON.stringify(state.design) === now.key && !(panel === "family" && (answer.quick || answer.compiling))) {
+    const isPart = "quick" in answer && (answer.quick || answer.compiling);
+    if (JSON.stringify(state.design) === now.key && !isPart) {
       now.answers[panel] = answer;
       now.conditions[panel] = CONDITIONS[panel](state);
     }
@@ -161,21 +179,22 @@ export function mount(root, app) {
       tell(true);
       show();
     } catch (error) {
-      if (!error.stale && !error.stopped) app.say(`Comparison: ${error.message}`, "error");
+      app.fail(error, "Comparison: ");
     }
   }, STILL_MS);
 
-  /** Tell the other panels which version is compared with. */
+  /** Tell the other panels which version is compared with. @param {boolean} again */
   function tell(again) {
     const reference = current();
     const shown = reference && reference !== now && reference.key !== now.key ? reference : null;
     if (shown === told && !again) return;
     told = shown;
-    app.setReference?.(shown);
+    app.setReference(shown);
   }
 
   // ---- showing
 
+  /** @param {Measure} measure */
   function makeRow(measure) {
     const kind = el("small");
     const change = el("span");
@@ -185,12 +204,13 @@ export function mount(root, app) {
     return { row, before, now, change, kind };
   }
 
+  /** @param {Measure} measure @param {Partial<Compared>} answers @param {Version | null} reference */
   function showRow(measure, answers, reference) {
-    if (!rows.has(measure.key)) rows.set(measure.key, makeRow(measure));
-    const parts = rows.get(measure.key);
-    const comparable = Boolean(reference) && reference.conditions[measure.panel] === CONDITIONS[measure.panel](app.shown());
+    const parts = rows.get(measure.key) ?? makeRow(measure);
+    rows.set(measure.key, parts);
+    const comparable = reference !== null && reference.conditions[measure.panel] === CONDITIONS[measure.panel](app.shown());
     const found = comparedCell(measure, answers, reference?.answers ?? {}, comparable);
-    for (const part of ["before", "now", "change", "kind"]) {
+    for (const part of /** @type {const} */ (["before", "now", "change", "kind"])) {
       const text = found[part] === "same" ? "" : found[part];
       if (parts[part].textContent !== text) parts[part].textContent = text;
     }
@@ -201,8 +221,9 @@ export function mount(root, app) {
     return { row: parts.row, change: found.change && found.kind !== "same" ? `${nameOf(measure)} ${found.change}` : "" };
   }
 
+  /** @param {Version | null} reference */
   function words(reference) {
-    const [text, meaning] = RULES[choice.value];
+    const [text, meaning] = RULES[chosen()];
     choice.title = meaning;
     if (!reference) return choice.value === "kept" ? "none is kept yet" : "none yet: change the design";
     if (reference.key === now.key) return "this is that version";
@@ -218,13 +239,13 @@ export function mount(root, app) {
     // Folded away, its room kept: the map must not jump under the hand.
     const changed = shown.map(({ change }) => change).filter(Boolean).join(" · ");
     if (changes.textContent !== changed) changes.textContent = changed;
-    root.classList.toggle("unchanged", !changed && !root.open);
+    root.classList.toggle("unchanged", !changed && !root.hasAttribute("open"));
     bodies.forEach((body, index) => {
       const wanted = shown.filter(({ group }) => group === GROUPS[index]).map(({ row }) => row);
       if (wanted.length !== body.children.length || wanted.some((row, place) => body.children[place] !== row)) body.replaceChildren(...wanted);
     });
     const text = words(reference);
-    if (rule.textContent !== text) rule.textContent = rule.title = text;
+    if (rule.textContent !== text) Object.assign(rule, { textContent: text, title: text });
     tell(false);
   }
 
@@ -248,12 +269,12 @@ export function mount(root, app) {
     for (const one of Object.values(kept)) if (one) delete one.conditions.live;
     compareAtRest();
   });
-  app.onPreview?.((design) => {
+  app.onPreview((design) => {
     if (design && !stash) stash = { now, step: kept.step };
     if (design) {
       // What is open is what a preview is compared with.
       follow();
-      kept.step = stash.now;
+      kept.step = stash?.now ?? null;
       show();
       return;
     }
@@ -262,7 +283,7 @@ export function mount(root, app) {
     if (was && JSON.stringify(app.store.get().design) === was.now.key) [now, kept.step] = [was.now, was.step];
     follow();
   });
-  for (const panel of ["live", "rules", "family"]) app.onAnswer(panel, (answer, state) => take(panel, answer, state));
+  for (const panel of PANELS) app.onAnswer(panel, (answer, state) => take(panel, answer, state));
   if (!app.live) showStored();
   follow();
 
@@ -270,13 +291,12 @@ export function mount(root, app) {
   function showStored() {
     const reference = app.answers.reference;
     root.hidden = !reference;
-    root.open = true;
+    root.toggleAttribute("open", true);
     if (!reference) return;
     const state = app.shown();
-    kept.step = version(reference.design, state);
-    kept.step.answers = reference.answers;
     // Its answers were computed for the snapshot, under what is open in it.
-    for (const [panel, conditionsOf] of Object.entries(CONDITIONS)) kept.step.conditions[panel] = conditionsOf(state);
-    choice.closest(".toolbar").replaceChildren("Compared with the version before");
+    const conditions = Object.fromEntries(PANELS.map((panel) => [panel, CONDITIONS[panel](state)]));
+    kept.step = { ...version(reference.design, state), answers: reference.answers, conditions };
+    toolbar.replaceChildren("Compared with the version before");
   }
 }

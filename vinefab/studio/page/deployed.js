@@ -1,13 +1,14 @@
 // The inflated body in place of the flat sheet: simulated off the live path, dropped by a change.
 
 import { el, shownBlocks } from "studio/dom.js";
+import { problemOf } from "studio/link.js";
 
 const STILL_MS = 400;
 
-/** What flat pattern and deployed shape depend on, of a state. */
+/** What flat pattern and deployed shape depend on, of a state. @param {StudioState} state */
 export const patternOf = ({ design, recipe, recipe_stamp }) => JSON.stringify([design, recipe, recipe_stamp]);
 
-/** Return the toggle, what stands below the drawing, and what is to be drawn. */
+/** Return the toggle, what stands below the drawing, and what is to be drawn. @param {App} app @param {() => void} redraw */
 export function deployedView(app, redraw) {
   const toggle = el("button", {
     type: "button", id: "deployed-toggle", "aria-pressed": "false",
@@ -18,13 +19,15 @@ export function deployedView(app, redraw) {
   const step = el("span", { class: "step" });
   const box = el("section", { class: "deployed", id: "deployed", "aria-label": "Deployed shape", hidden: true });
   let isOn = false;
-  let found = null;
+  let found = /** @type {Answers["inflated"] | null} */ (null);
   let foundOf = "";
   let asked = "";
   let timer = 0;
 
-  const isFresh = () => found !== null && foundOf === patternOf(app.shown());
+  /** Return what was simulated, if that was of what is shown. */
+  const fresh = () => (foundOf === patternOf(app.shown()) ? found : null);
 
+  /** @param {boolean} on */
   function turn(on) {
     isOn = on;
     toggle.setAttribute("aria-pressed", String(on));
@@ -45,7 +48,8 @@ export function deployedView(app, redraw) {
   function follow(wait_ms = STILL_MS) {
     if (!isOn || (asked && asked === patternOf(app.shown()))) return;
     drop();
-    if (isFresh()) return show();
+    const known = fresh();
+    if (known) return show(known);
     if (!app.live) return say("A snapshot: nothing is simulated here");
     bar.removeAttribute("value");
     step.textContent = "when the design rests";
@@ -55,37 +59,41 @@ export function deployedView(app, redraw) {
 
   async function ask() {
     const state = app.shown();
-    const wanted = (asked = patternOf(state));
+    const wanted = patternOf(state);
+    asked = wanted;
     try {
       const answer = await app.ask("inflated", {}, { state });
       if (asked !== wanted) return;
       [found, foundOf, asked] = [answer, wanted, ""];
-      show();
+      show(answer);
       redraw();
     } catch (error) {
       if (asked !== wanted) return;
       asked = "";
-      if (!error?.stale && !error?.stopped) say(error?.message ?? "the shape could not be simulated", "note warning");
+      const problem = problemOf(error);
+      if (problem) say(problem, "note warning");
     }
   }
 
+  /** @param {string} text */
   function say(text, kind = "note") {
     box.replaceChildren(el("p", { class: kind }, text));
   }
 
-  function show() {
-    const [answer, ...rest] = shownBlocks(found.blocks);
+  /** @param {Answers["inflated"]} answer */
+  function show({ blocks }) {
+    const [first, ...rest] = shownBlocks(blocks);
     box.replaceChildren(
-      answer,
+      first,
       el("p", { class: "note" }, "Filled: deployed (simulated, unverified). Dashed: flat, as cut. Lines: as designed."),
       el("details", {}, el("summary", {}, "Angles, lengths, loads"), el("div", { class: "wide" }, ...rest)),
     );
   }
 
-  app.onProgress?.("inflated", (share, text) => {
+  app.onProgress("inflated", (share, text) => {
     bar.value = share;
     step.textContent = text;
   });
-  app.on?.("again", () => { if (isOn) { asked = ""; follow(0); } });
-  return { toggle, box, follow: () => follow(), shown: () => (isOn && isFresh() ? found : null) };
+  app.on("again", () => { if (isOn) { asked = ""; follow(0); } });
+  return { toggle, box, follow: () => follow(), shown: () => (isOn ? fresh() : null) };
 }

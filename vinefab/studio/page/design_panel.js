@@ -3,56 +3,86 @@
 import { patternOf } from "studio/deployed.js";
 import { el, number, setAt, svgEl, valueAt } from "studio/dom.js";
 
-/** Return the number rows of a table with their whole keys; lists are the levels'. */
-function numberRows(rows, prefix) {
-  return rows.filter((row) => row.slider && !row.first).map((row) => ({ ...row, key: join(prefix, row.key) }));
-}
-
-/** Return the rows that a level has in lists of the build; the trunk is level 1. */
-function listRows(form, level) {
-  const rows = buildLists(form).filter((row) => level >= row.first);
-  return rows.map((row) => ({ ...row, list: `build.${row.key}`, key: `build.${row.key}.${level - row.first}` }));
-}
-
+/** @param {string} prefix @param {string} key */
 const join = (prefix, key) => (prefix ? `${prefix}.${key}` : key);
-const rowOf = (rows, key) => rows.find((row) => row.key === key);
-const buildLists = (form) => rowOf(form.rows, "build").rows.filter((row) => row.first);
+/** @param {string} kind @param {string} key */
+const idOf = (kind, key) => `${kind}-${key.replaceAll(".", "-")}`;
+/** @param {FormRow} row */
+const isNumber = (row) => row.slider !== undefined;
+/** @param {FormRow} row */
+const isChoice = (row) => row.choices !== undefined;
+/** @param {FormRow} row */
+const isTable = (row) => row.rows !== undefined;
 
-/** Return what a row shows where the design leaves the key out. */
+/** Return the number rows of a table with their whole keys; lists are the levels'. @param {FormRow[]} rows @param {string} prefix */
+function numberRows(rows, prefix) {
+  return rows.filter(isNumber).filter((row) => !row.first).map((row) => ({ ...row, key: join(prefix, row.key) }));
+}
+
+/** Return the rows of a table of the form. @param {Form} form @param {string} key */
+const rowsOf = (form, key) => form.rows.filter(isTable).find((row) => row.key === key)?.rows ?? [];
+
+/** Return the rows of the lists of the build, and which level each begins with. @param {Form} form */
+const buildLists = (form) => rowsOf(form, "build").filter(isNumber).flatMap((row) => (row.first ? [{ ...row, first: row.first }] : []));
+
+/** Return the list of the build that a row is about. @param {Design} design @param {NumberRow} row */
+const listOf = ({ build }, { key }) => /** @type {number[] | undefined} */ (valueAt(build, key));
+
+/** Return the rows that a level has in lists of the build; the trunk is level 1. @param {Form} form @param {number} level */
+function listRows(form, level) {
+  return buildLists(form).filter((row) => level >= row.first)
+    .map((row) => ({ ...row, list: row, key: `build.${row.key}.${level - row.first}` }));
+}
+
+/** Return what a row shows where the design leaves the key out. @param {NumberRow} row */
 const absent = (row) => row.absent ?? row.default ?? row.slider[0];
 
-function writeValue(design, row, value) {
-  if (row.list && !valueAt(design, row.list)?.length) {
-    setAt(design, row.list, Array(design.level.length + 2 - row.first).fill(absent(row)));
-  }
-  setAt(design, row.key, value);
-}
-
+/** @type {ValueTree} */
 const DESIGN = {
-  valueOf: (state, row) => valueAt(state.design, row.key) ?? absent(row),
-  write: (state, row, value) => writeValue(state.design, row, value),
+  valueOf: ({ design }, row) => valueAt(design, row.key) ?? absent(row),
+  write({ design }, row, value) {
+    const { list } = row;
+    if (list && !listOf(design, list)?.length) {
+      setAt(design.build, list.key, Array(design.level.length + 2 - list.first).fill(absent(row)));
+    }
+    setAt(design, row.key, value);
+  },
 };
 
-/** Return a row's elements and how to show a state in it; `tree` tells where its values stand. */
-export function parameter(row, app, drag, tree = DESIGN) {
-  const id = `value-${row.key.replaceAll(".", "-")}`;
+/** Return a field with its label and what it means. @param {string} id @param {{ label: string, about: string }} row @param {Element} input */
+export function labelled(id, { label, about }, input) {
+  return el("div", { class: "field", "data-about": `${label}: ${about}` }, el("label", { for: id, title: about }, label), input);
+}
+
+/**
+ * Return a row's elements and how to show a state in it; `tree` tells where its values stand.
+ * @param {string} name of the table
+ * @param {ValueRow} row
+ * @param {App} app
+ * @param {Drag} drag
+ * @returns {Part}
+ */
+export function parameter(name, row, app, drag, tree = DESIGN) {
+  const title = `${name} ${row.label}`;
+  const id = idOf("value", row.key);
   const [low, high] = row.slider;
   const slider = el("input", {
-    type: "range", min: low, max: high, step: row.step, "aria-label": `${row.name} ${row.label}, slider`, "data-key": row.key,
+    type: "range", min: low, max: high, step: row.step, "aria-label": `${title}, slider`, "data-key": row.key,
   });
   const least = row.least ?? -Infinity;
   const most = row.most ?? Infinity;
   const exact = el("input", { type: "number", id, min: row.least, max: row.most, step: "any", "data-key": row.key });
   const lock = el("button", {
     type: "button", class: "lock", "aria-pressed": "false",
-    "aria-label": `Lock ${row.name} ${row.label}`, title: "Locked: neither the hand, the fix nor a search changes it",
+    "aria-label": `Lock ${title}`, title: "Locked: neither the hand, the fix nor a search changes it",
   }, svgEl("svg", { width: 14, height: 15, "aria-hidden": "true" },
     svgEl("path", { class: "shackle", d: "M4 7V4.5a3 3 0 0 1 6 0V7" }), svgEl("rect", { x: 2.5, y: 7, width: 9, height: 7, rx: 1 })));
 
+  /** @param {number} value @param {string} [group] */
   const set = (value, group) => {
     if (!Number.isFinite(value)) return;
     const fitting = Math.min(most, Math.max(least, row.whole ? Math.round(value) : value));
-    app.store.change(`${row.name} ${row.label}`.toLowerCase(), (state) => tree.write(state, row, fitting), { group });
+    app.store.change(title.toLowerCase(), (state) => tree.write(state, row, fitting), { group });
   };
   slider.addEventListener("input", (event) => {
     drag.moved(event);
@@ -64,125 +94,129 @@ export function parameter(row, app, drag, tree = DESIGN) {
   });
   exact.addEventListener("change", () => {
     if (exact.validity.valid && exact.value !== "") set(Number(exact.value));
-    else app.say(`${row.name} ${row.label}: ${row.least} to ${row.most} ${row.unit}`, "error");
+    else app.say(`${title}: ${row.least} to ${row.most} ${row.unit}`, "error");
     show(app.store.get());
   });
   lock.addEventListener("click", () => {
-    app.store.change(`lock of ${row.name} ${row.label}`.toLowerCase(), (state) => {
+    app.store.change(`lock of ${title}`.toLowerCase(), (state) => {
       const locks = new Set(state.locks);
       if (!locks.delete(row.key)) locks.add(row.key);
       state.locks = [...locks].sort();
     });
   });
 
+  /** @param {StudioState} state */
   function show(state) {
     const value = tree.valueOf(state, row);
-    if (!Number.isFinite(value)) return;
+    if (typeof value !== "number" || !Number.isFinite(value)) return;
     const locked = state.locks.includes(row.key);
     // A slider reaches as far as the value that it shows.
-    slider.max = Math.max(high, Math.ceil(value));
-    slider.min = Math.min(low, Math.floor(value));
-    if (Number(slider.value) !== value) slider.value = value;
+    slider.max = String(Math.max(high, Math.ceil(value)));
+    slider.min = String(Math.min(low, Math.floor(value)));
+    if (Number(slider.value) !== value) slider.value = String(value);
     slider.setAttribute("aria-valuetext", `${number(value, 3)} ${row.unit}`);
-    if (document.activeElement !== exact || !app.live) exact.value = Number(number(value, 4));
+    if (document.activeElement !== exact || !app.live) exact.value = String(Number(number(value, 4)));
     lock.setAttribute("aria-pressed", String(locked));
     for (const input of [slider, exact]) input.disabled = locked || !app.live;
     lock.disabled = !app.live;
   }
 
-  const line = el(
+  const box = el(
     "div", { class: "parameter", "data-about": `${row.label}: ${row.about}` },
     el("label", { for: id, title: row.about }, row.label), slider, exact,
     el("span", { class: "unit", "aria-hidden": "true" }, row.unit), tree === DESIGN ? lock : null,
   );
-  return { line, show };
+  return { box, show };
 }
 
-function group(title, rows, app, drag, extra = []) {
-  const parts = rows.map((row) => parameter({ ...row, name: title }, app, drag));
-  const box = el("fieldset", {}, el("legend", {}, title), ...parts.map((part) => part.line), ...extra);
-  return { box, show: (state) => parts.forEach((part) => part.show(state)) };
-}
-
-/** Return the shape of a design: what decides which rows there are. */
+/** Return the shape of a design: what decides which rows there are. @param {Form} form @param {Design} design */
 function shape(form, design) {
-  const tables = form.rows.flatMap((row) => [row, ...(row.rows ?? [])]).filter((row) => row.rows);
-  const held = tables.map((row) => Object.keys(design[row.key] ?? design.build[row.key] ?? {}));
+  const tables = form.rows.flatMap((row) => [row, ...(row.rows ?? [])]).filter(isTable);
+  const held = tables.map(({ key }) => Object.keys(Object(valueAt(design, key) ?? valueAt(design.build, key))));
   return JSON.stringify([design.level.length, held]);
 }
 
-/** What a new level has in the lists of the build, from the width before it. */
+/** What a new level has in the lists of the build, from the width before it. @type {Record<string, (width: number) => number>} */
 const NEW = {
   widths_mm: (width) => Number((0.6 * width).toFixed(2)),
   fillet_mm: (width) => Math.max(2, Number((0.15 * width).toFixed(2))),
 };
 
-function addLevel(form, state) {
-  const { design } = state;
-  const first = { branches: 2, length: design.trunk.length, angle_deg: 90 };
-  for (const row of rowOf(form.rows, "level").rows) first[row.key] ??= row.default ?? row.slider?.[0];
-  const last = design.level.at(-1) ?? first;
-  const width = design.build.widths_mm.at(-1);
+/** @param {Form} form @param {Design} design */
+function addLevel(form, design) {
+  const usual = Object.fromEntries(rowsOf(form, "level").filter(isNumber).map((row) => [row.key, row.default ?? row.slider[0]]));
+  const last = design.level.at(-1) ?? /** @type {Level} */ ({ ...usual, branches: 2, length: design.trunk.length, angle_deg: 90 });
+  const width = lastWidth(design);
   design.level.push({ ...last, length: Math.round(0.7 * last.length) });
   for (const row of buildLists(form)) {
-    const list = design.build[row.key];
-    if (list?.length || row.absent === null) list.push(NEW[row.key]?.(width) ?? list.at(-1) ?? absent(row));
+    const list = listOf(design, row);
+    if (list && (list.length || row.absent === null)) list.push(NEW[row.key]?.(width) ?? list.at(-1) ?? absent(row));
   }
 }
 
+/** @param {Form} form @param {StudioState} state */
 function removeLevel(form, state) {
   const { design } = state;
   const gone = design.level.length - 1;
   design.level.pop();
-  for (const row of buildLists(form)) design.build[row.key]?.pop();
+  for (const row of buildLists(form)) listOf(design, row)?.pop();
   const lists = listRows(form, gone + 2).map((row) => row.key);
   state.locks = state.locks.filter((key) => !key.startsWith(`level.${gone}.`) && !lists.includes(key));
 }
 
-/** What a new table begins with, where its declaration does not say it. */
+/** Return the width of the last level. @param {Design} design */
+const lastWidth = ({ build }) => build.widths_mm[build.widths_mm.length - 1];
+
+/** What a new table begins with, where its declaration does not say it. @type {Record<string, (design: Design, kind: string | null) => object>} */
 const START = {
   pouch(design, kind) {
-    const width = design.build.widths_mm.at(-1);
+    const width = lastWidth(design);
     return kind === "round" ? { radius_mm: width } : { length_mm: 3 * width, width_mm: 2 * width };
   },
   collar: (design) => ({ clamp_diameter_mm: Number(((2 * design.build.widths_mm[0]) / Math.PI).toFixed(1)) }),
 };
 
-/** Add a table to the design, of a kind if it has kinds; null removes it. */
+/**
+ * Add a table to the design, of a kind if it has kinds; null removes it.
+ * @param {StudioState} state
+ * @param {TableRow} row
+ * @param {string} key
+ * @param {string | null} kind
+ */
 function setTable(state, row, key, kind) {
-  const choice = row.rows.find((inner) => inner.choices);
-  const made = choice ? { [choice.key]: kind } : {};
-  for (const inner of choice ? [] : row.rows) made[inner.key] = inner.default ?? inner.slider[0];
-  Object.assign(made, START[row.key]?.(state.design, kind));
-  setAt(state.design, key, kind === null ? undefined : made);
+  const choice = row.rows.find(isChoice);
+  const made = choice ? { [choice.key]: kind } : Object.fromEntries(row.rows.filter(isNumber).map((inner) => [inner.key, inner.default ?? inner.slider[0]]));
+  setAt(state.design, key, kind === null ? undefined : { ...made, ...START[row.key]?.(state.design, kind) });
   state.locks = state.locks.filter((locked) => !locked.startsWith(key));
 }
 
-/** Return how drags of sliders become steps of undo: one from release to release. */
+/** Return how drags of sliders become steps of undo: one from release to release. @returns {Drag} */
 export function dragSteps() {
   let drags = 0;
-  addEventListener("released", () => drags++);
+  addEventListener("released", () => { drags += 1; });
   return {
     group: (key) => `${key} ${drags}`,
     moved: (event) => dispatchEvent(new CustomEvent("moved", { detail: event.timeStamp })),
   };
 }
 
-/** Return a line that says what the value under hand or focus means. */
+/** Return a line that says what the value under hand or focus means. @param {Node} column */
 function hintLine(column) {
   const line = el("p", { class: "hint" });
-  const show = ({ target }) => {
-    const about = target.closest?.("[data-about]")?.dataset.about;
+  const show = (/** @type {Event} */ { target }) => {
+    const about = target instanceof Element && target.closest("[data-about]")?.getAttribute("data-about");
     if (about) line.textContent = about;
   };
   for (const event of ["focusin", "pointerover"]) column.addEventListener(event, show);
   return line;
 }
 
+/** @param {string} choice */
 const words = (choice) => choice.replaceAll("_", " ");
 
+/** @param {HTMLElement} root @param {App} app */
 export function mount(root, app) {
-  let parts = [];
+  let parts = /** @type {Part[]} */ ([]);
   let built = "";
   const drag = dragSteps();
   const name = el("input", { type: "text", id: "design-name", maxlength: 100, pattern: "[\\w\\-.]+", spellcheck: "false" });
@@ -192,73 +226,98 @@ export function mount(root, app) {
     name.value = app.store.get().design.name;
   });
   const { form } = app.hello;
-  const more = el("button", { type: "button", onclick: () => app.store.change("a level more", (state) => addLevel(form, state)) }, "Add a level");
+  const more = el("button", { type: "button", onclick: () => app.store.change("a level more", (state) => addLevel(form, state.design)) }, "Add a level");
   const less = el("button", { type: "button", onclick: () => app.store.change("a level less", (state) => removeLevel(form, state)) }, "Remove the last");
   const body = el("div", { class: "parameters" });
   root.append(el("div", { class: "field" }, el("label", { for: "design-name" }, "Name"), name), body);
-  root.parentNode.append(hintLine(root.parentNode));
+  root.parentElement?.append(hintLine(root.parentElement));
 
-  /** Return a field with a choice: of a key, or of whether and as what there is a table. */
-  function choiceField(key, row, options, valueOf, set) {
-    const id = `choice-${key.replaceAll(".", "-")}`;
+  /**
+   * Return a field with a choice: of a key, or of whether and as what there is a table.
+   * @param {string} key
+   * @param {{ label: string, about: string }} row
+   * @param {string[][]} options
+   * @param {(design: Design) => unknown} chosen
+   * @param {(state: StudioState, value: string) => void} set
+   * @returns {Part}
+   */
+  function choiceField(key, row, options, chosen, set) {
+    const id = idOf("choice", key);
     const select = el("select", { id }, options.map(([value, text]) => el("option", { value }, text)));
     select.addEventListener("change", () => app.store.change(row.label.toLowerCase(), (state) => set(state, select.value)));
-    const box = el("div", { class: "field", "data-about": `${row.label}: ${row.about}` }, el("label", { for: id, title: row.about }, row.label), select);
-    const show = (state) => {
-      select.value = valueOf(state.design);
-      select.disabled = !app.live;
+    return {
+      box: labelled(id, row, select),
+      show(state) {
+        select.value = String(chosen(state.design));
+        select.disabled = !app.live;
+      },
     };
-    return { box, show };
   }
 
-  /** Return the field that adds a table to the design and removes it. */
+  /** Return the field that adds a table to the design and removes it. @param {string} key @param {TableRow} row @returns {Part} */
   function tableField(key, row) {
-    const choice = row.rows.find((inner) => inner.choices);
+    const choice = row.rows.find(isChoice);
     if (choice) {
       const options = [["", "none"], ...choice.choices.map((value) => [value, words(value)])];
-      const valueOf = (design) => valueAt(design, key)?.[choice.key] ?? "";
-      return choiceField(key, { ...choice, about: row.about }, options, valueOf, (state, value) => setTable(state, row, key, value || null));
+      return choiceField(key, { ...choice, about: row.about }, options, (design) => valueAt(design, join(key, choice.key)) ?? "",
+        (state, value) => setTable(state, row, key, value || null));
     }
-    const id = `choice-${key.replaceAll(".", "-")}`;
+    const id = idOf("choice", key);
     const box = el("input", { type: "checkbox", id });
     box.addEventListener("change", () => app.store.change(row.label.toLowerCase(), (state) => setTable(state, row, key, box.checked ? "" : null)));
-    const show = (state) => {
-      box.checked = Boolean(valueAt(state.design, key));
-      box.disabled = !app.live;
+    return {
+      box: el("div", { class: "field" }, box, el("label", { for: id, title: row.about }, row.about.split(/[,;]/)[0])),
+      show({ design }) {
+        box.checked = Boolean(valueAt(design, key));
+        box.disabled = !app.live;
+      },
     };
-    return { box: el("div", { class: "field" }, box, el("label", { for: id, title: row.about }, row.about.split(/[,;]/)[0])), show };
   }
 
-  /** Return the groups of a table: its own numbers and choices, then the tables in it. */
+  /**
+   * Return the groups of a table: its own numbers and choices, then the tables in it.
+   * @param {Design} design
+   * @param {string} title
+   * @param {FormRow[]} rows
+   * @param {string} prefix
+   * @param {ValueRow[]} lists
+   * @param {Part | null} field that adds and removes the table
+   * @returns {Part[]}
+   */
   function tableGroups(design, title, rows, prefix, lists, field = null) {
     const fields = field ? [field] : [];
-    for (const row of rows.filter((one) => one.choices && !field)) {
+    for (const row of field ? [] : rows.filter(isChoice)) {
       const key = join(prefix, row.key);
       const options = row.choices.map((value) => [value, words(value)]);
       fields.push(choiceField(key, row, options, (shown) => valueAt(shown, key) ?? row.default, (state, value) => setAt(state.design, key, value)));
     }
     const held = prefix ? valueAt(design, prefix) : design;
-    const isOfKind = field && rows.some((row) => row.choices); // then only what this kind has
+    const isOfKind = field && rows.some(isChoice); // then only what this kind has
     const numbers = held ? numberRows(rows, prefix).filter((row) => !isOfKind || valueAt(design, row.key) !== undefined) : [];
-    const own = group(title, [...numbers, ...lists], app, drag, fields.map((one) => one.box));
-    const groups = [{ box: own.box, show: (state) => [own, ...fields].forEach((part) => part.show(state)) }];
-    for (const row of field ? [] : rows.filter((one) => one.rows && !one.many && prefix)) {
+    const own = [...[...numbers, ...lists].map((row) => parameter(title, row, app, drag)), ...fields];
+    const groups = [{
+      box: /** @type {Element} */ (el("fieldset", {}, el("legend", {}, title), own.map((part) => part.box))),
+      show: (/** @type {StudioState} */ state) => { for (const part of own) part.show(state); },
+    }];
+    for (const row of field || !prefix ? [] : rows.filter(isTable).filter((one) => !one.many)) {
       const key = join(prefix, row.key);
       groups.push(...tableGroups(design, row.label, row.rows, key, [], tableField(key, row)));
     }
     return groups;
   }
 
-  function build(state) {
-    const { design } = state;
+  /** @param {Design} design */
+  function build(design) {
     const levels = el("div", { class: "buttons" }, more, less);
     parts = [];
-    const top = form.rows.filter((row) => !row.rows);
+    const top = form.rows.filter((row) => !isTable(row));
     if (top.length) parts.push(...tableGroups(design, "Design", top, "", []));
-    for (const row of form.rows.filter((one) => one.rows)) {
+    for (const row of form.rows.filter(isTable)) {
       if (!row.many) parts.push(...tableGroups(design, row.label, row.rows, row.key, row.key === "trunk" ? listRows(form, 1) : []));
       else if (row.key === "level") {
-        design.level.forEach((_, index) => parts.push(...tableGroups(design, `Level ${index + 2}`, row.rows, `level.${index}`, listRows(form, index + 2))));
+        for (const index of design.level.keys()) {
+          parts.push(...tableGroups(design, `Level ${index + 2}`, row.rows, `level.${index}`, listRows(form, index + 2)));
+        }
         parts.push({ box: levels, show() {} });
       }
     }
@@ -267,28 +326,21 @@ export function mount(root, app) {
 
   // ---- what must be cut for an angle: from the table at once, from the rules exactly
 
-  let notes = {};
-  let exact = { of: "", notes: {} };
+  let notes = /** @type {Record<string, CutNote>} */ ({});
+  let exact = { of: "", notes };
 
-  /** Show the notes on values, by key: below the slider of each. */
+  /** Show the notes on values, by key: below the slider of each. @param {Record<string, CutNote>} found */
   function showNotes(found) {
-    notes = found ?? {};
+    notes = found;
     for (const slider of body.querySelectorAll("input[type=range]")) {
-      const { key } = slider.dataset;
-      const line = slider.closest(".parameter");
-      let box = line.querySelector(".value-note");
-      if (!notes[key]) {
-        box?.remove();
-        continue;
-      }
-      if (!box) {
-        box = el("p", { id: `note-${key.replaceAll(".", "-")}` });
-        line.append(box);
-        slider.setAttribute("aria-describedby", box.id);
-      }
-      box.className = `value-note ${notes[key].kind}`;
-      box.textContent = notes[key].text;
-      box.title = notes[key].about;
+      const key = slider.getAttribute("data-key") ?? "";
+      const line = slider.parentElement;
+      line?.querySelector(".value-note")?.remove();
+      if (!notes[key]) continue;
+      const { kind, text, about } = notes[key];
+      const box = el("p", { id: idOf("note", key), class: `value-note ${kind}`, title: about }, text);
+      line?.append(box);
+      slider.setAttribute("aria-describedby", box.id);
     }
   }
 
@@ -298,11 +350,12 @@ export function mount(root, app) {
     if (exact.of === patternOf(app.shown())) showNotes(exact.notes);
   });
 
+  /** @param {StudioState} state */
   function show(state) {
     const wanted = shape(form, state.design);
     if (wanted !== built) {
       built = wanted;
-      build(state);
+      build(state.design);
       showNotes(notes);
     }
     for (const part of parts) part.show(state);

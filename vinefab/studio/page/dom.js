@@ -1,60 +1,113 @@
 // Elements from code: no markup is ever put together from texts of the user.
 
+const COPIED_MS = 1500;
 const SVG = "http://www.w3.org/2000/svg";
 
+/**
+ * @template {Element} N
+ * @param {N} node
+ * @param {Record<string, unknown>} attributes
+ * @param {Child[]} children
+ * @returns {N}
+ */
 function filled(node, attributes, children) {
-  for (const [name, value] of Object.entries(attributes ?? {})) {
+  for (const [name, value] of Object.entries(attributes)) {
     if (value === null || value === undefined || value === false) continue;
-    if (name.startsWith("on")) node.addEventListener(name.slice(2), value);
-    else if (name === "value") node.value = value;
-    else if (name === "class") node.setAttribute("class", value);
-    else node.setAttribute(name, value === true ? "" : value);
+    if (name.startsWith("on")) node.addEventListener(name.slice(2), /** @type {EventListener} */ (value));
+    else if (name === "value") Object.assign(node, { value });
+    else node.setAttribute(name, value === true ? "" : String(value));
   }
   node.append(...children.flat().filter((child) => child !== null && child !== undefined));
   return node;
 }
 
-/** Return an element; names that begin with "on" are listeners. */
-export function el(tag, attributes, ...children) {
+/**
+ * Return an element; names that begin with "on" are listeners.
+ * @template {keyof HTMLElementTagNameMap} K
+ * @param {K} tag
+ * @param {Attributes<HTMLElementEventMap>} attributes
+ * @param {...Child} children
+ */
+export function el(tag, attributes = {}, ...children) {
   return filled(document.createElement(tag), attributes, children);
 }
 
-const BLOCKS = {
-  answer: (one) => el("p", { class: `answer ${one.tone}` }, one.text),
-  text: (one) => el("p", {}, one.text),
-  remark: (one) => el("p", { class: one.weight }, `${one.weight} ${one.text}`, el("ul", {}, ...one.more.map((line) => el("li", {}, line)))),
-  facts: (one) => el("dl", {}, ...one.rows.flatMap(([name, value, detail]) => [
-    el("dt", {}, name), el("dd", { title: detail }, value),
-  ])),
-  table: (one) => el("table", {}, el("caption", {}, one.caption),
-    el("tr", {}, ...one.headings.map((word) => el("th", {}, word))),
-    ...one.rows.map((row) => el("tr", {}, ...row.map((cell) => el("td", {}, cell))))),
-};
+/** Where arrow keys go, up counted positive. @type {Record<string, Place | undefined>} */
+export const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
-/** Return the blocks of a result as elements: a kind each, whatever they are about. */
-export function shownBlocks(blocks) {
-  return blocks.map((one) => BLOCKS[one.kind](one));
+/**
+ * Return a command that can be copied.
+ * @param {App} app
+ * @param {string} what is copied
+ */
+export function copyable(app, what) {
+  const text = el("code", { class: "command", tabindex: 0, "aria-label": `Command ${what}` });
+  const button = el("button", { type: "button", "aria-label": `Copy the command ${what}` }, "Copy");
+  button.addEventListener("click", async () => {
+    try {
+      await navigator.clipboard.writeText(text.textContent);
+      button.textContent = "Copied";
+      setTimeout(() => { button.textContent = "Copy"; }, COPIED_MS);
+    } catch {
+      getSelection()?.selectAllChildren(text);
+      app.say("The command is selected: copy it by hand");
+    }
+  });
+  return { text, button };
 }
 
-/** Return an element of an SVG. */
-export function svgEl(tag, attributes, ...children) {
+/** @param {Block} one */
+function shownBlock(one) {
+  switch (one.kind) {
+    case "answer": return el("p", { class: `answer ${one.tone}` }, one.text);
+    case "text": return el("p", {}, one.text);
+    case "remark": return el("p", { class: one.weight }, `${one.weight} ${one.text}`, el("ul", {}, ...one.more.map((line) => el("li", {}, line))));
+    case "facts": return el("dl", {}, ...one.rows.flatMap(([name, value, detail]) => [
+      el("dt", {}, name), el("dd", { title: detail }, value),
+    ]));
+    case "table": return el("table", {}, el("caption", {}, one.caption),
+      el("tr", {}, ...one.headings.map((word) => el("th", {}, word))),
+      ...one.rows.map((row) => el("tr", {}, ...row.map((cell) => el("td", {}, cell)))));
+  }
+}
+
+/** Return the blocks of a result as elements: a kind each, whatever they are about. @param {Block[]} blocks */
+export const shownBlocks = (blocks) => blocks.map(shownBlock);
+
+/**
+ * Return an element of an SVG.
+ * @template {keyof SVGElementTagNameMap} K
+ * @param {K} tag
+ * @param {Attributes<SVGElementEventMap>} attributes
+ * @param {...Child} children
+ */
+export function svgEl(tag, attributes = {}, ...children) {
   return filled(document.createElementNS(SVG, tag), attributes, children);
 }
 
-/** Replace what is in an SVG node by the elements of an SVG text that the server made. */
+/** Replace what is in an SVG node by the elements of an SVG text that the server made. @param {Element} node @param {string} text */
 export function fillSvg(node, text) {
   const parsed = new DOMParser().parseFromString(`<svg xmlns="${SVG}">${text}</svg>`, "image/svg+xml");
   node.replaceChildren(...document.importNode(parsed.documentElement, true).childNodes);
 }
 
-/** Return a number as text with at most so many digits after the point, without idle zeros. */
+/** Return a number as text with at most so many digits after the point, without idle zeros. @param {number | null} [value] */
 export function number(value, digits = 2) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
-  const text = Number(value).toFixed(digits);
+  const text = value.toFixed(digits);
   return digits && text.includes(".") ? text.replace(/\.?0+$/, "") : text;
 }
 
-/** Return a function that runs `fn` once the calls have paused for so long. */
+/** @param {number} count @param {string} word */
+export const counted = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
+
+/**
+ * Return a function that runs `fn` once the calls have paused for so long.
+ * @template {unknown[]} V
+ * @param {(...values: V) => unknown} fn
+ * @param {number} wait_ms
+ * @returns {(...values: V) => void}
+ */
 export function paused(fn, wait_ms) {
   let timer = 0;
   return (...values) => {
@@ -63,14 +116,16 @@ export function paused(fn, wait_ms) {
   };
 }
 
-/** Return the value at a dotted key, `level.0.length`. */
+/** @param {unknown} node @param {string} part */
+const memberOf = (node, part) => /** @type {Record<string, unknown> | null | undefined} */ (node)?.[part];
+
+/** Return the value at a dotted key, `level.0.length`. @param {unknown} tree @param {string} key */
 export function valueAt(tree, key) {
-  return key.split(".").reduce((node, part) => node?.[part], tree);
+  return key.split(".").reduce(memberOf, tree);
 }
 
-/** Set the value at a dotted key. */
+/** Set the value at a dotted key. @param {object} tree @param {string} key @param {unknown} value */
 export function setAt(tree, key, value) {
-  const parts = key.split(".");
-  const last = parts.pop();
-  parts.reduce((node, part) => node[part], tree)[last] = value;
+  const cut = key.lastIndexOf(".");
+  Object.assign(/** @type {object} */ (cut < 0 ? tree : valueAt(tree, key.slice(0, cut))), { [key.slice(cut + 1)]: value });
 }

@@ -1,10 +1,11 @@
 // Exports: each with its choices, and the command line that writes the same bytes.
 
-import { el, paused, shownBlocks } from "studio/dom.js";
+import { copyable, el, paused, shownBlocks } from "studio/dom.js";
+import { problemOf } from "studio/link.js";
 
 const WAIT_MS = 150;
 
-/** The exports: `options` are named as the command calls them; `when` tells whether one is shown. */
+/** The exports. @type {ExportEntry[]} */
 const EXPORTS = [
   {
     name: "package", title: "Package", about: "laser files, checks, report, instructions", out: "package", place: "Folder",
@@ -50,22 +51,29 @@ const EXPORTS = [
   },
 ];
 
+/** @param {string} id @param {ExportOption} option */
 function control(id, option) {
-  const { kind = "checkbox" } = option;
+  const { kind } = option;
   if (kind === "select") return el("select", { id });
-  if (kind === "checkbox") return el("input", { type: "checkbox", id, checked: option.value });
+  if (!kind) return el("input", { type: "checkbox", id });
   const range = kind === "number" ? { min: option.least, max: option.most, step: "any" } : { spellcheck: "false" };
   return el("input", { type: kind, id, value: option.value, ...range });
 }
 
-function valueOf(option, input) {
-  if (!option.kind) return input.checked;
+/** @param {ExportOption} option @param {HTMLInputElement | HTMLSelectElement} input */
+function chosen(option, input) {
+  if (!option.kind) return "checked" in input && input.checked;
   return option.kind === "number" ? Number(input.value) : input.value;
 }
 
-/** Return one export: its elements, what it asks for, and how to show what is known of it. */
+/**
+ * Return one export: its elements, what it asks for, and how to show what is known of it.
+ * @param {ExportEntry} kind
+ * @param {App} app
+ * @param {() => void} write
+ */
 function entry(kind, app, write) {
-  const id = (key) => `export-${kind.name}-${key}`;
+  const id = (/** @type {string} */ key) => `export-${kind.name}-${key}`;
   const out = el("input", { type: "text", id: id("out"), value: kind.out, spellcheck: "false" });
   const options = kind.options.map((option) => {
     const input = control(id(option.key), option);
@@ -73,20 +81,9 @@ function entry(kind, app, write) {
     const parts = option.kind ? [label, input] : [input, label];
     return { ...option, input, line: el("span", { class: "option" }, ...parts) };
   });
-  const button = el("button", { type: "button", class: "primary", disabled: true, onclick: () => write(kind.name) }, `Write ${kind.title.toLowerCase()}`);
-  const command = el("code", { class: "command", tabindex: 0, "aria-label": `Command for the ${kind.name}` });
-  const copy = el("button", { type: "button", "aria-label": `Copy the command for the ${kind.name}` }, "Copy");
-  copy.addEventListener("click", async () => {
-    try {
-      await navigator.clipboard.writeText(command.textContent);
-      copy.textContent = "Copied";
-      setTimeout(() => { copy.textContent = "Copy"; }, 1500);
-    } catch {
-      getSelection().selectAllChildren(command);
-      app.say("The command is selected: copy it by hand", "info");
-    }
-  });
-  const line = el("div", { class: "line" }, command, copy);
+  const button = el("button", { type: "button", class: "primary", disabled: true, onclick: write }, `Write ${kind.title.toLowerCase()}`);
+  const command = copyable(app, `for the ${kind.name}`);
+  const line = el("div", { class: "line" }, command.text, command.button);
   const note = el("p", { class: "note" }, "Reading what would be written …");
   const result = el("div", { class: "result", role: "status" });
   const box = el(
@@ -98,41 +95,46 @@ function entry(kind, app, write) {
 
   return {
     box, name: kind.name, result,
+    /** @returns {AskedExport} */
     asked: () => ({
       out: out.value.trim(),
-      options: Object.fromEntries(options.map((option) => [option.key, valueOf(option, option.input)])),
+      options: Object.fromEntries(options.map((option) => [option.key, chosen(option, option.input)])),
     }),
+    /** @param {StudioState} state */
     showState(state) {
-      for (const { input, kind: type, choices, value } of options) {
-        if (type !== "select") continue;
-        const wanted = choices(state);
-        if (wanted.join() === [...input.options].map((one) => one.value).join()) continue;
-        const before = input.value || value;
+      for (const { input, choices, value } of options) {
+        const wanted = choices?.(state);
+        if (!wanted || !("options" in input) || wanted.join() === [...input.options].map((one) => one.value).join()) continue;
+        const before = input.value || String(value);
         input.replaceChildren(...wanted.map((name) => el("option", { value: name }, name || "none")));
         input.value = wanted.includes(before) ? before : wanted[0];
       }
     },
+    /** @param {CommandsAnswer} found */
     showCommand(found) {
       const told = found.commands[kind.name];
       for (const option of options) option.line.hidden = option.when ? !option.when(found) : false;
       line.hidden = !told?.command;
       button.disabled = false;
-      command.textContent = told?.command ?? "";
+      command.text.textContent = told?.command ?? "";
       note.dataset.kind = told?.error ? "error" : "info";
       note.textContent = told?.error ?? kind.note ?? (told?.inputs?.length ? `Written beside it first, as no file has them as they are here: ${told.inputs.join(", ")}` : "");
     },
+    /** @param {boolean} isBusy */
     setBusy(isBusy) {
-      for (const node of box.querySelectorAll("input, select, button.primary")) node.disabled = isBusy;
+      for (const node of box.querySelectorAll("input, select, button.primary")) node.toggleAttribute("disabled", isBusy);
     },
+    /** @param {string} key @param {boolean} isOn */
     check(key, isOn) {
       const found = options.find((option) => option.key === key);
-      if (found) found.input.checked = isOn;
+      if (found) Object.assign(found.input, { checked: isOn });
     },
   };
 }
 
+/** @param {Element} place @param {WrittenAnswer} answer */
 function showWritten(place, answer) {
-  const { written = [], refused = "", findings = [] } = answer;
+  const { written, refused, findings = [], inputs, view } = answer;
   if (refused) {
     const errors = findings.filter((finding) => finding.severity === "error" && !finding.waived);
     place.replaceChildren(
@@ -145,14 +147,15 @@ function showWritten(place, answer) {
   const where = written.length > 1 && folders.size === 1 ? ` in ${[...folders][0]}` : "";
   place.replaceChildren(el("details", {},
     el("summary", {}, written.length === 1 ? `Written: ${written[0]}` : `Written: ${written.length} files${where}`),
-    el("ul", {}, ...[...written, ...(answer.inputs ?? [])].map((name) => el("li", {}, name))),
-    ...shownBlocks(answer.view ?? []),
+    el("ul", {}, ...[...written, ...inputs].map((name) => el("li", {}, name))),
+    ...shownBlocks(view),
   ));
 }
 
+/** @param {HTMLElement} root @param {App} app */
 export function mount(root, app) {
   const open = el("button", { type: "button", "aria-haspopup": "dialog" }, "Export");
-  const entries = EXPORTS.map((kind) => entry(kind, app, write));
+  const entries = EXPORTS.map((kind) => entry(kind, app, () => write(kind.name)));
   const bar = el("progress", { max: 1, value: 0, "aria-label": "Progress of the export" });
   const words = el("span", { class: "words", role: "status" });
   const stop = el("button", { type: "button", onclick: () => app.cancel("export") }, "Stop");
@@ -172,45 +175,48 @@ export function mount(root, app) {
     return { design_file: app.file.path ?? null, map_file: state.map?.source?.file ?? null };
   }
 
-  async function ask(what) {
-    return app.ask("export", { ...what, ...files() }, { state: app.store.get() });
-  }
+  /** @param {object} what */
+  const ask = (what) => app.ask("export", { ...what, ...files() }, { state: app.store.get() });
 
   const tell = paused(async () => {
     if (!app.live || !dialog.open || isBusy) return;
     const exports = Object.fromEntries(entries.map((one) => [one.name, one.asked()]));
     try {
       const found = await ask({ what: "command", exports });
-      for (const one of entries) one.showCommand(found);
+      if ("commands" in found) for (const one of entries) one.showCommand(found);
     } catch (error) {
-      if (!error.stale && !error.stopped) app.say(error.message, "error");
+      app.fail(error);
     }
   }, WAIT_MS);
 
+  /** @param {boolean} value */
   function setBusy(value) {
     isBusy = value;
     working.hidden = !value;
     for (const one of entries) one.setBusy(value);
   }
 
-  /** Return what only the page knows of a snapshot. */
+  /** Return what only the page knows of a snapshot. @param {AskedExport} asked */
   function shown(asked) {
     const { family, date } = asked.options;
     const options = { family, date: date ? new Date().toISOString().slice(0, 10) : "" };
     return { ...asked, options, reference: app.reference?.design ?? null };
   }
 
+  /** @param {ExportKind} name */
   async function write(name) {
     const one = entries.find((entry) => entry.name === name);
+    if (!one) return;
     one.result.replaceChildren();
     bar.value = 0;
     words.textContent = name;
     setBusy(true);
     try {
       const asked = one.asked();
-      showWritten(one.result, await ask({ what: name, ...(name === "snapshot" ? shown(asked) : asked) }));
+      const answer = await ask({ what: name, ...(name === "snapshot" ? shown(asked) : asked) });
+      if ("written" in answer) showWritten(one.result, answer);
     } catch (error) {
-      const text = error.stale || error.stopped ? "Stopped: nothing was written" : error.message;
+      const text = problemOf(error) || "Stopped: nothing was written";
       one.result.replaceChildren(el("p", { class: "refused" }, text));
     } finally {
       setBusy(false);
@@ -224,7 +230,7 @@ export function mount(root, app) {
   });
   open.addEventListener("click", () => {
     for (const one of entries) one.showState(app.store.get());
-    entries.at(-1).check("family", Boolean(app.answers.family));
+    entries.at(-1)?.check("family", Boolean(app.answers.family));
     dialog.showModal();
     tell();
   });

@@ -1,6 +1,8 @@
 // Many maps: the design on a family of maps, its scores, and where its body usually lies.
 
-import { el, fillSvg, number, paused, svgEl } from "studio/dom.js";
+import { ticks } from "studio/charts.js";
+import { el, fillSvg, number, paused, svgEl, WAYS } from "studio/dom.js";
+import { isStale, isStopped } from "studio/link.js";
 
 const STILL_MS = 120;
 const AGAIN_MS = 1500;
@@ -10,90 +12,83 @@ const CHART = { height: 96, left: 16, right: 16, top: 8, base: 66 };
 /** Scores that differ by less look the same. */
 const LEAST = 5e-4;
 const SORTS = [["seed", "in order"], ["worst", "worst first"], ["best", "best first"], ["change", "most changed first"]];
-const BOUNDS = { count: [1, 200], seed: [0, 2 ** 31], poses: [1, 5] };
+const FIELDS = {
+  count: { least: 1, most: 200, usual: 40 }, seed: { least: 0, most: 2 ** 31, usual: 1000 }, poses: { least: 1, most: 5, usual: 1 },
+};
 
-const same = (one, two) => JSON.stringify(one) === JSON.stringify(two);
+/** @param {number} value */
 const score = (value) => value.toFixed(3);
+/** @param {number} low @param {number} high */
 const range = (low, high) => `${score(low)} to ${score(high)}`;
 
-/** Return a difference with its sign. */
+/** Return a difference with its sign. @param {number} value */
 export function signed(value, digits = 3) {
   const text = Math.abs(value).toFixed(digits);
   if (Number(text) === 0) return "0";
   return `${value > 0 ? "+" : "−"}${text}`;
 }
 
-/** What scores depend on beside the design: only those of the same conditions are compared. */
+/** What scores depend on beside the design: only those of the same conditions are compared. @param {StudioState} state */
 export function familyConditions({ family, task, growth }) {
   return JSON.stringify([family, task, growth]);
 }
 
-/** Tell whether the interval of a paired difference leaves out none at all. */
+/** Tell whether the interval of a paired difference leaves out none at all. @param {{ low: number | null, high: number | null }} difference */
 export function isClear({ low, high }) {
-  return low !== null && (low > LEAST || high < -LEAST);
+  return low !== null && high !== null && (low > LEAST || high < -LEAST);
 }
 
-/** Scores of an answer by the maps' keys. */
-function scoresOf(answer) {
-  const known = (answer?.maps ?? []).filter((entry) => entry.score !== null);
-  return Object.fromEntries(known.map((entry) => [entry.key, entry.score]));
+/** @param {FamilyAnswer} answer @returns {Scores} */
+function scoresOf({ maps }) {
+  return Object.fromEntries(maps.flatMap(({ key, score }) => (score === null ? [] : [[key, score]])));
 }
 
 // ---- the scores as a chart
 
-function ticks(low, high) {
-  const raw = (high - low) / 5;
-  const decade = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 5, 10].map((part) => part * decade).find((part) => part >= raw);
-  const found = [];
-  for (let at = Math.ceil(low / step - 1e-9); at * step <= high + 1e-9 * step; at += 1) found.push(at * step);
-  return [found, Math.max(0, -Math.floor(Math.log10(step)))];
-}
-
-/** Draw bins, every map's score, mean and interval; of the version before the bins and the mean. */
-function drawChart(svg, answer, before) {
+/** Draw bins, every map's score, mean and interval; of the version before the bins and the mean. @param {SVGSVGElement} svg @param {FamilyAnswer} answer @param {Scores} scoresBefore */
+function drawChart(svg, answer, scoresBefore) {
+  const before = Object.values(scoresBefore);
   const { bins, mean, low, high } = answer.distribution;
   const width = Math.max(240, svg.clientWidth || 600);
   const end = bins.low + bins.step * bins.counts.length;
-  const x = (value) => CHART.left + ((value - bins.low) / (end - bins.low)) * (width - CHART.left - CHART.right);
+  const x = (/** @type {number} */ value) => CHART.left + ((value - bins.low) / (end - bins.low)) * (width - CHART.left - CHART.right);
   const most = Math.max(1, ...bins.counts, ...bins.before);
-  const y = (count) => CHART.base - (count / most) * (CHART.base - CHART.top);
+  const y = (/** @type {number} */ count) => CHART.base - (count / most) * (CHART.base - CHART.top);
+  const edge = (/** @type {number} */ index) => x(bins.low + index * bins.step);
+  /** @param {number} count @param {number} index */
   const bar = (count, index) => {
-    const [left, right] = [x(bins.low + index * bins.step), x(bins.low + (index + 1) * bins.step)];
+    const [left, right] = [edge(index), edge(index + 1)];
     return svgEl("rect", { class: "bar", x: left + 0.5, width: Math.max(0.5, right - left - 1), y: y(count), height: CHART.base - y(count) });
   };
-  const steps = bins.before.flatMap((count, index) => [
-    `${x(bins.low + index * bins.step).toFixed(1)} ${y(count).toFixed(1)}`,
-    `${x(bins.low + (index + 1) * bins.step).toFixed(1)} ${y(count).toFixed(1)}`,
-  ]);
-  const [marks, digits] = ticks(bins.low, end);
+  const steps = bins.before.flatMap((count, index) => [index, index + 1].map((at) => `${edge(at).toFixed(1)} ${y(count).toFixed(1)}`));
+  const marks = ticks(bins.low, end, 5);
   const beforeMean = before.length ? before.reduce((sum, score) => sum + score, 0) / before.length : null;
   svg.setAttribute("viewBox", `0 0 ${width} ${CHART.height}`);
   svg.replaceChildren(...[
     ...bins.counts.map(bar),
     bins.before.some(Boolean) ? svgEl("path", { class: "before", d: `M${x(bins.low).toFixed(1)} ${CHART.base}L${steps.join(" ")} ${x(end).toFixed(1)} ${CHART.base}` }) : null,
     svgEl("path", { class: "axis", d: `M${CHART.left} ${CHART.base}H${width - CHART.right}` }),
-    ...answer.maps.filter((entry) => entry.score !== null).map((entry) =>
-      svgEl("path", { class: "one", d: `M${x(entry.score).toFixed(1)} ${CHART.base + 2}v6` })),
-    low === null ? null : svgEl("rect", { class: "interval", x: x(low), width: Math.max(1, x(high) - x(low)), y: CHART.top - 6, height: 5 }),
+    ...Object.values(scoresOf(answer)).map((value) => svgEl("path", { class: "one", d: `M${x(value).toFixed(1)} ${CHART.base + 2}v6` })),
+    low === null || high === null ? null : svgEl("rect", { class: "interval", x: x(low), width: Math.max(1, x(high) - x(low)), y: CHART.top - 6, height: 5 }),
     beforeMean === null ? null : svgEl("path", { class: "mean before", d: `M${x(beforeMean).toFixed(1)} ${CHART.top - 6}V${CHART.base}` }),
     svgEl("path", { class: "mean", d: `M${x(mean).toFixed(1)} ${CHART.top - 7}V${CHART.base + 9}` }),
-    ...marks.map((value) => svgEl("text", { x: x(value), y: CHART.height - 6, "text-anchor": "middle" }, number(value, digits))),
-  ].filter(Boolean));
+    ...marks.values.map((value) => svgEl("text", { x: x(value), y: CHART.height - 6, "text-anchor": "middle" }, number(value, marks.digits))),
+  ].filter((part) => part !== null));
 }
 
 // ---- where bodies lie
 
-/** Return the shares of a heat map, 0 to 1, row by row from below. */
-export function heatShares(heat) {
+/** Return the shares of a heat map, 0 to 1, row by row from below. @param {Heat} heat */
+function heatShares(heat) {
   return Float32Array.from(atob(heat.share), (letter) => letter.charCodeAt(0) / 255);
 }
 
+/** @param {string} colour */
 function rgb(colour) {
   return [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
 }
 
-/** Return the colour of a share between 0 and 1. */
+/** Return the colour of a share between 0 and 1. @param {string[]} colours @param {number} share */
 function heatColour(colours, share) {
   const at = share * (colours.length - 1);
   const index = Math.min(colours.length - 2, Math.floor(at));
@@ -101,13 +96,21 @@ function heatColour(colours, share) {
   return one.map((part, place) => Math.round(part + (at - index) * (two[place] - part)));
 }
 
-function drawHeat(canvas, heat) {
+/** @param {HTMLCanvasElement} canvas */
+function contextOf(canvas) {
+  const context = canvas.getContext("2d");
+  if (!context) throw new Error("this browser draws no pictures");
+  return context;
+}
+
+/** @param {HTMLCanvasElement} canvas @param {Heat} heat @param {Float32Array} shares */
+function drawHeat(canvas, heat, shares) {
   canvas.width = heat.columns;
   canvas.height = heat.rows;
-  const context = canvas.getContext("2d");
+  const context = contextOf(canvas);
   const image = context.createImageData(heat.columns, heat.rows);
   const palette = Array.from({ length: 256 }, (_, level) => heatColour(heat.colours, level / 255));
-  heatShares(heat).forEach((share, cell) => {
+  shares.forEach((share, cell) => {
     if (!share) return;
     const row = heat.rows - 1 - Math.floor(cell / heat.columns);
     image.data.set([...palette[Math.round(255 * share)], 255], 4 * (row * heat.columns + (cell % heat.columns)));
@@ -124,18 +127,18 @@ function heatView() {
   const box = el("div", { class: "heat" },
     el("div", { class: "heat-plate" }, canvas, overlay),
     el("div", { class: "heat-legend" }, el("span", {}, "seldom"), bar, el("span", {}, "always"), here), words);
-  let heat = null;
-  let shares = null;
-  let cursor = null;
+  let heat = /** @type {Heat | null} */ (null);
+  let shares = new Float32Array();
+  let cursor = /** @type {Place | null} */ (null);
 
-  function tell(column, row) {
-    const inside = column >= 0 && row >= 0 && column < heat.columns && row < heat.rows;
-    if (!inside) return (here.textContent = "");
-    const share = shares[row * heat.columns + column];
-    const [right, up] = [column, row].map((cell, axis) => heat.low_mm[axis] + (cell + 0.5) * heat.cell_mm);
+  /** Tell the share at a place of the heat map. @param {Heat} map @param {Place} cell */
+  function tell({ columns, rows, low_mm, cell_mm, maps }, [column, row]) {
+    here.textContent = "";
+    if (column < 0 || row < 0 || column >= columns || row >= rows) return;
+    const share = shares[row * columns + column];
+    const [right, up] = [column, row].map((cell, axis) => low_mm[axis] + (cell + 0.5) * cell_mm);
     const across = `${number(Math.abs(right), 0)} mm ${right < 0 ? "left" : "right"}`;
-    here.textContent = `${number(100 * share, 0)} % of ${heat.maps} maps, ${across} of the start, ${number(up, 0)} mm ahead`;
-    return null;
+    here.textContent = `${number(100 * share, 0)} % of ${maps} maps, ${across} of the start, ${number(up, 0)} mm ahead`;
   }
 
   canvas.addEventListener("pointermove", (event) => {
@@ -145,42 +148,47 @@ function heatView() {
       Math.floor(((event.clientX - place.left) / place.width) * heat.columns),
       heat.rows - 1 - Math.floor(((event.clientY - place.top) / place.height) * heat.rows),
     ];
-    tell(...cursor);
+    tell(heat, cursor);
   });
   canvas.addEventListener("pointerleave", () => { here.textContent = ""; });
   canvas.addEventListener("keydown", (event) => {
-    const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
-    if (!step || !heat) return;
+    const way = WAYS[event.key];
+    if (!way || !heat) return;
     event.preventDefault();
+    const { columns, rows, low_mm, cell_mm } = heat;
     const stride = event.shiftKey ? 1 : 5;
-    const start = heat.low_mm.map((low) => Math.floor(-low / heat.cell_mm));
-    cursor = (cursor ?? start).map((cell, axis) =>
-      Math.min([heat.columns, heat.rows][axis] - 1, Math.max(0, cell + stride * step[axis])));
-    tell(...cursor);
+    const [column, row] = cursor ?? [Math.floor(-low_mm[0] / cell_mm), Math.floor(-low_mm[1] / cell_mm)];
+    cursor = [
+      Math.min(columns - 1, Math.max(0, column + stride * way[0])),
+      Math.min(rows - 1, Math.max(0, row + stride * way[1])),
+    ];
+    tell(heat, cursor);
   });
 
+  /** @param {Heat | null} found */
   function show(found) {
     heat = found;
-    box.classList.toggle("empty", !heat);
-    if (!heat) return;
-    shares = heatShares(heat);
-    drawHeat(canvas, heat);
-    const context = bar.getContext("2d");
+    box.classList.toggle("empty", !found);
+    if (!found) return;
+    shares = heatShares(found);
+    drawHeat(canvas, found, shares);
+    const context = contextOf(bar);
     for (let at = 0; at < 200; at += 1) {
-      context.fillStyle = `rgb(${heatColour(heat.colours, at / 199).join(" ")})`;
+      context.fillStyle = `rgb(${heatColour(found.colours, at / 199).join(" ")})`;
       context.fillRect(at, 0, 1, 1);
     }
-    const [x, y] = [-heat.low_mm[0] / heat.cell_mm, heat.rows + heat.low_mm[1] / heat.cell_mm];
-    const size = 0.06 * Math.max(heat.columns, heat.rows);
-    overlay.setAttribute("viewBox", `0 0 ${heat.columns} ${heat.rows}`);
+    const { columns, rows, low_mm, cell_mm } = found;
+    const [x, y] = [-low_mm[0] / cell_mm, rows + low_mm[1] / cell_mm];
+    const size = 0.06 * Math.max(columns, rows);
+    overlay.setAttribute("viewBox", `0 0 ${columns} ${rows}`);
     overlay.replaceChildren(
       svgEl("circle", { cx: x, cy: y, r: 0.2 * size }),
       svgEl("path", { d: `M${x} ${y}V${y - size}m${-0.3 * size} ${0.35 * size}l${0.3 * size} ${-0.35 * size} ${0.3 * size} ${0.35 * size}` }),
     );
-    const area = (least) => shares.reduce((sum, share) => sum + (share > least), 0) * heat.cell_mm ** 2 / 100;
-    words.textContent = `Share of ${heat.maps} maps on which the robot's body covers a place, as seen from the start (simulated). `
+    const area = (/** @type {number} */ least) => shares.filter((share) => share > least).length * cell_mm ** 2 / 100;
+    words.textContent = `Share of ${found.maps} maps on which the robot's body covers a place, as seen from the start (simulated). `
       + `On some map ${number(area(0), 0)} cm², on more than half ${number(area(0.5), 0)} cm². Arrow keys read it place by place.`
-      + (heat.same_size ? "" : " The maps differ in size: where one ends, none of its robots can be.");
+      + (found.same_size ? "" : " The maps differ in size: where one ends, none of its robots can be.");
     canvas.setAttribute("aria-label", words.textContent);
   }
   return { box, show };
@@ -188,8 +196,9 @@ function heatView() {
 
 // ---- the panel
 
+/** @param {string} label @param {keyof typeof FIELDS} key @param {App} app @param {string} title */
 function numberField(label, key, app, title) {
-  const [least, most] = BOUNDS[key];
+  const { least, most, usual } = FIELDS[key];
   const input = el("input", { type: "number", id: `family-${key}`, min: least, max: most, step: 1, title });
   input.addEventListener("change", () => {
     if (input.value !== "" && input.validity.valid) {
@@ -197,23 +206,24 @@ function numberField(label, key, app, title) {
     } else app.say(`${label}: a whole number, ${least} to ${most}`, "error");
     show(app.store.get());
   });
+  /** @param {StudioState} state */
   function show(state) {
-    const fallback = { count: 40, seed: 1000, poses: 1 }[key];
-    if (document.activeElement !== input || !app.live) input.value = state.family?.[key] ?? fallback;
-    input.disabled = !app.live || (key !== "poses" && Boolean(state.family?.files?.length));
+    if (document.activeElement !== input || !app.live) input.value = String(state.family[key] ?? usual);
+    input.disabled = !app.live || (key !== "poses" && Boolean(state.family.files?.length));
   }
   return { line: el("label", {}, `${label} `, input), show };
 }
 
+/** @param {HTMLElement} root @param {App} app */
 export function mount(root, app) {
-  const grounds = new Map();
-  const tiles = new Map();
-  const seen = new Set();
+  const grounds = /** @type {Map<string, string>} */ (new Map());
+  const tiles = /** @type {Map<string, Tile>} */ (new Map());
+  const seen = /** @type {Set<string>} */ (new Set());
   const heat = heatView();
-  let answer = null;
+  let answer = /** @type {FamilyAnswer | null} */ (null);
   let asked = "";
   let evaluated = 0;
-  let before = {};
+  let before = /** @type {Scores} */ ({});
   let view = "maps";
 
   // ---- controls
@@ -258,6 +268,7 @@ export function mount(root, app) {
   files.addEventListener("change", () => takeFiles(files.value.split("\n").map((name) => name.trim()).filter(Boolean)));
   listed.addEventListener("change", () => takeFiles([...listed.selectedOptions].map((option) => option.value)));
 
+  /** @param {string[]} names */
   function takeFiles(names) {
     app.store.change("many maps: files", ({ family }) => {
       if (names.length) family.files = names;
@@ -275,19 +286,20 @@ export function mount(root, app) {
       markListed();
       if (!listed.hidden) listed.focus();
     } catch (error) {
-      app.say(`Map files: ${error.message}`, "error");
+      app.fail(error, "Map files: ");
     }
   }
 
   function markListed() {
-    const names = new Set(app.store.get().family?.files ?? []);
+    const names = new Set(app.store.get().family.files);
     for (const option of listed.options) option.selected = names.has(option.value);
     listed.hidden = !listed.options.length;
   }
   sort.addEventListener("change", arrange);
 
+  /** @param {StudioState} state */
   function showControls(state) {
-    const { family = {} } = state;
+    const { family } = state;
     const names = answer?.environments ?? [family.environment ?? "grid"];
     if (environment.dataset.names !== names.join()) {
       environment.dataset.names = names.join();
@@ -303,6 +315,11 @@ export function mount(root, app) {
     for (const field of fields) field.show(state);
   }
 
+  function showChart() {
+    if (answer) drawChart(chart, answer, before);
+  }
+
+  /** @param {string} name */
   function setView(name) {
     view = name;
     for (const button of views) button.setAttribute("aria-pressed", String(button.dataset.view === name));
@@ -312,23 +329,25 @@ export function mount(root, app) {
     sort.disabled = name !== "maps";
     if (!answer) return;
     if (name === "heat") heat.show(answer.heat);
-    else drawChart(chart, answer, Object.values(before));
+    else showChart();
   }
 
   // ---- asking
 
+  /** @param {StudioState} state */
   const conditions = (state) => `${familyConditions(state)} ${JSON.stringify(state.design)}`;
 
+  /** @param {StudioState} state @returns {Scores} */
   function versionBefore(state) {
-    const reference = app.reference;
-    const found = reference?.answers?.family;
-    if (!found || familyConditions(reference.state) !== familyConditions(state)) return {};
-    return scoresOf(found);
+    const { reference } = app;
+    const isSame = reference && familyConditions(reference.state) === familyConditions(state);
+    return isSame && reference.answers.family ? scoresOf(reference.answers.family) : {};
   }
 
   /** Tell whether compiled code lies on disk; after so long nobody else compiles it. */
   const isCompiled = () => app.answers.live?.engine === "kernel" || performance.now() > COMPILED_MS;
 
+  /** @param {boolean} quick */
   async function ask(quick) {
     if (!app.live || root.hidden) return;
     const state = app.shown();
@@ -344,13 +363,14 @@ export function mount(root, app) {
       evaluated = found.evaluated;
       if (found.compiling && (grew || isCompiled())) setTimeout(atRest, AGAIN_MS);
     } catch (error) {
-      if (!quick && !error.stopped) asked = "";
-      if (error.stale) return;
-      tell(error.stopped ? "stopped; any change goes on" : "");
-      if (!error.stopped) app.say(`Many maps: ${error.message}`, "error");
+      if (!quick && !isStopped(error)) asked = "";
+      if (isStale(error)) return;
+      tell(isStopped(error) ? "stopped; any change goes on" : "");
+      app.fail(error, "Many maps: ");
     }
   }
 
+  /** @param {string} text */
   function tell(text, isRunning = false) {
     status.textContent = text;
     stop.hidden = !isRunning;
@@ -376,42 +396,44 @@ export function mount(root, app) {
     markOpen();
     changed();
   });
-  app.onPreview?.(changed);
-  for (const event of ["again", "engine"]) {
+  app.onPreview(changed);
+  for (const event of /** @type {const} */ (["again", "engine"])) {
     app.on(event, () => {
       asked = "";
       setTimeout(changed, AGAIN_MS);
     });
   }
-  app.onReference?.(() => {
+  app.onReference(() => {
     if (!app.live && answer) show(answer, app.store.get());
-    if (!app.live || root.hidden || same(before, versionBefore(app.shown()))) return;
+    if (!app.live || root.hidden || JSON.stringify(before) === JSON.stringify(versionBefore(app.shown()))) return;
     asked = "";
     atRest();
   });
   addEventListener("tabshown", () => {
     if (root.hidden) return;
     changed();
-    if (answer) drawChart(chart, answer, Object.values(before));
+    showChart();
   });
-  new ResizeObserver(() => { if (answer && !root.hidden) drawChart(chart, answer, Object.values(before)); }).observe(root);
+  new ResizeObserver(() => { if (!root.hidden) showChart(); }).observe(root);
 
   // ---- the maps
 
   const watcher = new IntersectionObserver((entries) => {
     for (const { target, isIntersecting } of entries) {
-      if (isIntersecting) seen.add(target.dataset.key);
-      else seen.delete(target.dataset.key);
-      if (isIntersecting) draw(tiles.get(target.dataset.key));
+      const key = target.getAttribute("data-key") ?? "";
+      if (isIntersecting) seen.add(key);
+      else seen.delete(key);
+      if (isIntersecting) draw(tiles.get(key));
     }
   }, { root: null, rootMargin: "100px" });
 
+  /** @param {FamilyMap} entry @returns {Tile} */
   function makeTile(entry) {
     const parts = { ground: svgEl("g"), robot: svgEl("g") };
     const svg = svgEl("svg", { class: "plan", viewBox: entry.view_box, "aria-hidden": "true" }, parts.ground, parts.robot);
     const value = el("span", { class: "value" });
     const difference = el("span", { class: "difference" });
-    const button = el("button", { type: "button", "data-key": entry.key, onclick: () => open(tiles.get(entry.key).entry) },
+    const button = el("button", { type: "button", "data-key": entry.key, onclick: () => open(tiles.get(entry.key)?.entry ?? entry) },
       svg, el("span", { class: "caption" }, el("span", { class: "name" }, entry.name), value, difference));
     const item = el("div", { role: "listitem", class: "tile", "data-key": entry.key }, button);
     svg.style.setProperty("--mm-per-px", (Number(entry.view_box.split(" ")[2]) / 120).toFixed(3));
@@ -419,29 +441,32 @@ export function mount(root, app) {
     return { ...parts, item, button, value, difference, entry, drawn: {} };
   }
 
-  /** Draw what has changed of a map that is in view. */
+  /** Draw what has changed of a map that is in view. @param {Tile} [tile] */
   function draw(tile) {
     if (!tile || !seen.has(tile.entry.key)) return;
-    const { ground_svg, robot_svg } = tile.entry;
-    for (const [name, text] of [["ground", ground_svg], ["robot", robot_svg]]) {
-      if (text === null || text === undefined || tile.drawn[name] === text) continue;
+    for (const name of /** @type {const} */ (["ground", "robot"])) {
+      const text = tile.entry[`${name}_svg`];
+      if (text === null || tile.drawn[name] === text) continue;
       fillSvg(tile[name], text);
       tile.drawn[name] = text;
     }
   }
 
+  /** Return what a map has gained over the version before, if both are known. @param {FamilyMap} entry */
+  const gainOf = ({ key, score }) => (score === null || before[key] === undefined ? null : score - before[key]);
+
+  /** @param {Tile} tile */
   function showTile(tile) {
     const { entry } = tile;
-    const old = before[entry.key];
-    const gain = entry.score === null || old === undefined ? null : entry.score - old;
+    const gain = gainOf(entry);
     const words = gain === null ? "" : Math.abs(gain) < LEAST ? "=" : signed(gain);
-    const kind = words === "" || words === "=" ? "" : gain > 0 ? " better" : " worse";
+    const kind = gain === null || words === "=" ? "" : gain > 0 ? " better" : " worse";
     tile.value.textContent = entry.score === null ? "…" : score(entry.score);
     tile.difference.textContent = words;
     tile.difference.setAttribute("class", `difference${kind}`);
     tile.item.classList.toggle("waiting", entry.score === null);
     const facts = entry.score === null ? "not evaluated yet"
-      : `score ${score(entry.score)} (simulated), ${number(100 * entry.grown_share, 0)} % grown, ${entry.deployed} of ${entry.branches} branches out`;
+      : `score ${score(entry.score)} (simulated), ${number(100 * (entry.grown_share ?? 0), 0)} % grown, ${entry.deployed} of ${entry.branches} branches out`;
     tile.button.setAttribute("aria-label", `${entry.name}: ${facts}${gain === null ? "" : `, ${words === "=" ? "as before" : `${words} to the version before,${kind}`}`}. Open this map`);
     tile.button.title = `${entry.name}: ${facts}`;
     tile.button.disabled = !app.live;
@@ -458,6 +483,7 @@ export function mount(root, app) {
     }
   }
 
+  /** @param {FamilyMap} entry */
   function open(entry) {
     app.store.change(`map ${entry.name}`, (state) => {
       state.map = { source: { ...entry.source }, edits: [] };
@@ -468,20 +494,23 @@ export function mount(root, app) {
 
   function arrange() {
     if (!answer) return;
-    const gain = (entry) => (before[entry.key] === undefined || entry.score === null ? 0 : Math.abs(entry.score - before[entry.key]));
-    const known = (entry, otherwise) => entry.score ?? otherwise;
-    const order = {
-      seed: () => 0, worst: (one, two) => known(one, Infinity) - known(two, Infinity),
-      best: (one, two) => known(two, -Infinity) - known(one, -Infinity), change: (one, two) => gain(two) - gain(one),
-    }[sort.value];
-    const wanted = [...answer.maps].sort(order).map((entry) => tiles.get(entry.key).item);
+    /** What comes first has the least of it. @type {Record<string, (entry: FamilyMap) => number>} */
+    const ranks = {
+      seed: () => 0, worst: ({ score }) => score ?? Infinity, best: ({ score }) => -(score ?? -Infinity),
+      change: (entry) => -Math.abs(gainOf(entry) ?? 0),
+    };
+    const rank = ranks[sort.value];
+    const ranked = answer.maps.map((entry) => ({ item: tiles.get(entry.key)?.item, rank: rank(entry) }));
+    const wanted = ranked.sort((one, two) => (one.rank < two.rank ? -1 : Number(one.rank > two.rank))).map(({ item }) => item)
+      .filter((item) => item !== undefined);
     if (wanted.some((item, index) => grid.children[index] !== item) || wanted.length !== grid.children.length) grid.replaceChildren(...wanted);
   }
 
   // ---- showing
 
-  function showTiles() {
-    const keys = new Set(answer.maps.map((entry) => entry.key));
+  /** @param {FamilyAnswer} found */
+  function showTiles({ maps }) {
+    const keys = new Set(maps.map((entry) => entry.key));
     for (const [key, tile] of tiles) {
       if (keys.has(key)) continue;
       watcher.unobserve(tile.item);
@@ -489,25 +518,26 @@ export function mount(root, app) {
       tiles.delete(key);
       seen.delete(key);
     }
-    for (const entry of answer.maps) {
-      if (!tiles.has(entry.key)) tiles.set(entry.key, makeTile(entry));
-      const tile = tiles.get(entry.key);
+    for (const entry of maps) {
+      const tile = tiles.get(entry.key) ?? makeTile(entry);
+      tiles.set(entry.key, tile);
       tile.entry = entry;
       showTile(tile);
     }
   }
 
-  function showSummary() {
-    const { mean, low, high, maps, quantiles } = answer.distribution;
-    const interval = low === null ? `${maps} ${maps === 1 ? "map" : "maps"}: no interval` : `95 % interval ${range(low, high)} over ${maps} maps`;
-    const about = answer.quick ? "≈ " : "";
-    const partly = answer.evaluated < answer.maps.length ? `, the first of ${answer.maps.length}` : "";
+  /** @param {FamilyAnswer} found */
+  function showSummary(found) {
+    const { mean, low, high, maps, quantiles } = found.distribution;
+    const interval = low === null || high === null ? `${maps} ${maps === 1 ? "map" : "maps"}: no interval` : `95 % interval ${range(low, high)} over ${maps} maps`;
+    const about = found.quick ? "≈ " : "";
+    const partly = found.evaluated < found.maps.length ? `, the first of ${found.maps.length}` : "";
     summary.replaceChildren(
-      el("span", { class: "name" }, `${answer.title}, mean `), el("span", { class: "value" }, `${about}${score(mean)}`),
-      el("span", { class: "facts" }, ` ${interval}${partly} · half of the maps ${range(quantiles[25], quantiles[75])} · ${number(100 * answer.grown_share, 0)} % grown`),
+      el("span", { class: "name" }, `${found.title}, mean `), el("span", { class: "value" }, `${about}${score(mean)}`),
+      el("span", { class: "facts" }, ` ${interval}${partly} · half of the maps ${range(quantiles[25], quantiles[75])} · ${number(100 * found.grown_share, 0)} % grown`),
       el("span", { class: "standing" }, "simulated"),
     );
-    const { difference } = answer;
+    const { difference } = found;
     change.hidden = !difference;
     if (difference) {
       const clear = isClear(difference);
@@ -516,33 +546,33 @@ export function mount(root, app) {
       change.replaceChildren(
         el("span", { class: `value ${kind}` }, signed(difference.mean)),
         el("span", { class: "facts" }, ` to the version before, map by map: ${verdict}`
-          + (difference.low === null ? "" : ` (95 % interval ${signed(difference.low)} to ${signed(difference.high)} over ${difference.maps} maps)`)
+          + (difference.low === null || difference.high === null ? "" : ` (95 % interval ${signed(difference.low)} to ${signed(difference.high)} over ${difference.maps} maps)`)
           + ` · better on ${difference.better}, worse on ${difference.worse} of ${difference.maps} maps`),
       );
     }
-    const all = Object.values(scoresOf(answer));
+    const all = Object.values(scoresOf(found));
     chart.setAttribute("aria-label", `Scores of ${maps} maps: mean ${score(mean)}, ${interval}, least ${score(Math.min(...all))}, greatest ${score(Math.max(...all))}`);
   }
 
+  /** @param {FamilyAnswer} found @param {StudioState} state */
   function show(found, state) {
     answer = found;
-    answer.conditions = familyConditions(state);
-    root.classList.toggle("outdated", app.live && familyConditions(app.shown()) !== answer.conditions);
+    found.conditions = familyConditions(state);
+    root.classList.toggle("outdated", app.live && familyConditions(app.shown()) !== found.conditions);
     if (!app.live) before = versionBefore(state);
-    for (const entry of answer.maps) {
+    for (const entry of found.maps) {
       if (entry.ground_svg) grounds.set(entry.key, entry.ground_svg);
       // A stored answer is whole: grounds that the page held already are put back.
       else entry.ground_svg = grounds.get(entry.key) ?? null;
-      entry.robot_svg ??= null;
     }
-    while (grounds.size > MOST_GROUNDS) grounds.delete(grounds.keys().next().value);
+    for (const key of [...grounds.keys()].slice(0, -MOST_GROUNDS)) grounds.delete(key);
     showControls(app.store.get());
-    showTiles();
-    if (!answer.quick || !grid.children.length) arrange();
+    showTiles(found);
+    if (!found.quick || !grid.children.length) arrange();
     markOpen();
-    showSummary();
-    if (!root.hidden) drawChart(chart, answer, Object.values(before));
-    if (view === "heat" && (answer.heat || !answer.quick)) heat.show(answer.heat);
+    showSummary(found);
+    if (!root.hidden) showChart();
+    if (view === "heat" && (found.heat || !found.quick)) heat.show(found.heat);
   }
 
   setView("maps");

@@ -1,6 +1,7 @@
 // Files: what is open, opening, saving, changes from outside, and unsaved work that is kept.
 
 import { el, number, paused } from "studio/dom.js";
+import { problemOf } from "studio/link.js";
 
 const KEY = "vinefab-studio-tab";
 const FILES = "vinefab-studio-files";
@@ -8,24 +9,26 @@ const KEEP_AFTER_MS = 1200;
 const OTHERS_ANSWER_MS = 600;
 const MOST_DIFFERENCES = 8;
 
+/** @param {HTMLElement} root @param {App} app */
 export function mount(root, app) {
   const name = el("span", { class: "file-name" });
   const mark = el("span", { class: "file-mark" });
   root.append(el("span", { class: "file" }, name, mark));
   if (!app.live) {
-    name.textContent = app.file.name ?? app.file.path ?? "";
+    name.textContent = app.file.name ?? app.file.path;
     return;
   }
   mountLive(root, app, name, mark);
 }
 
+/** @param {HTMLElement} root @param {App} app @param {HTMLElement} name @param {HTMLElement} mark */
 function mountLive(root, app, name, mark) {
   const store = app.store;
   const notes = createNotes(root);
   const known = app.restored ? readKnown() : {}; // files of this tab by path, so that undo finds the one it goes back to
-  let saving = Promise.resolve();
+  let saving = /** @type {Promise<unknown>} */ (Promise.resolve());
   let key = tabKey();
-  let restored = Boolean(app.restored);
+  const { restored } = app;
 
   const open = button("Open", "Open a design, map or recipe (Ctrl-O)", () => openDialog.show());
   const save = button("Save", "Save the design (Ctrl-S)", () => saveDesign());
@@ -42,12 +45,12 @@ function mountLive(root, app, name, mark) {
   }
 
   function isUnsaved() {
-    return app.file.dirty || (store.get().map?.edits?.length ?? 0) > 0 || Boolean(store.get().map?.targets);
+    return app.file.dirty || (store.get().map?.edits.length ?? 0) > 0 || Boolean(store.get().map?.targets);
   }
 
   function show() {
     app.file.dirty = isDirty();
-    const shown = app.file.name ?? app.file.path ?? "design";
+    const shown = app.file.name ?? app.file.path;
     name.textContent = shown;
     name.title = app.file.writable ? app.file.path : `${app.file.path}: read only; Save as writes a copy`;
     mark.textContent = app.file.dirty ? "● unsaved" : app.file.writable ? "saved" : "read only";
@@ -56,15 +59,16 @@ function mountLive(root, app, name, mark) {
     document.title = `${app.file.dirty ? "● " : ""}${shown} – vinefab studio`;
   }
 
-  /** Let another file be the open one; the state says which, so that undo and redo follow. */
+  /** Let another file be the open one; the state says which, so that undo and redo follow. @param {Omit<OpenFile, "dirty">} file */
   function setFile(file) {
     app.file = { ...file, dirty: false };
     known[file.path] = app.file;
     writeKnown(known);
-    app.remember?.();
+    app.remember();
     show();
   }
 
+  /** @param {StudioState} state */
   function followUndo(state) {
     const path = state.opened ?? first;
     if (path !== app.file.path && known[path]) setFile(known[path]);
@@ -72,23 +76,25 @@ function mountLive(root, app, name, mark) {
 
   // Opening -------------------------------------------------------------------------------------
 
-  async function choose(kind, entry) {
-    if (kind === "design") return openDesign(entry.path);
+  /** @param {Kind} kind @param {Openable} entry */
+  async function choose(kind, { name: title, path }) {
+    if (kind === "design") return openDesign(path);
     if (kind === "environment") {
-      const now = store.get().map?.source ?? {};
-      const seed = now.environment === entry.name ? now.seed : 3;
-      return takeMap({ environment: entry.name, seed, options: {} }, entry.name);
+      const now = store.get().map?.source;
+      const seed = now?.environment === title ? now.seed : 3;
+      return takeMap({ environment: title, seed, options: {} }, title);
     }
     if (kind === "map") {
-      const found = await app.desk("open_map", { path: entry.path });
-      return takeMap(found.source, entry.name);
+      const found = await app.desk("open_map", { path });
+      return takeMap(found.source, title);
     }
-    const found = await app.desk("open_recipe", { recipe: entry.path });
+    const found = await app.desk("open_recipe", { recipe: path });
     store.change(`open ${found.recipe}`, (state) => { state.recipe = found.recipe; });
     app.say(`Opened recipe ${found.recipe}`);
     return true;
   }
 
+  /** @param {MapSource} source @param {string} title */
   function takeMap(source, title) {
     store.change(`open map ${title}`, (state) => {
       state.map = { source, edits: [] };
@@ -98,6 +104,7 @@ function mountLive(root, app, name, mark) {
     return true;
   }
 
+  /** @param {string} [path] */
   async function openDesign(path) {
     if (app.file.dirty) {
       const answer = await askUser(root, {
@@ -127,6 +134,7 @@ function mountLive(root, app, name, mark) {
 
   // Saving --------------------------------------------------------------------------------------
 
+  /** Save the design; false if nothing was written. @returns {Promise<boolean>} */
   async function saveDesign(stamp = app.file.stamp) {
     if (!app.file.writable) {
       saveAsDialog.show();
@@ -140,26 +148,27 @@ function mountLive(root, app, name, mark) {
       saved(answer, design);
       return true;
     } catch (error) {
-      app.say(error.message ?? String(error), "error");
+      app.fail(error);
       return false;
     }
   }
 
-  /** Ask the desk to write; changes on disk that it tells meanwhile wait, they may be our own. */
+  /** Ask the desk to write; changes on disk that it tells meanwhile wait, they may be our own. @param {object} ask */
   function write(ask) {
     const answer = app.desk("save_design", { ...ask, recovery: key });
     saving = answer.catch(() => null);
     return answer;
   }
 
+  /** @param {Saved} answer @param {Design} design */
   function saved(answer, design) {
     notes.clear("disk");
-    setFile(fileOf({ ...app.file, ...answer, name: nameOf(answer.path) }, design));
+    setFile(fileOf({ ...answer, name: nameOf(answer.path) }, design));
     app.say(answer.note ? `Saved ${answer.path}; ${answer.note}` : `Saved ${answer.path}`);
     keepSoon(); // a copy that was on its way when the desk dropped it goes too
   }
 
-  /** Return null when the copy is written, or what stands in the way. */
+  /** Return null when the copy is written, or what stands in the way. @param {string} path @param {boolean} renames @param {string} [stamp] */
   async function writeAs(path, renames, stamp) {
     const design = structuredClone(store.get().design);
     const stem = nameOf(path);
@@ -175,9 +184,10 @@ function mountLive(root, app, name, mark) {
     return null;
   }
 
+  /** Ask whose version stays; false if mine is not written. @param {Conflict} answer @param {Design} mine */
   async function resolve(answer, mine) {
     const theirs = answer.design;
-    const differences = theirs ? differencesOf(theirs, mine) : [answer.problem];
+    const differences = theirs ? differencesOf(theirs, mine) : [answer.problem ?? ""];
     const choice = await askUser(root, {
       title: `${answer.path} was changed outside`,
       text: theirs
@@ -190,41 +200,43 @@ function mountLive(root, app, name, mark) {
         ["as", "Save mine as another file"],
       ],
     });
-    if (choice === "theirs") takeTheirs(answer);
+    if (choice === "theirs" && theirs) takeTheirs(answer, theirs);
     else if (choice === "mine") return saveDesign(answer.stamp);
     else if (choice === "as") saveAsDialog.show();
     return false;
   }
 
-  function takeTheirs(version) {
+  /** @param {{ path: string, stamp: string }} version @param {Design} design */
+  function takeTheirs({ path, stamp }, design) {
     notes.clear("disk");
-    store.change(`${version.path} from disk`, (state) => { state.design = version.design; });
-    setFile({ ...app.file, stamp: version.stamp, saved_design: version.design });
-    app.say(`${version.path} changed on disk and was taken; Undo goes back`);
+    store.change(`${path} from disk`, (state) => { state.design = design; });
+    setFile({ ...app.file, stamp, saved_design: design });
+    app.say(`${path} changed on disk and was taken; Undo goes back`);
   }
 
   // Changes from outside ------------------------------------------------------------------------
 
+  /** @param {FileChange} event */
   async function onFileChanged(event) {
     await saving;
-    if (event.kind !== "design") return onSourceChanged(event);
-    if (event.path !== app.file.path || event.stamp === app.file.stamp) {
-      if (event.path === app.file.path) notes.clear("disk");
-      return;
-    }
-    if (event.problem) {
-      app.say(event.problem, "error");
-      notes.show("disk", `Changed on disk, but not readable: ${event.problem}. It is looked at again when it changes.`, []);
+    const { kind, path, stamp, design, problem } = event;
+    if (kind !== "design") return onSourceChanged(event);
+    if (path !== app.file.path) return;
+    if (stamp === app.file.stamp) notes.clear("disk");
+    else if (!design) {
+      app.say(problem ?? "", "error");
+      notes.show("disk", `Changed on disk, but not readable: ${problem}. It is looked at again when it changes.`, []);
     } else if (!app.file.dirty) {
-      takeTheirs(event);
+      takeTheirs(event, design);
     } else {
-      notes.show("disk", `${event.path} changed on disk, and you have unsaved changes here.`, [
-        ["Take it", () => takeTheirs(event)],
-        ["Keep mine", () => setFile({ ...app.file, stamp: event.stamp, saved_design: event.design })],
+      notes.show("disk", `${path} changed on disk, and you have unsaved changes here.`, [
+        ["Take it", () => takeTheirs(event, design)],
+        ["Keep mine", () => setFile({ ...app.file, stamp, saved_design: design })],
       ]);
     }
   }
 
+  /** @param {FileChange} event */
   function onSourceChanged(event) {
     if (event.problem) {
       app.say(event.problem, "error");
@@ -233,15 +245,15 @@ function mountLive(root, app, name, mark) {
     const state = store.get();
     const isMap = state.map?.source?.file === event.path;
     store.change(`${event.path} from disk`, (copy) => {
-      if (isMap) copy.map.source.stamp = event.stamp;
-      if (copy.family?.files?.includes(event.path)) copy.family.stamp = event.stamp;
+      if (isMap && copy.map) copy.map.source.stamp = event.stamp;
+      if (copy.family.files?.includes(event.path)) copy.family.stamp = event.stamp;
       if (copy.recipe === event.path) copy.recipe_stamp = event.stamp;
     });
     app.say(`${event.path} changed on disk and was read anew`);
-    const count = state.map?.edits?.length ?? 0;
+    const count = state.map?.edits.length ?? 0;
     if (!isMap || !count) return;
     notes.show("map", `${event.path} changed on disk; your ${count} changes of obstacles go by their numbers and may now move others.`, [
-      ["Drop my changes", () => store.change("drop changes of the map", (copy) => { copy.map.edits = []; })],
+      ["Drop my changes", () => store.change("drop changes of the map", (copy) => { if (copy.map) copy.map.edits = []; })],
       ["Leave them", () => {}],
     ]);
   }
@@ -250,9 +262,9 @@ function mountLive(root, app, name, mark) {
   async function lookAgain() {
     try {
       const file = await app.desk("open_design", { design: app.file.path });
-      await onFileChanged({ kind: "design", path: app.file.path, stamp: file.stamp, design: file.design });
+      await onFileChanged({ kind: "design", path: app.file.path, stamp: file.stamp, design: file.design, problem: null });
     } catch (error) {
-      if (error.message) app.say(error.message, "error");
+      app.fail(error);
     }
   }
 
@@ -261,7 +273,7 @@ function mountLive(root, app, name, mark) {
   let isKept = false;
   let told = "";
 
-  /** Keep unsaved work; with a key, in place of what was kept under it, in one step of the desk. */
+  /** Keep unsaved work; with a key, in place of what was kept under it, in one step of the desk. @param {string} [instead] */
   async function keep(instead) {
     const state = store.get();
     try {
@@ -275,8 +287,9 @@ function mountLive(root, app, name, mark) {
       }
     } catch (error) {
       // Once is enough: it would be told again at every change.
-      if (error.message && error.message !== told && state === store.get()) app.say(error.message, "error");
-      told = error.message ?? "";
+      const problem = problemOf(error);
+      if (problem !== told && state === store.get()) app.fail(error);
+      told = problem;
     }
   }
   const keepSoon = paused(() => keep(), KEEP_AFTER_MS);
@@ -295,6 +308,7 @@ function mountLive(root, app, name, mark) {
     offer(found);
   }
 
+  /** @param {Recovery[]} found */
   function offer(found) {
     const [entry, ...rest] = found;
     if (!entry) {
@@ -310,10 +324,11 @@ function mountLive(root, app, name, mark) {
     ]);
   }
 
+  /** @param {Recovery} entry */
   async function takeUnsaved(entry) {
     try {
       const kept = await app.desk("open_recovery", { key: entry.key });
-      let file = null;
+      let file = /** @type {DeskAnswers["open_design"] | null} */ (null);
       try {
         if (kept.file?.path) file = await app.desk("open_design", { design: kept.file.path });
       } catch {
@@ -327,14 +342,14 @@ function mountLive(root, app, name, mark) {
       if (!isUnsaved()) await app.desk("drop_recovery", { key: entry.key });
       app.say(`Unsaved work of ${entry.name ?? "a design"} is open; Undo goes back`);
     } catch (error) {
-      app.say(error.message ?? String(error), "error");
+      app.fail(error);
     }
   }
 
   // Begin ---------------------------------------------------------------------------------------
 
   if (restored && app.file.path in known) app.file = { ...known[app.file.path] };
-  app.file.name ??= nameOf(app.file.path ?? "");
+  app.file.name ??= nameOf(app.file.path);
   const first = app.file.path;
   known[first] = app.file;
   store.subscribe((state) => {
@@ -362,7 +377,7 @@ function mountLive(root, app, name, mark) {
     else if (event.shiftKey) saveAsDialog.show();
     else if (save.disabled) app.say(`${app.file.path} is saved already`);
     else {
-      document.activeElement?.blur?.(); // a number that is being typed counts
+      if (document.activeElement instanceof HTMLElement) document.activeElement.blur(); // a number that is being typed counts
       saveDesign();
     }
   });
@@ -370,34 +385,31 @@ function mountLive(root, app, name, mark) {
   if (app.hello.problem) notes.show("disk", `${app.hello.problem}. Shown is what was read before.`, []);
   else if (app.file.run_note) app.say(app.file.run_note);
   if (restored) lookAgain();
-  findUnsaved().catch((error) => { if (error.message) app.say(error.message, "error"); });
+  findUnsaved().catch((error) => app.fail(error));
 }
 
-function fileOf(answer, design) {
-  return {
-    path: answer.path,
-    name: answer.name ?? nameOf(answer.path),
-    writable: answer.writable,
-    stamp: answer.stamp,
-    saved_design: structuredClone(design),
-  };
+/** @param {{ path: string, name: string, writable: boolean, stamp: string }} file @param {Design} design */
+function fileOf({ path, name, writable, stamp }, design) {
+  return { path, name, writable, stamp, saved_design: structuredClone(design) };
 }
 
+/** @param {string} text @param {string} title @param {() => unknown} onclick */
 function button(text, title, onclick) {
   return el("button", { type: "button", title, onclick }, text);
 }
 
-/** Return a function's bars below the header, one of each kind. */
+/** Return the bars below the header, one of each kind. @param {HTMLElement} root */
 function createNotes(root) {
   const place = el("div", { class: "file-notes" });
-  root.closest("header").append(place);
-  const bars = new Map();
-  const clear = (kind) => {
+  root.closest("header")?.append(place);
+  const bars = /** @type {Map<Note, Element>} */ (new Map());
+  const clear = (/** @type {Note} */ kind) => {
     bars.get(kind)?.remove();
     bars.delete(kind);
   };
   return {
     clear,
+    /** @param {Note} kind @param {string} text @param {NoteActions} actions */
     show(kind, text, actions) {
       clear(kind);
       const bar = el(
@@ -411,7 +423,12 @@ function createNotes(root) {
   };
 }
 
-/** Ask in a dialog; the promise gives the name of the choice, or nothing. */
+/**
+ * Ask in a dialog; the promise gives the name of the choice, or nothing.
+ * @param {HTMLElement} root
+ * @param {{ title: string, text: string, lines?: string[], choices: string[][] }} question
+ * @returns {Promise<string>}
+ */
 function askUser(root, { title, text, lines = [], choices }) {
   return new Promise((resolve) => {
     const dialog = el(
@@ -421,8 +438,8 @@ function askUser(root, { title, text, lines = [], choices }) {
       el(
         "div", { class: "buttons" },
         choices.map(([value, label], place) =>
-          el("button", { type: "button", class: place ? null : "primary", onclick: () => dialog.close(value) }, label)),
-        el("button", { type: "button", onclick: () => dialog.close("") }, "Cancel"),
+          el("button", { type: "button", class: place ? null : "primary", onclick: () => { dialog.close(value); } }, label)),
+        el("button", { type: "button", onclick: () => { dialog.close(""); } }, "Cancel"),
       ),
     );
     dialog.addEventListener("close", () => {
@@ -434,6 +451,12 @@ function askUser(root, { title, text, lines = [], choices }) {
   });
 }
 
+/**
+ * Return the dialog that offers what can be opened.
+ * @param {HTMLElement} root
+ * @param {App} app
+ * @param {(kind: Kind, entry: Openable) => Promise<boolean>} choose returns whether it was opened
+ */
 function createOpenDialog(root, app, choose) {
   const search = el("input", { type: "search", id: "open-search", autocomplete: "off", placeholder: "part of a name" });
   const list = el("div", { class: "choices" });
@@ -444,10 +467,10 @@ function createOpenDialog(root, app, choose) {
     el("h2", { id: "open-title" }, "Open"),
     el("div", { class: "field" }, el("label", { for: "open-search" }, "Find"), search),
     list, problem, where,
-    el("div", { class: "buttons" }, el("button", { type: "button", onclick: () => dialog.close() }, "Close")),
+    el("div", { class: "buttons" }, el("button", { type: "button", onclick: () => { dialog.close(); } }, "Close")),
   );
   root.append(dialog);
-  let groups = [];
+  let groups = /** @type {[title: string, kind: Kind, entries: Openable[]][]} */ ([]);
 
   function fill() {
     const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
@@ -469,19 +492,20 @@ function createOpenDialog(root, app, choose) {
     if (!list.querySelector("button")) list.replaceChildren(el("p", {}, "Nothing is called so."));
   }
 
+  /** @param {Kind} kind @param {Openable} entry */
   async function take(kind, entry) {
     problem.textContent = "";
     try {
       if (await choose(kind, entry)) dialog.close();
     } catch (error) {
-      problem.textContent = error.message ?? String(error);
+      problem.textContent = problemOf(error);
     }
   }
 
   search.addEventListener("input", fill);
   dialog.addEventListener("keydown", (event) => {
     const buttons = [...list.querySelectorAll("button")];
-    const at = buttons.indexOf(document.activeElement);
+    const at = buttons.findIndex((one) => one.matches(":focus"));
     if (event.key === "Enter" && document.activeElement === search && buttons.length) {
       event.preventDefault();
       buttons[0].click();
@@ -512,32 +536,38 @@ function createOpenDialog(root, app, choose) {
         where.textContent = `Folders: ${found.folders.join(", ")}${found.complete ? "" : " (too many files: not all are listed)"}`;
         fill();
       } catch (error) {
-        problem.textContent = error.message ?? String(error);
+        problem.textContent = problemOf(error);
         list.replaceChildren();
       }
     },
   };
 }
 
+/**
+ * Return the dialog that asks for a new name.
+ * @param {HTMLElement} root
+ * @param {App} app
+ * @param {(path: string, renames: boolean, stamp?: string) => Promise<Conflict | null>} writeAs
+ */
 function createSaveAsDialog(root, app, writeAs) {
   const path = el("input", { type: "text", id: "save-path", autocomplete: "off", spellcheck: "false", required: true });
   const renames = el("input", { type: "checkbox", id: "save-renames", checked: true });
   const problem = el("p", { class: "problem", role: "alert" });
   const save = el("button", { type: "submit", class: "primary" }, "Save");
+  const form = el(
+    "form", { method: "dialog" },
+    el("div", { class: "field" }, el("label", { for: "save-path" }, "File (.toml)"), path),
+    el("p", { class: "standing" }, `In ${app.hello.folder}, or in the folder of a file that was named with the command`),
+    el("div", { class: "field" }, renames, el("label", { for: "save-renames" }, "Name the design after the file")),
+    problem,
+    el("div", { class: "buttons" }, save, el("button", { type: "button", onclick: () => { dialog.close(); } }, "Cancel")),
+  );
   const dialog = el(
     "dialog", { class: "files-dialog save-as", "aria-labelledby": "save-title" },
-    el("h2", { id: "save-title" }, "Save as"),
-    el(
-      "form", { method: "dialog" },
-      el("div", { class: "field" }, el("label", { for: "save-path" }, "File (.toml)"), path),
-      el("p", { class: "standing" }, `In ${app.hello.folder}, or in the folder of a file that was named with the command`),
-      el("div", { class: "field" }, renames, el("label", { for: "save-renames" }, "Name the design after the file")),
-      problem,
-      el("div", { class: "buttons" }, save, el("button", { type: "button", onclick: () => dialog.close() }, "Cancel")),
-    ),
+    el("h2", { id: "save-title" }, "Save as"), form,
   );
   root.append(dialog);
-  let there = null; // the file that a second press of the button replaces
+  let there = /** @type {Conflict | null} */ (null); // the file that a second press of the button replaces
 
   const forget = () => {
     there = null;
@@ -545,7 +575,7 @@ function createSaveAsDialog(root, app, writeAs) {
     problem.textContent = "";
   };
   path.addEventListener("input", forget);
-  dialog.querySelector("form").addEventListener("submit", async (event) => {
+  form.addEventListener("submit", async (event) => {
     event.preventDefault();
     const wanted = path.value.trim().endsWith(".toml") ? path.value.trim() : `${path.value.trim()}.toml`;
     problem.textContent = "";
@@ -559,14 +589,14 @@ function createSaveAsDialog(root, app, writeAs) {
       save.textContent = "Replace it";
       problem.textContent = `${refused.path} exists${refused.design ? ` (${refused.design.name})` : ""}.`;
     } catch (error) {
-      problem.textContent = error.message ?? String(error);
+      problem.textContent = problemOf(error);
     }
   });
 
   return {
     show() {
       forget();
-      const file = app.file.path ?? "";
+      const file = app.file.path;
       path.value = app.file.writable ? file.replace(/\.toml$/, "_2.toml") : `${nameOf(file)}.toml`;
       dialog.showModal();
       path.select();
@@ -574,11 +604,12 @@ function createSaveAsDialog(root, app, writeAs) {
   };
 }
 
+/** @param {string} path */
 function nameOf(path) {
-  return path.split(/[\\/]/).pop().replace(/\.toml$/i, "");
+  return path.replace(/.*[\\/]/, "").replace(/\.toml$/i, "");
 }
 
-/** Return a value as text that is the same whatever order its keys are in. */
+/** Return a value as text that is the same whatever order its keys are in. @param {unknown} value */
 function plainText(value) {
   return JSON.stringify(value, (_, part) => {
     if (part === null || typeof part !== "object" || Array.isArray(part)) return part;
@@ -586,16 +617,16 @@ function plainText(value) {
   });
 }
 
-/** Return the values in which two designs differ, a line each. */
+/** Return the plain values in a value, by their dotted keys. @param {unknown} value @returns {[key: string, value: unknown][]} */
+function flat(value, key = "") {
+  if (value === null || typeof value !== "object") return [[key, value]];
+  return Object.entries(value).flatMap(([part, inner]) => flat(inner, key ? `${key}.${part}` : part));
+}
+
+/** Return the values in which two designs differ, a line each. @param {Design} theirs @param {Design} mine */
 function differencesOf(theirs, mine) {
-  const flat = (value, key, found) => {
-    if (value !== null && typeof value === "object") {
-      for (const [part, inner] of Object.entries(value)) flat(inner, key ? `${key}.${part}` : part, found);
-    } else found.set(key, value);
-    return found;
-  };
-  const [one, other] = [flat(theirs, "", new Map()), flat(mine, "", new Map())];
-  const shown = (value) => (value === undefined ? "–" : typeof value === "number" ? number(value, 4) : String(value));
+  const [one, other] = [new Map(flat(theirs)), new Map(flat(mine))];
+  const shown = (/** @type {unknown} */ value) => (value === undefined ? "–" : typeof value === "number" ? number(value, 4) : String(value));
   const lines = [...new Set([...one.keys(), ...other.keys()])]
     .filter((key) => one.get(key) !== other.get(key))
     .map((key) => `${key}: ${shown(one.get(key))}, ${shown(other.get(key))}`);
@@ -603,6 +634,7 @@ function differencesOf(theirs, mine) {
   return rest > 0 ? [...lines.slice(0, MOST_DIFFERENCES), `and ${rest} more`] : lines.length ? lines : ["comments or order only"];
 }
 
+/** @param {string} text */
 function when(text) {
   const time = new Date(text);
   if (Number.isNaN(time.getTime())) return "at an unknown time";
@@ -620,7 +652,7 @@ function tabKey() {
   return found;
 }
 
-/** Return the keys of the other tabs that are open, and answer those that ask later. */
+/** Return the keys of the other tabs that are open, and answer those that ask later. @param {() => string} ownKey @returns {Promise<Set<string>>} */
 function otherTabs(ownKey) {
   const channel = new BroadcastChannel("vinefab-studio");
   const others = new Set();
@@ -632,6 +664,7 @@ function otherTabs(ownKey) {
   return new Promise((resolve) => setTimeout(() => resolve(others), OTHERS_ANSWER_MS));
 }
 
+/** @returns {Record<string, OpenFile>} */
 function readKnown() {
   try {
     return JSON.parse(sessionStorage.getItem(FILES) ?? "{}");
@@ -640,6 +673,7 @@ function readKnown() {
   }
 }
 
+/** @param {Record<string, OpenFile>} known */
 function writeKnown(known) {
   try {
     sessionStorage.setItem(FILES, JSON.stringify(known));

@@ -1,8 +1,9 @@
 // The growth options in force, each to be changed: by them every robot of the page is grown.
 
-import { dragSteps, parameter } from "studio/design_panel.js";
-import { el } from "studio/dom.js";
+import { dragSteps, labelled, parameter } from "studio/design_panel.js";
+import { el, setAt, valueAt } from "studio/dom.js";
 
+/** @param {HTMLElement} root @param {App} app */
 export function mount(root, app) {
   const drag = dragSteps();
   const text = el("p", { class: "facts" });
@@ -10,33 +11,35 @@ export function mount(root, app) {
   const reset = el("button", {
     type: "button", onclick: () => app.store.change("usual growth options", (state) => { state.growth = {}; }),
   }, "As usual for this design");
-  const usual = () => app.answers.live?.growth?.usual ?? {};
   const tree = {
-    valueOf(state, row) {
-      const value = state.growth[row.key] ?? app.answers.live?.growth?.values[row.key];
+    /** @param {StudioState} state @param {{ key: string }} row */
+    valueOf({ growth }, { key }) {
+      const value = valueAt(growth, key) ?? valueAt(app.answers.live?.growth.values, key);
       return Array.isArray(value) ? value[0] : value;
     },
-    write(state, row, value) {
-      if (value === usual()[row.key]) delete state.growth[row.key];
-      else state.growth[row.key] = value;
+    /** @param {StudioState} state @param {{ key: string }} row @param {unknown} value */
+    write({ growth }, { key }, value) {
+      if (value === valueAt(app.answers.live?.growth.usual, key)) Reflect.deleteProperty(growth, key);
+      else setAt(growth, key, value);
     },
   };
-  const parts = app.hello.growth_form.map((row) => (row.slider ? parameter({ ...row, name: "Growth" }, app, drag, tree) : choice(row)));
-  root.append(el("div", { class: "parameters wide-labels" }, ...parts.map((part) => part.line)),
+  const parts = app.hello.growth_form.map((row) => (row.slider ? parameter("Growth", row, app, drag, tree) : choice(row)));
+  root.append(el("div", { class: "parameters wide-labels" }, ...parts.map((part) => part.box)),
     el("div", { class: "buttons" }, reset), text, origin);
 
+  /** @param {ChoiceRow | FlagRow} row @returns {Part} */
   function choice(row) {
     const id = `growth-${row.key}`;
     const input = row.flag ? el("input", { type: "checkbox", id })
       : el("select", { id }, row.choices.map((value) => el("option", { value }, value)));
-    input.addEventListener("change", () => app.store.change(row.label.toLowerCase(), (state) => {
-      tree.write(state, row, row.flag ? input.checked : input.value);
-    }));
-    const show = (state) => {
-      input[row.flag ? "checked" : "value"] = tree.valueOf(state, row);
-      input.disabled = !app.live;
+    const now = () => ("checked" in input ? input.checked : input.value);
+    input.addEventListener("change", () => app.store.change(row.label.toLowerCase(), (state) => tree.write(state, row, now())));
+    return {
+      box: labelled(id, row, input),
+      show(state) {
+        Object.assign(input, { [row.flag ? "checked" : "value"]: tree.valueOf(state, row), disabled: !app.live });
+      },
     };
-    return { show, row, line: el("div", { class: "field", "data-about": `${row.label}: ${row.about}` }, el("label", { for: id, title: row.about }, row.label), input) };
   }
 
   function show() {

@@ -3,20 +3,39 @@
 /** What is said while there is no server, whoever asks it. */
 export const GONE = "The studio does not answer; what you changed stays here. Trying again";
 
+/** Tell whether a question failed because a newer one took its place. @param {unknown} thrown */
+export const isStale = (thrown) => Boolean(/** @type {Failure} */ (Object(thrown)).stale);
+
+/** Tell whether a question failed because it was stopped. @param {unknown} thrown */
+export const isStopped = (thrown) => Boolean(/** @type {Failure} */ (Object(thrown)).stopped);
+
+/**
+ * Return what the user should read of a question that failed: nothing where it only came too late.
+ * @param {unknown} thrown
+ */
+export function problemOf(thrown) {
+  const { stale, stopped, message } = /** @type {Failure} */ (Object(thrown));
+  return stale || stopped ? "" : message ?? String(thrown);
+}
+
 const RETRY_MS = 1000;
 
-/** Return a link that reconnects by itself. */
+/**
+ * Return a link that reconnects by itself.
+ * @param {string} token
+ * @param {{ onEvent(message: Events[keyof Events]): void, onState(isUp: boolean, isOver: boolean): void }} listeners
+ */
 export function createLink(token, { onEvent, onState }) {
-  const panels = new Map(); // panel -> {flight, waiting}
-  const desk = new Map(); // seq -> {resolve, reject}
-  const progress = new Map(); // panel -> Set of functions
+  const panels = /** @type {Map<Panel, Slot>} */ (new Map());
+  const desk = /** @type {Map<number, Pick<Asked, "resolve" | "reject">>} */ (new Map()); // by seq
+  const progress = /** @type {Map<Panel, Progress>} */ (new Map());
   let seq = 0;
-  let socket = null;
+  let socket = connect();
 
   function connect() {
-    socket = new WebSocket(`ws://${location.host}/socket`, ["vinefab", token]);
-    socket.onmessage = (event) => take(JSON.parse(event.data));
-    socket.onclose = () => {
+    const opened = new WebSocket(`ws://${location.host}/socket`, ["vinefab", token]);
+    opened.onmessage = (event) => take(JSON.parse(event.data));
+    opened.onclose = () => {
       for (const slot of panels.values()) {
         slot.flight?.reject({ stale: true });
         slot.waiting?.reject({ stale: true });
@@ -27,6 +46,7 @@ export function createLink(token, { onEvent, onState }) {
       onState(false, false);
       setTimeout(retry, RETRY_MS);
     };
+    return opened;
   }
 
   /** Connect once there is a server, unless it refuses the token: a socket does not say why. */
@@ -34,33 +54,36 @@ export function createLink(token, { onEvent, onState }) {
     try {
       const { status } = await fetch(`/?token=${token}`, { method: "HEAD" });
       if (status === 403) onState(false, true);
-      else connect();
+      else socket = connect();
     } catch {
       setTimeout(retry, RETRY_MS);
     }
   }
 
+  /** @param {Message} message */
   function take(message) {
     if (message.event) {
       if (message.event === "hello") onState(true, false);
       onEvent(message);
-    } else if ("desk" in message) settle(message, desk.get(message.seq), () => desk.delete(message.seq));
+    } else if ("desk" in message) takeDesk(message);
     else takeAnswer(message);
   }
 
-  function settle(message, question, forget) {
-    if (!question) return;
-    forget();
-    if (message.error) question.reject(message.error);
-    else question.resolve(message.answer);
+  /** @param {DeskReply} message */
+  function takeDesk(message) {
+    const question = desk.get(message.seq);
+    desk.delete(message.seq);
+    if (message.error) question?.reject(message.error);
+    else question?.resolve(message.answer);
   }
 
+  /** @param {PanelReply} message */
   function takeAnswer(message) {
     const slot = panels.get(message.panel);
     const flight = slot?.flight;
     if (!flight || flight.seq !== message.seq) return; // late: its question was dropped
     if (message.progress) {
-      for (const fn of progress.get(message.panel) ?? []) fn(...message.progress);
+      progress.get(message.panel)?.(...message.progress);
       return;
     }
     slot.flight = null;
@@ -69,30 +92,38 @@ export function createLink(token, { onEvent, onState }) {
     next(message.panel, slot);
   }
 
+  /** @param {Panel} panel @param {Slot} slot */
   function next(panel, slot) {
     if (slot.flight || !slot.waiting) return;
     slot.flight = slot.waiting;
     slot.waiting = null;
     const { state, ask } = slot.flight;
-    slot.flight.seq = ++seq;
+    seq += 1;
+    slot.flight.seq = seq;
     socket.send(JSON.stringify({ panel, seq, state, ask }));
   }
 
-  connect();
   return {
-    /** Ask for a panel; the promise gives {answer, state}, or rejects with {stale} or {message}. */
+    /**
+     * Ask for a panel; the promise gives {answer, state}, or rejects with a Failure.
+     * @template {Panel} P
+     * @param {P} panel
+     * @param {object} ask
+     * @param {StudioState} state
+     * @returns {Promise<Found[P]>}
+     */
     ask(panel, ask, state) {
       return new Promise((resolve, reject) => {
         if (socket.readyState !== WebSocket.OPEN) return reject({ stale: true });
         const slot = panels.get(panel) ?? { flight: null, waiting: null };
         panels.set(panel, slot);
         slot.waiting?.reject({ stale: true });
-        slot.waiting = { ask, state, resolve, reject };
+        slot.waiting = { seq: 0, ask, state, resolve: /** @type {(found: unknown) => void} */ (resolve), reject };
         next(panel, slot);
       });
     },
 
-    /** Drop what a panel has asked, and stop it on the server. */
+    /** Drop what a panel has asked, and stop it on the server. @param {Panel} panel */
     cancel(panel) {
       const slot = panels.get(panel);
       if (!slot) return;
@@ -101,18 +132,25 @@ export function createLink(token, { onEvent, onState }) {
       if (slot.flight) socket.send(JSON.stringify({ cancel: panel }));
     },
 
+    /**
+     * @template {DeskQuestion} Q
+     * @param {Q} name
+     * @param {object} ask
+     * @param {StudioState} state
+     * @returns {Promise<DeskAnswers[Q]>}
+     */
     desk(name, ask, state) {
       return new Promise((resolve, reject) => {
         if (socket.readyState !== WebSocket.OPEN) return reject({ message: GONE });
-        desk.set(++seq, { resolve, reject });
+        seq += 1;
+        desk.set(seq, { resolve: /** @type {(found: unknown) => void} */ (resolve), reject });
         socket.send(JSON.stringify({ desk: name, seq, ask, state }));
       });
     },
 
+    /** Call a function with every progress of a panel. @param {Panel} panel @param {Progress} fn */
     onProgress(panel, fn) {
-      if (!progress.has(panel)) progress.set(panel, new Set());
-      progress.get(panel).add(fn);
-      return () => progress.get(panel).delete(fn);
+      progress.set(panel, fn);
     },
   };
 }

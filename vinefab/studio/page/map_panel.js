@@ -1,6 +1,7 @@
 // The map: the robot grown on it, the start and the obstacles to be dragged, the length grown.
 
-import { el, fillSvg, number, paused, shownBlocks, svgEl } from "studio/dom.js";
+import { el, fillSvg, number, paused, shownBlocks, svgEl, WAYS } from "studio/dom.js";
+import { isStale } from "studio/link.js";
 import { thingsRow } from "studio/map_things.js";
 import { mapTools } from "studio/map_tools.js";
 import { createView, ZOOM } from "studio/view.js";
@@ -8,35 +9,38 @@ import { createView, ZOOM } from "studio/view.js";
 const PLAY_S = 4;
 const REST_MS = 700;
 const HELD_MS = 150; // a hand that rests so long waits for the scores
-const SHAPING = ["obstacle", "size", "turn"];
+/** @param {Dragging | null} dragging */
+const isShape = (dragging) => ["obstacle", "size", "turn"].includes(dragging?.kind ?? "");
 
 const LEAST_OBSTACLE_MM = 1;
 
-/** Show a robot at a front length: what lies beyond is not grown yet. */
-export function showFront(layer, front) {
+/** Show a robot at a front length: what lies beyond is not grown yet. @param {Element} layer @param {number} front */
+function showFront(layer, front) {
   for (const path of layer.querySelectorAll("path[data-branch]")) {
-    const base = Number(path.dataset.base);
-    const out = front - base;
-    const whole = out >= Number(path.dataset.grown);
+    const out = front - Number(path.getAttribute("data-base"));
+    const whole = out >= Number(path.getAttribute("data-grown"));
     path.classList.toggle("unborn", out <= 0);
     if (whole) path.removeAttribute("stroke-dasharray");
     else path.setAttribute("stroke-dasharray", `${Math.max(0, out)} 1e9`);
   }
   for (const mark of layer.querySelectorAll("[data-front]")) {
-    mark.classList.toggle("unborn", Number(mark.dataset.front) > front + 1e-6);
+    mark.classList.toggle("unborn", Number(mark.getAttribute("data-front")) > front + 1e-6);
   }
 }
 
+/** @param {HTMLElement} root @param {App} app */
 export function mount(root, app) {
-  const layers = Object.fromEntries(
-    ["ground-layer", "ghost-layer", "target-layer", "robot-layer", "edit-layer", "pose-layer", "tool-layer"].map((name) => [name, svgEl("g", { class: name })]),
-  );
-  layers["ghost-layer"].classList.add("ghost");
+  const layer = (/** @type {string} */ name) => svgEl("g", { class: `${name}-layer` });
+  const layers = {
+    ground: layer("ground"), ghost: layer("ghost"), target: layer("target"), robot: layer("robot"),
+    edit: layer("edit"), pose: layer("pose"), tool: layer("tool"),
+  };
+  layers.ghost.classList.add("ghost");
   const svg = svgEl("svg", {
     class: "plan", role: "application", tabindex: 0,
     "aria-label": "Map with the robot. Arrow keys move what is selected; plus and minus zoom.",
   }, ...Object.values(layers));
-  const tools = mapTools(app, layers["tool-layer"]);
+  const tools = mapTools(app, layers.tool);
   const view = createView(svg, tools.scale);
   const front = el("input", { type: "range", id: "front", min: 0, max: 1000, step: 1, value: 1000 });
   const frontOut = el("output", { for: "front", class: "value" });
@@ -44,8 +48,10 @@ export function mount(root, app) {
   const headline = el("p", { class: "headline", id: "targets" });
   const scores = el("div", { class: "scores", id: "scores" });
   const facts = el("p", { class: "facts", id: "facts" });
-  const growth = el("button", { type: "button", class: "link", onclick: () => document.getElementById("tab-growth").click() }, "By which rules?");
-  const width = el("details", { class: "width", hidden: true }, el("summary"), el("div"));
+  const growth = el("button", { type: "button", class: "link", onclick: () => document.getElementById("tab-growth")?.click() }, "By which rules?");
+  const widthLine = el("summary");
+  const widthTable = el("div");
+  const width = el("details", { class: "width", hidden: true }, widthLine, widthTable);
   const problems = el("ul", { class: "problems", id: "problems" });
   const place = el("select", { id: "environment" });
   const seed = el("input", { type: "number", id: "seed", min: 0, step: 1 });
@@ -56,9 +62,10 @@ export function mount(root, app) {
   const smaller = el("button", { type: "button", "aria-label": "Zoom out" }, "−");
   const fit = el("button", { type: "button", "aria-label": "Whole map", title: "Whole map" }, "⤢");
 
+  const canvas = el("div", { class: "canvas" }, svg, el("div", { class: "zoom" }, bigger, smaller, fit), ...tools.overlay);
   const things = thingsRow(app, { choose, change: changeThing, remove: removeChosen, home: () => app.store.change("start of the map", (state) => { state.pose = null; }) });
   root.append(
-    el("div", { class: "canvas" }, svg, el("div", { class: "zoom" }, bigger, smaller, fit), ...tools.overlay),
+    canvas,
     el("div", { class: "told" }, headline, scores, width, facts, problems),
     el("div", { class: "toolbar" }, el("label", {}, "Map ", place), el("label", {}, "seed ", seed), add, aim, ...tools.controls,
       el("span", { class: "gap" }), el("label", {}, ghost, " version before")),
@@ -66,23 +73,22 @@ export function mount(root, app) {
     el("div", { class: "toolbar growth" }, play, el("label", { for: "front" }, "Length grown"), front, frontOut),
   );
 
-  let answer = null;
+  let answer = /** @type {LiveAnswer | null} */ (null);
   let ground = "";
   let drags = 0;
-  let dragging = null;
-  let chosen = null; // { kind, id } of an obstacle or a target; null: the start
+  let dragging = /** @type {Dragging | null} */ (null);
+  let chosen = /** @type {Chosen} */ (null);
   let fullMm = 0;
   let share = 1;
 
   // ---- asking
 
   let lastMoved = 0;
-  const timings = (app.timings = []);
   addEventListener("moved", (event) => { lastMoved ||= event.detail; });
 
   /** Ask for what grows; while an obstacle is dragged, for scores only once the hand rests. */
   async function ask(isHeld = false) {
-    const isShaping = SHAPING.includes(dragging?.kind);
+    const isShaping = isShape(dragging);
     if (isShaping) askHeld();
     const since = lastMoved;
     lastMoved = 0;
@@ -90,42 +96,45 @@ export function mount(root, app) {
       await app.ask("live", { have: ground, ground: !isShaping, scores: !isShaping || isHeld, obstacle: chosen?.kind === "obstacle" ? chosen.id : null });
       if (since) requestAnimationFrame(() => setTimeout(() => keepTiming(performance.now() - since)));
     } catch (error) {
-      if (error.stale) lastMoved ||= since;
-      else if (!error.stopped) app.say(error.message, "error");
+      if (isStale(error)) lastMoved ||= since;
+      app.fail(error);
     }
   }
 
   const askHeld = paused(() => { if (dragging && answer?.isUnscored) ask(true); }, HELD_MS);
 
+  /** @param {number} ms */
   function keepTiming(ms) {
-    timings.push(ms);
-    if (timings.length > 5000) timings.splice(0, 1000);
+    app.timings.push(ms);
+    if (app.timings.length > 5000) app.timings.splice(0, 1000);
   }
 
   // ---- showing
 
-  function showRobot() {
-    fillSvg(layers["robot-layer"], answer.robot_svg ?? "");
-    if (share < 1) showFront(layers["robot-layer"], share * fullMm);
+  /** @param {LiveAnswer} found */
+  function showRobot(found) {
+    fillSvg(layers.robot, found.robot_svg ?? "");
+    if (share < 1) showFront(layers.robot, share * fullMm);
     showGrown();
   }
 
   function showGrown() {
     const at = share * fullMm;
     if (share < 1 && app.live && at > 0) askFront(at);
-    else if (share < 1) showFront(layers["robot-layer"], at);
+    else if (share < 1) showFront(layers.robot, at);
     const cut = !app.live && share < 1 ? ", the final shape cut" : "";
     frontOut.textContent = fullMm ? `${number(at, 0)} of ${number(fullMm, 0)} mm${cut}` : "–";
     front.setAttribute("aria-valuetext", frontOut.textContent);
   }
 
   // Dashes cut the final robot; a tip that slid along a wall lay elsewhere, which the server knows.
+  /** @param {number} front_mm */
   async function askFront(front_mm) {
     const whole = answer;
     try {
       const found = await app.ask("front", { front_mm });
       if (whole !== answer || share >= 1) return;
-      fillSvg(layers["robot-layer"], found.robot_svg);
+      fillSvg(layers.robot, found.robot_svg);
     } catch {
       // A newer length is asked for, or the answer to the design says what is wrong.
     }
@@ -133,63 +142,68 @@ export function mount(root, app) {
 
   function showGhost() {
     const shown = app.previewed ? app.present : app.reference?.answers?.live;
-    fillSvg(layers["ghost-layer"], app.showGhost && shown?.robot_svg ? shown.robot_svg : "");
+    fillSvg(layers.ghost, app.showGhost && shown?.robot_svg ? shown.robot_svg : "");
   }
 
-  function showPose() {
-    fillSvg(layers["pose-layer"], answer.pose_svg ?? "");
+  /** @param {LiveAnswer} found */
+  function showPose({ pose, pose_svg }) {
+    fillSvg(layers.pose, pose_svg ?? "");
     const handles = { base: "Start of the robot", heading: "Heading of the robot" };
     for (const [name, label] of Object.entries(handles)) {
-      const handle = layers["pose-layer"].querySelector(`.handle.${name}`);
-      if (!handle) continue;
+      const handle = layers.pose.querySelector(`.handle.${name}`);
+      if (!pose || !(handle instanceof SVGElement)) continue;
       handle.setAttribute("tabindex", "0");
       handle.setAttribute("role", "slider");
       handle.setAttribute("aria-label", label);
-      const { x_mm, y_mm, heading_deg } = answer.pose;
+      const { x_mm, y_mm, heading_deg } = pose;
       const words = name === "base" ? `${number(x_mm, 1)}, ${number(y_mm, 1)} mm` : `${number(heading_deg, 1)} degrees`;
       handle.setAttribute("aria-valuetext", words);
-      handle.setAttribute("aria-valuenow", name === "base" ? x_mm : heading_deg);
+      handle.setAttribute("aria-valuenow", String(name === "base" ? x_mm : heading_deg));
       if (focused === name) handle.focus({ preventScroll: true });
     }
   }
 
-  /** Show targets, and of an obstacle that is chosen its shape with frame and handles. */
-  function showThings() {
-    fillSvg(layers["target-layer"], answer.targets_svg ?? "");
-    const { obstacle: found } = answer;
-    const isShown = found && chosen?.kind === "obstacle" && chosen.id === found.index;
-    fillSvg(layers["edit-layer"], isShown && app.live ? found.svg : "");
-    if (isShown) obstacle(found.index)?.setAttribute("d", found.path);
+  /** Show targets, and of an obstacle that is chosen its shape with frame and handles. @param {LiveAnswer} found */
+  function showThings(found) {
+    fillSvg(layers.target, found.targets_svg ?? "");
+    const shaped = chosen?.kind === "obstacle" && chosen.id === found.obstacle?.index ? found.obstacle : null;
+    fillSvg(layers.edit, shaped && app.live ? shaped.svg : "");
+    if (shaped) obstacle(shaped.index)?.setAttribute("d", shaped.path);
     for (const part of svg.querySelectorAll(".chosen")) part.classList.remove("chosen");
     const part = chosen?.kind === "obstacle" ? obstacle(chosen.id)
-      : [...layers["target-layer"].children].find((one) => one.dataset.target === chosen?.id);
+      : [...layers.target.children].find((one) => chosen && one.getAttribute("data-target") === chosen.id);
     part?.classList.add("chosen");
-    const targets = answer.targets ?? [];
-    const count = layers["ground-layer"].querySelectorAll("[data-obstacle]").length;
+    const targets = found.targets ?? [];
+    const count = layers.ground.querySelectorAll("[data-obstacle]").length;
     things.show(chosen, valuesOf(chosen), count, targets.map(({ name }) => name));
     headline.hidden = !targets.length;
-    headline.dataset.tone = answer.targets_tone ?? "";
-    headline.replaceChildren(el("b", {}, `Targets: ${answer.targets_headline ?? "nothing grows"}`), ...targets.map(({ name, state, touched }) => el("button", {
+    headline.dataset.tone = found.targets_tone ?? "";
+    headline.replaceChildren(el("b", {}, `Targets: ${found.targets_headline ?? "nothing grows"}`), ...targets.map(({ name, state, touched }) => el("button", {
       type: "button", class: touched ? "touched" : "", onclick: () => choose({ kind: "target", id: name }),
     }, `${name} ${state ?? ""}`)));
   }
 
+  /** @param {Chosen} thing @returns {ThingValues} */
   function valuesOf(thing) {
     if (!thing) return answer?.pose;
-    if (thing.kind === "obstacle") return answer.obstacle?.index === thing.id ? answer.obstacle.frame : null;
-    const target = (answer.targets ?? []).find(({ name }) => name === thing.id);
+    if (thing.kind === "obstacle") return answer?.obstacle?.index === thing.id ? answer.obstacle.frame : null;
+    const target = targetOf(thing.id);
     return target && { ...target, x_mm: target.point_mm?.[0], y_mm: target.point_mm?.[1] };
   }
 
-  function showFacts() {
-    scores.classList.toggle("stale", Boolean(answer.isUnscored));
-    if (!answer.isUnscored) scores.replaceChildren(...Object.entries(answer.scores ?? {}).map(([task, score]) =>
+  /** @param {string} [id] */
+  const targetOf = (id) => answer?.targets?.find(({ name }) => name === id);
+
+  /** @param {LiveAnswer} found */
+  function showFacts(found) {
+    scores.classList.toggle("stale", Boolean(found.isUnscored));
+    if (!found.isUnscored) scores.replaceChildren(...Object.entries(found.scores ?? {}).map(([task, score]) =>
       el("div", { class: "score", "data-task": task },
-        el("span", { class: "name" }, answer.titles?.[task] ?? task), el("span", { class: "value" }, score === null ? "–" : number(score, 3)),
+        el("span", { class: "name" }, found.titles?.[task] ?? task), el("span", { class: "value" }, score === null ? "–" : number(score, 3)),
         el("span", { class: "standing" }, "simulated"))));
-    facts.replaceChildren(`${answer.facts.text}. `, growth);
-    growth.title = `Grown with: ${answer.growth?.text}`;
-    problems.replaceChildren(...[...(answer.unscored ?? []), ...(answer.problems ?? [])].map((text) => el("li", {}, text)));
+    facts.replaceChildren(`${found.facts.text}. `, growth);
+    growth.title = `Grown with: ${found.growth.text}`;
+    problems.replaceChildren(...[...(found.unscored ?? []), ...(found.problems ?? [])].map((text) => el("li", {}, text)));
   }
 
   /** Ask how wide the scores are once everything rests: it takes a process that simulates. */
@@ -198,14 +212,15 @@ export function mount(root, app) {
     try {
       const found = await app.ask("width");
       width.hidden = !found.text;
-      width.firstChild.textContent = found.text;
-      width.lastChild.replaceChildren(...shownBlocks(found.blocks));
+      widthLine.textContent = found.text;
+      widthTable.replaceChildren(...shownBlocks(found.blocks));
       width.classList.remove("stale");
     } catch {
       width.hidden = true; // why nothing grows stands with the robot
     }
   }, REST_MS);
 
+  /** @param {LiveAnswer} found */
   function show(found) {
     width.classList.add("stale");
     askWidth();
@@ -214,28 +229,30 @@ export function mount(root, app) {
     answer = found;
     if (!app.previewed) app.present = found;
     if (found.ground_svg !== null && found.ground_svg !== undefined) {
-      fillSvg(layers["ground-layer"], found.ground_svg);
+      fillSvg(layers.ground, found.ground_svg);
       ground = found.ground_key;
     }
-    if (found.view_box) view.whole(found.view_box);
+    if (found.view_box) view.whole(/** @type {Box} */ (found.view_box.split(/[ ,]+/).map(Number)));
     fullMm = found.front_full_mm ?? 0;
     showGhost();
-    showRobot();
-    showPose();
-    showThings();
-    showFacts();
+    showRobot(found);
+    showPose(found);
+    showThings(found);
+    showFacts(found);
   }
 
   // ---- the length grown
 
+  /** @param {number} value */
   function setShare(value) {
     const was = share;
     share = Math.min(1, Math.max(0, value));
-    front.value = Math.round(1000 * share);
-    if (was < 1 && share >= 1) fillSvg(layers["robot-layer"], answer?.robot_svg ?? "");
+    front.value = String(Math.round(1000 * share));
+    if (was < 1 && share >= 1) fillSvg(layers.robot, answer?.robot_svg ?? "");
     showGrown();
   }
   let playing = 0;
+  /** @param {number} begun @param {number} now */
   function step(begun, now) {
     const done = (now - begun) / (1000 * PLAY_S);
     setShare(done);
@@ -261,6 +278,7 @@ export function mount(root, app) {
 
   let focused = "";
 
+  /** @param {Partial<Pose>} part @param {string} [group] */
   function changePose(part, group) {
     const present = answer?.pose ?? { x_mm: 0, y_mm: 0, heading_deg: 90 };
     app.store.change("start", (state) => { state.pose = { ...present, ...state.pose, ...part }; }, group ? { group } : {});
@@ -268,16 +286,19 @@ export function mount(root, app) {
 
   // ---- obstacles, targets and tips
 
+  /** @param {number} index */
   function obstacle(index) {
-    return layers["ground-layer"].querySelector(`[data-obstacle="${index}"]`);
+    return layers.ground.querySelector(`[data-obstacle="${index}"]`);
   }
 
+  /** @param {Chosen} thing */
   function choose(thing) {
     chosen = thing;
-    if (answer) showThings();
+    if (answer) showThings(answer);
     if (app.live) ask();
   }
 
+  /** @param {string} label @param {MapEdit} change @param {string} [group] */
   function edit(label, change, group) {
     app.store.change(label, (state) => {
       if (!state.map) return;
@@ -290,126 +311,140 @@ export function mount(root, app) {
     }, group ? { group } : {});
   }
 
-  /** Change the targets of the page: a copy of what the map has, until one is changed. */
+  /**
+   * Change the targets of the page: a copy of what the map has, until one is changed.
+   * @param {string} label
+   * @param {(targets: MapTarget[], map: OpenMap) => void} change
+   * @param {string} [group]
+   */
   function changeTargets(label, change, group) {
     app.store.change(label, (state) => {
       if (!state.map) return;
-      const own = ({ name, point_mm, area_mm, tolerance_mm }) => ({ name, tolerance_mm, ...(point_mm ? { point_mm } : { area_mm }) });
+      const own = (/** @type {TargetFound} */ { name, point_mm, area_mm, tolerance_mm }) => ({ name, tolerance_mm, ...(point_mm ? { point_mm } : { area_mm }) });
       state.map.targets ??= (answer?.targets ?? []).map(own);
       change(state.map.targets, state.map);
     }, group ? { group } : {});
   }
 
-  function moveTarget(name, [x, y], group) {
+  /** @param {string} name @param {Place} to @param {string} [group] */
+  function moveTarget(name, to, group) {
     changeTargets(`target ${name}`, (targets) => {
       const target = targets.find((one) => one.name === name);
-      if (target?.point_mm) target.point_mm = [tools.mm(x), tools.mm(y)];
+      if (target?.point_mm) target.point_mm = snapped(to);
     }, group);
   }
 
-  /** Take what was typed of a thing. */
+  /** Take what was typed of a thing. @param {ThingKind} kind @param {string} key @param {string | number} value */
   function changeThing(kind, key, value) {
     if (kind === "start") changePose({ [key]: value });
-    else if (kind === "obstacle") {
-      const frame = valuesOf(chosen);
+    else if (chosen?.kind === "obstacle") {
+      const frame = answer?.obstacle?.index === chosen.id && answer.obstacle.frame;
       if (frame) edit("obstacle placed", ["place", chosen.id, { ...frame, [key]: value }]);
-    } else {
+    } else if (chosen) {
       const { id } = chosen;
       if (key === "name") {
-        if (answer.targets.some(({ name }) => name === value)) return app.say(`There is a target ${value} already`, "error");
-        chosen = { kind, id: value };
+        if (targetOf(String(value))) return app.say(`There is a target ${value} already`, "error");
+        chosen = { kind: "target", id: String(value) };
       }
       changeTargets(`target ${id}`, (targets) => {
         const target = targets.find((one) => one.name === id);
-        if (key === "x_mm" || key === "y_mm") target.point_mm[key === "x_mm" ? 0 : 1] = value;
-        else target[key] = value;
+        if (key !== "x_mm" && key !== "y_mm") Object.assign(target ?? {}, { [key]: value });
+        else if (target?.point_mm) target.point_mm[key === "x_mm" ? 0 : 1] = Number(value);
       });
     }
   }
 
+  /** Return the middle of what is seen, and its shorter side. @returns {[...Place, size: number]} */
   const middle = () => {
-    const [x, y, width, height] = svg.getAttribute("viewBox").split(" ").map(Number);
+    const [x, y, width, height] = (svg.getAttribute("viewBox") ?? "").split(" ").map(Number);
     return [x + width / 2, -(y + height / 2), Math.min(width, height)];
   };
+
+  /** @param {Place} place @returns {Place} */
+  const snapped = ([x, y]) => [tools.mm(x), tools.mm(y)];
 
   function addObstacle() {
     const [mx, my, size] = middle();
     const half = Math.max(LEAST_OBSTACLE_MM, 0.03 * size);
-    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => [tools.mm(mx + i * half), tools.mm(my + j * half)]);
-    chosen = { kind: "obstacle", id: layers["ground-layer"].querySelectorAll("[data-obstacle]").length };
+    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => snapped([mx + i * half, my + j * half]));
+    chosen = { kind: "obstacle", id: layers.ground.querySelectorAll("[data-obstacle]").length };
     edit("obstacle added", ["add", corners]);
     svg.focus();
   }
 
-  function addTarget([x, y]) {
+  /** @param {Place} place */
+  function addTarget(place) {
     aim.setAttribute("aria-pressed", "false");
-    const taken = new Set((answer?.targets ?? []).map(({ name }) => name));
-    const letters = [..."ABCDEFGHIJKLMNOPQRSTUVWXYZ"];
-    const name = letters.find((letter) => !taken.has(letter)) ?? `T${taken.size + 1}`;
+    const name = [..."ABCDEFGHIJKLMNOPQRSTUVWXYZ"].find((letter) => !targetOf(letter)) ?? `T${(answer?.targets?.length ?? 0) + 1}`;
     chosen = { kind: "target", id: name };
-    changeTargets(`target ${name}`, (targets) => { targets.push({ name, point_mm: [tools.mm(x), tools.mm(y)] }); });
+    changeTargets(`target ${name}`, (targets) => { targets.push({ name, point_mm: snapped(place) }); });
   }
 
   function removeChosen() {
     if (!chosen) return;
-    const { kind, id } = chosen;
+    const gone = chosen;
     chosen = null;
-    if (kind === "obstacle") edit("obstacle deleted", ["remove", id]);
-    else changeTargets(`target ${id} deleted`, (targets, map) => { map.targets = targets.filter((one) => one.name !== id); });
+    if (gone.kind === "obstacle") edit("obstacle deleted", ["remove", gone.id]);
+    else changeTargets(`target ${gone.id} deleted`, (targets, map) => { map.targets = targets.filter((one) => one.name !== gone.id); });
   }
 
   add.addEventListener("click", addObstacle);
   aim.addEventListener("click", (event) => {
     tools.turn(false);
     // By key there is no place to click: it stands in the middle, to be moved.
-    if (!event.detail) addTarget(middle());
+    if (!event.detail) {
+      const [x, y] = middle();
+      addTarget([x, y]);
+    }
     else aim.setAttribute("aria-pressed", String(aim.getAttribute("aria-pressed") !== "true"));
   });
 
+  /** @param {string} branch @param {Place} to @param {string} group */
   async function moveTip(branch, to, group) {
     try {
-      const found = await app.desk("tip", { branch, to });
-      if (found.level === null) return;
-      app.store.change(`tip of ${branch}`, (state) => {
-        const key = found.level < 0 ? state.design.trunk : state.design.level[found.level];
-        for (const [name, value] of Object.entries(found.values)) key[name] = Math.round(100 * value) / 100;
+      const { level, values } = await app.desk("tip", { branch, to });
+      if (level === null) return;
+      app.store.change(`tip of ${branch}`, ({ design }) => {
+        const rounded = Object.entries(values).map(([name, value]) => [name, Math.round(100 * value) / 100]);
+        Object.assign(level < 0 ? design.trunk : design.level[level], Object.fromEntries(rounded));
       }, { group });
     } catch (error) {
-      if (error.message) app.say(error.message, "error");
+      app.fail(error);
     }
   }
 
-  /** Pull a tip to where the pointer is by now, one step after the other, all of them one undo. */
+  /** Pull a tip to where the pointer is by now, one step after the other, all of them one undo. @param {TipDrag} held @param {string} group */
   async function pullTip(held, group) {
-    if (held.busy) return;
-    held.busy = true;
+    if (held.isBusy) return;
+    held.isBusy = true;
     while (held.to) {
       const to = held.to;
       held.to = null;
       await moveTip(held.branch, to, group);
     }
-    held.busy = false;
+    held.isBusy = false;
     if (dragging !== held) app.store.endGroup();
   }
 
   // ---- which map
 
+  /** @param {StudioState} state */
   function showSource(state) {
-    const source = state.map?.source ?? {};
-    const names = [...new Set([...(app.hello.environments ?? []), source.environment ?? []].flat())];
-    const file = source.file ? source.file.split("/").at(-1) : "";
+    const { environment = "", file: path = "", seed: number = "" } = state.map?.source ?? {};
+    const names = new Set([...(app.hello.environments ?? []), environment].filter(Boolean));
+    const file = path.split("/").at(-1);
     const edited = state.map?.edits.length || state.map?.targets ? ", changed" : "";
-    const options = names.map((name) => el("option", { value: name }, name));
+    const options = [...names].map((name) => el("option", { value: name }, name));
     if (file || !state.map) options.unshift(el("option", { value: "" }, file || "none"));
-    const chosen = options.find((option) => option.value === (source.environment ?? ""));
-    if (chosen) chosen.append(edited);
+    options.find((option) => option.value === environment)?.append(edited);
     place.replaceChildren(...options);
-    place.value = source.environment ?? "";
-    seed.disabled = !source.environment || !app.live;
+    place.value = environment;
+    seed.disabled = !environment || !app.live;
     place.disabled = !app.live;
-    if (document.activeElement !== seed) seed.value = source.seed ?? "";
+    if (document.activeElement !== seed) seed.value = String(number);
   }
 
+  /** @param {MapSource} source */
   function takeSource(source) {
     app.store.change("map", (state) => {
       state.map = { source, edits: [] };
@@ -420,45 +455,47 @@ export function mount(root, app) {
     if (place.value) takeSource({ environment: place.value, seed: Number(seed.value) || 0 });
   });
   seed.addEventListener("change", () => {
-    const { source } = app.store.get().map;
+    const source = app.store.get().map?.source;
     if (seed.validity.valid && seed.value !== "") takeSource({ ...source, seed: Number(seed.value) });
   });
 
   // ---- the pointer
 
-  function grabbed(event) {
-    const { target } = event;
-    const at = view.place(event);
-    if (target.closest(".pose-layer .base")) return { kind: "base", at, pose: { ...answer.pose } };
-    if (target.closest(".pose-layer .heading")) return { kind: "heading", at, pose: { ...answer.pose } };
-    const tip = target.closest(".robot-layer .mark[data-branch]");
-    if (tip) return { kind: "tip", at, branch: tip.dataset.branch, busy: false, to: null };
-    const goal = target.closest("[data-target]");
+  /** Return what an element is to be dragged as. @param {EventTarget | null} element @returns {Grabbed} */
+  function grabbed(element) {
+    if (tools.isOn()) return { kind: "measure" };
+    if (!app.live || !(element instanceof Element)) return { kind: "view" };
+    const pose = answer?.pose;
+    if (pose && element.closest(".pose-layer .base")) return { kind: "base", pose };
+    if (pose && element.closest(".pose-layer .heading")) return { kind: "heading", pose };
+    const branch = element.closest(".robot-layer .mark[data-branch]")?.getAttribute("data-branch");
+    if (branch) return { kind: "tip", branch, isBusy: false, to: null };
+    const goal = element.closest("[data-target]");
     if (goal) {
-      const { point_mm } = answer.targets.find(({ name }) => name === goal.dataset.target);
-      return { kind: point_mm ? "target" : "view", at, id: goal.dataset.target, from: point_mm };
+      const target = targetOf(goal.getAttribute("data-target") ?? "");
+      return target?.point_mm ? { kind: "target", id: target.name, from: target.point_mm } : { kind: "view" };
     }
-    const handle = target.closest(".edit-layer .handle");
-    if (handle) return { kind: handle.classList.contains("turn") ? "turn" : "size", at, id: chosen.id, frame: answer.obstacle.frame };
-    const rock = target.closest("[data-obstacle]");
-    if (rock) return { kind: "obstacle", at, id: Number(rock.dataset.obstacle) };
-    return { kind: "view", at };
+    const handle = element.closest(".edit-layer .handle");
+    const shaped = answer?.obstacle;
+    if (handle && shaped) return { kind: handle.classList.contains("turn") ? "turn" : "size", id: shaped.index, frame: shaped.frame };
+    const rock = element.closest("[data-obstacle]");
+    return rock ? { kind: "obstacle", id: Number(rock.getAttribute("data-obstacle")) } : { kind: "view" };
   }
 
   svg.addEventListener("pointerdown", (event) => {
     if (event.button !== 0 || !answer) return;
     const at = view.place(event);
     if (aim.getAttribute("aria-pressed") === "true") return addTarget([at[0], -at[1]]);
-    dragging = tools.isOn() ? { kind: "measure", at: [tools.mm(at[0]), tools.mm(at[1])] } : grabbed(event);
-    if (!app.live && dragging.kind !== "measure") dragging.kind = "view";
     // The plan keeps its size while it is dragged and when it is let go, however many lines the
     // answers below it have; the next change from elsewhere frees it.
-    svg.parentElement.style.flex = `0 0 ${svg.parentElement.getBoundingClientRect().height}px`;
-    Object.assign(dragging, { drag: ++drags, moved: false, matrix: view.matrix() });
-    const { kind, id } = dragging;
-    focused = ["base", "heading"].includes(kind) ? kind : "";
-    if (kind === "obstacle" || kind === "target") choose({ kind, id });
-    else if (!["size", "turn", "measure"].includes(kind)) choose(null);
+    canvas.style.flex = `0 0 ${canvas.getBoundingClientRect().height}px`;
+    const grab = grabbed(event.target);
+    drags += 1;
+    dragging = { ...grab, at: grab.kind === "measure" ? snapped(at) : at, drag: drags, moved: false, matrix: view.matrix() };
+    focused = grab.kind === "base" || grab.kind === "heading" ? grab.kind : "";
+    if (grab.kind === "obstacle") choose({ kind: grab.kind, id: grab.id });
+    else if (grab.kind === "target") choose({ kind: grab.kind, id: grab.id });
+    else if (!["size", "turn", "measure"].includes(grab.kind)) choose(null);
     svg.setPointerCapture(event.pointerId);
     if (!focused) svg.focus({ preventScroll: true });
   });
@@ -469,7 +506,7 @@ export function mount(root, app) {
     const [x, y] = view.place(event, dragging.matrix);
     const [dx, dy] = [x - dragging.at[0], y - dragging.at[1]];
     const group = `${dragging.kind} ${dragging.drag}`;
-    if (dragging.kind === "measure") return tools.draw(dragging.at, [tools.mm(x), tools.mm(y)]);
+    if (dragging.kind === "measure") return tools.draw(dragging.at, snapped([x, y]));
     tools.at([x, y]);
     if (dragging.kind === "view") {
       view.move(dx, dy);
@@ -477,49 +514,49 @@ export function mount(root, app) {
       return;
     }
     dispatchEvent(new CustomEvent("moved", { detail: event.timeStamp }));
-    MOVES[dragging.kind]({ x, y: -y, dx, dy: -dy, group });
+    drag(dragging, [x, -y], [dx, -dy], group);
   });
 
-  /** What a drag changes, by what was grabbed; places are the map's, in mm. */
-  const MOVES = {
-    base({ dx, dy, group }) {
-      changePose({ x_mm: tools.mm(dragging.pose.x_mm + dx), y_mm: tools.mm(dragging.pose.y_mm + dy) }, group);
-    },
-    heading({ x, y, group }) {
-      changePose({ heading_deg: tools.deg((Math.atan2(y - dragging.pose.y_mm, x - dragging.pose.x_mm) * 180) / Math.PI) }, group);
-    },
-    tip({ x, y, group }) {
-      dragging.to = [x, y];
-      pullTip(dragging, group);
-    },
-    target({ dx, dy, group }) {
-      moveTarget(dragging.id, [dragging.from[0] + dx, dragging.from[1] + dy], group);
-    },
-    obstacle({ dx, dy, group }) {
-      edit("obstacle moved", ["move", dragging.id, tools.mm(dx), tools.mm(dy)], group);
-    },
-    turn({ x, y, group }) {
-      const { frame } = dragging;
-      const turn_deg = tools.deg((Math.atan2(y - frame.y_mm, x - frame.x_mm) * 180) / Math.PI);
-      edit("obstacle turned", ["place", dragging.id, { ...frame, turn_deg }], group);
-    },
-    size({ x, y, group }) {
-      const { frame } = dragging;
-      const turn = (frame.turn_deg * Math.PI) / 180;
-      const [ax, ay] = [x - frame.x_mm, y - frame.y_mm];
-      const along = ax * Math.cos(turn) + ay * Math.sin(turn);
-      const across = ay * Math.cos(turn) - ax * Math.sin(turn);
-      const [width_mm, height_mm] = [along, across].map((half) => Math.max(LEAST_OBSTACLE_MM, tools.mm(2 * half)));
-      edit("obstacle resized", ["place", dragging.id, { ...frame, width_mm, height_mm }], group);
-    },
-  };
+  /**
+   * Change what was grabbed; places are the map's, in mm.
+   * @param {Dragging} held
+   * @param {Place} to
+   * @param {Place} by
+   * @param {string} group
+   */
+  function drag(held, to, [dx, dy], group) {
+    switch (held.kind) {
+      case "base": return changePose({ x_mm: tools.mm(held.pose.x_mm + dx), y_mm: tools.mm(held.pose.y_mm + dy) }, group);
+      case "heading": return changePose({ heading_deg: headingFrom(held.pose, to) }, group);
+      case "tip":
+        held.to = to;
+        return pullTip(held, group);
+      case "target": return moveTarget(held.id, [held.from[0] + dx, held.from[1] + dy], group);
+      case "obstacle": return edit("obstacle moved", ["move", held.id, tools.mm(dx), tools.mm(dy)], group);
+      case "turn": return edit("obstacle turned", ["place", held.id, { ...held.frame, turn_deg: headingFrom(held.frame, to) }], group);
+      case "size": return edit("obstacle resized", ["place", held.id, sized(held.frame, to)], group);
+    }
+  }
+
+  /** Return the direction from one place to another. @param {{ x_mm: number, y_mm: number }} from @param {Place} to */
+  const headingFrom = ({ x_mm, y_mm }, [x, y]) => tools.deg((Math.atan2(y - y_mm, x - x_mm) * 180) / Math.PI);
+
+  /** Return a frame with its corner at a place, its middle kept. @param {Frame} frame @param {Place} corner @returns {Frame} */
+  function sized(frame, [x, y]) {
+    const turn = (frame.turn_deg * Math.PI) / 180;
+    const [ax, ay] = [x - frame.x_mm, y - frame.y_mm];
+    const along = ax * Math.cos(turn) + ay * Math.sin(turn);
+    const across = ay * Math.cos(turn) - ax * Math.sin(turn);
+    const [width_mm, height_mm] = [along, across].map((half) => Math.max(LEAST_OBSTACLE_MM, tools.mm(2 * half)));
+    return { ...frame, width_mm, height_mm };
+  }
 
   function release() {
     if (!dragging) return;
     const was = dragging;
     dragging = null;
-    if (!was.busy) app.store.endGroup();
-    if (SHAPING.includes(was.kind) && was.moved) ask();
+    if (was.kind !== "tip" || !was.isBusy) app.store.endGroup();
+    if (isShape(was) && was.moved) ask();
     dispatchEvent(new CustomEvent("released"));
   }
   svg.addEventListener("pointerup", release);
@@ -529,7 +566,7 @@ export function mount(root, app) {
 
   svg.addEventListener("keydown", (event) => {
     const far = event.shiftKey ? 10 : 1;
-    const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+    const way = WAYS[event.key];
     if (event.key === "+" || event.key === "=") view.zoom(1 / ZOOM);
     else if (event.key === "-") view.zoom(ZOOM);
     else if (event.key === "0") view.fit();
@@ -538,23 +575,25 @@ export function mount(root, app) {
       aim.setAttribute("aria-pressed", "false");
       tools.turn(false);
     }
-    else if (way && app.live) moveByKey(event, way, far);
+    else if (way && app.live) moveByKey(event.target, way, far);
     else return;
     event.preventDefault();
   });
 
-  function moveByKey(event, [dx, dy], far) {
-    const handle = event.target.closest?.(".handle");
-    if (handle?.classList.contains("heading")) {
+  /** @param {EventTarget | null} target @param {Place} way @param {number} far */
+  function moveByKey(target, [dx, dy], far) {
+    const handle = target instanceof Element && target.closest(".handle");
+    const pose = answer?.pose;
+    if (handle && pose && handle.classList.contains("heading")) {
       focused = "heading";
-      changePose({ heading_deg: answer.pose.heading_deg + far * (dy - dx) }, "heading by key");
-    } else if (handle) {
+      changePose({ heading_deg: pose.heading_deg + far * (dy - dx) }, "heading by key");
+    } else if (handle && pose) {
       focused = "base";
-      changePose({ x_mm: answer.pose.x_mm + far * dx, y_mm: answer.pose.y_mm + far * dy }, "start by key");
+      changePose({ x_mm: pose.x_mm + far * dx, y_mm: pose.y_mm + far * dy }, "start by key");
     } else if (chosen?.kind === "obstacle") edit("obstacle moved", ["move", chosen.id, far * dx, far * dy]);
     else if (chosen) {
-      const { x_mm, y_mm } = valuesOf(chosen);
-      moveTarget(chosen.id, [x_mm + far * dx, y_mm + far * dy]);
+      const place = targetOf(chosen.id)?.point_mm;
+      if (place) moveTarget(chosen.id, [place[0] + far * dx, place[1] + far * dy]);
     }
   }
 
@@ -575,12 +614,11 @@ export function mount(root, app) {
   });
   app.onReference(showGhost);
   app.onHighlight((branches) => {
-    const wanted = new Set(branches ?? []);
-    for (const part of layers["robot-layer"].querySelectorAll("[data-branch]")) {
-      part.classList.toggle("highlit", wanted.has(part.dataset.branch));
+    for (const part of layers.robot.querySelectorAll("[data-branch]")) {
+      part.classList.toggle("highlit", branches.includes(part.getAttribute("data-branch") ?? ""));
     }
   });
-  const freeHeight = () => { if (!dragging) svg.parentElement.style.flex = ""; };
+  const freeHeight = () => { if (!dragging) canvas.style.flex = ""; };
   addEventListener("resize", freeHeight);
   app.store.subscribe((state, before) => {
     freeHeight();

@@ -9,12 +9,20 @@ const FIELDS = {
   target: [["name", "name"], ["x_mm", "x"], ["y_mm", "y"], ["tolerance_mm", "within"]],
 };
 
-/** Return the row of numbers; `change` takes the kind that is chosen and what was typed. */
+/**
+ * Return the row of numbers; `change` takes the kind that is chosen and what was typed.
+ * @param {App} app
+ * @param {{
+ *   choose(thing: Chosen): void, remove(): void, home(): void,
+ *   change(kind: ThingKind, key: string, value: string | number): void,
+ * }} actions
+ */
 export function thingsRow(app, { choose, change, remove, home }) {
   const select = el("select", { "aria-label": "What is chosen on the map", id: "thing" });
   select.addEventListener("change", () => {
     const [kind, ...rest] = select.value.split(" ");
-    choose(kind === "start" ? null : { kind, id: kind === "obstacle" ? Number(rest[0]) : rest.join(" ") });
+    if (kind === "obstacle") choose({ kind, id: Number(rest[0]) });
+    else choose(kind === "target" ? { kind, id: rest.join(" ") } : null);
   });
   const gone = el("button", { type: "button", onclick: remove }, "Delete it");
   const back = el("button", { type: "button", onclick: home }, "As in the map");
@@ -22,8 +30,9 @@ export function thingsRow(app, { choose, change, remove, home }) {
   const row = el("div", { class: "toolbar things" }, select, box, gone, back);
   let built = "";
   let listed = "";
-  let inputs = {};
+  let inputs = /** @type {Record<string, HTMLInputElement>} */ ({});
 
+  /** @param {ThingKind} kind */
   function build(kind) {
     built = kind;
     inputs = {};
@@ -42,7 +51,13 @@ export function thingsRow(app, { choose, change, remove, home }) {
 
   return {
     row,
-    /** Show what is chosen: its kind, its id and its values; `count` obstacles and targets are there. */
+    /**
+     * Show what is chosen and its values; `count` obstacles and targets are there.
+     * @param {Chosen} chosen
+     * @param {ThingValues} values
+     * @param {number} count
+     * @param {string[]} targets
+     */
     show(chosen, values, count, targets) {
       const names = JSON.stringify([count, targets]);
       if (names !== listed) {
@@ -59,7 +74,7 @@ export function thingsRow(app, { choose, change, remove, home }) {
       for (const part of [gone, back]) part.disabled = !app.live;
       for (const [key, input] of Object.entries(inputs)) {
         const value = values?.[key];
-        if (document.activeElement !== input) input.value = typeof value === "number" ? Number(number(value, 2)) : value ?? "";
+        if (document.activeElement !== input) input.value = String(typeof value === "number" ? Number(number(value, 2)) : value ?? "");
         input.disabled = !app.live || value === undefined;
       }
     },

@@ -1,6 +1,8 @@
 // Searches: settings around the design, one search at a time, its curve, its best robot, its front.
 
-import { el, number, paused, svgEl } from "studio/dom.js";
+import { ticks } from "studio/charts.js";
+import { copyable, el, number, paused, svgEl, WAYS } from "studio/dom.js";
+import { isStale, problemOf } from "studio/link.js";
 
 const STATES = {
   running: ["●", "running"], ended: ["✓", "ended"], stopped: ["■", "stopped"],
@@ -9,32 +11,29 @@ const STATES = {
 const WIDE = 272; // of a chart, in its own units
 const HIGH = 168;
 const EDGE = { left: 42, right: 8, top: 10, bottom: 32 };
+const TICKS = 4; // about so many on an axis
 
-/** Return round values within a range, about so many. */
-function ticks(low, high, about = 4) {
-  const span = high - low || Math.abs(high) || 1;
-  const rough = span / about;
-  const power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((factor) => factor * power).find((size) => size >= rough);
-  const found = [];
-  for (let at = Math.ceil(low / step - 1e-9); at * step <= high + 1e-9 * span; at++) found.push(at * step);
-  return { values: found, digits: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
-}
-
-/** Return a range with some room around values. */
+/** Return a range with some room around values. @param {number[]} values */
 function room(values) {
   const [low, high] = [Math.min(...values), Math.max(...values)];
   const margin = 0.06 * (high - low) || 0.05 * Math.abs(high) || 0.5;
   return [low - margin, high + margin];
 }
 
-/** Return an empty chart with its axes, and functions from values to places. */
+/**
+ * Return an empty chart with its axes, and functions from values to places.
+ * @param {string} name
+ * @param {number[]} x_range
+ * @param {number[]} y_range
+ * @param {string} x_title
+ * @param {string} y_title
+ */
 function chart(name, [x_low, x_high], [y_low, y_high], x_title, y_title) {
-  const at_x = (value) => EDGE.left + ((value - x_low) / (x_high - x_low || 1)) * (WIDE - EDGE.left - EDGE.right);
-  const at_y = (value) => HIGH - EDGE.bottom - ((value - y_low) / (y_high - y_low || 1)) * (HIGH - EDGE.top - EDGE.bottom);
+  const at_x = (/** @type {number} */ value) => EDGE.left + ((value - x_low) / (x_high - x_low || 1)) * (WIDE - EDGE.left - EDGE.right);
+  const at_y = (/** @type {number} */ value) => HIGH - EDGE.bottom - ((value - y_low) / (y_high - y_low || 1)) * (HIGH - EDGE.top - EDGE.bottom);
   const svg = svgEl("svg", { class: "chart", viewBox: `0 0 ${WIDE} ${HIGH}`, "aria-label": name });
   const [left, right, bottom] = [EDGE.left, WIDE - EDGE.right, HIGH - EDGE.bottom];
-  const y_ticks = ticks(y_low, y_high);
+  const y_ticks = ticks(y_low, y_high, TICKS);
   for (const value of y_ticks.values) {
     const y = at_y(value);
     svg.append(
@@ -42,7 +41,7 @@ function chart(name, [x_low, x_high], [y_low, y_high], x_title, y_title) {
       svgEl("text", { class: "tick", x: left - 4, y: y + 3, "text-anchor": "end" }, value.toFixed(y_ticks.digits)),
     );
   }
-  const x_ticks = ticks(x_low, x_high);
+  const x_ticks = ticks(x_low, x_high, TICKS);
   for (const value of x_ticks.values) {
     const x = at_x(value);
     svg.append(
@@ -59,10 +58,9 @@ function chart(name, [x_low, x_high], [y_low, y_high], x_title, y_title) {
   return { svg, at_x, at_y };
 }
 
-/** Return the best fitness so far over the designs that were evaluated. */
-function curveChart(event) {
-  const points = event.curve;
-  const last = points.at(-1);
+/** Return the best fitness so far over the designs that were evaluated. @param {number[][]} points */
+function curveChart(points) {
+  const last = points[points.length - 1];
   const words = `Best fitness so far, simulated: ${number(last[1], 4)} after ${last[0]} designs`;
   const { svg, at_x, at_y } = chart(
     words, [0, last[0]], room(points.map((point) => point[1])), "designs evaluated", "best fitness (simulated)",
@@ -77,11 +75,13 @@ function curveChart(event) {
   return svg;
 }
 
+/** @param {Objective} objective */
 function axisWords(objective) {
   const unit = objective.unit ? `, ${objective.unit}` : "";
   return `${objective.name}${unit} (${objective.kind})`;
 }
 
+/** @param {Front} front @param {FrontPoint} point */
 function valueWords(front, point) {
   return front.objectives
     .map((objective, place) => {
@@ -91,7 +91,13 @@ function valueWords(front, point) {
     .join(", ");
 }
 
-/** Return a front as points that are buttons; arrow keys go from one to the next. */
+/**
+ * Return a front as points that are buttons; arrow keys go from one to the next.
+ * @param {Front} front
+ * @param {number} place of the objective along the chart
+ * @param {string | undefined} chosen
+ * @param {(point: FrontPoint) => void} choose
+ */
 function frontChart(front, place, chosen, choose) {
   const [up, along] = [front.objectives[0], front.objectives[place]];
   const { svg, at_x, at_y } = chart(
@@ -101,7 +107,8 @@ function frontChart(front, place, chosen, choose) {
   svg.setAttribute("role", "group");
   const order = [...front.points].sort((one, other) => one.values[place] - other.values[place]);
   const first = order.some((point) => point.point === chosen) ? chosen : order[0].point;
-  const marks = order.map((point) => {
+  /** @type {SVGElement[]} */
+  const marks = order.map((point, index) => {
     const [x, y] = [at_x(point.values[place]), at_y(point.values[0])];
     const breaks = point.breaks ? "; breaks rules or limits" : "";
     const words = `${point.label}: ${valueWords(front, point)}${breaks}`;
@@ -115,8 +122,8 @@ function frontChart(front, place, chosen, choose) {
         "aria-pressed": String(point.point === chosen), "aria-label": words, "data-point": point.point,
         onclick: () => choose(point),
         onkeydown: (event) => {
-          const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
-          if (step) marks[(marks.indexOf(event.currentTarget) + step + marks.length) % marks.length].focus();
+          const [right, up] = WAYS[event.key] ?? [0, 0];
+          if (right || up) marks[(index + right - up + marks.length) % marks.length].focus();
           else if (event.key === "Enter" || event.key === " ") choose(point);
           else return;
           event.preventDefault();
@@ -131,38 +138,35 @@ function frontChart(front, place, chosen, choose) {
   return svg;
 }
 
-/** Return a line with a command that can be copied, and how to set it. */
-function commandLine(app, name) {
-  const text = el("code", { class: "command", tabindex: 0, "aria-label": `Command: ${name}` });
-  const copy = el("button", { type: "button", "aria-label": `Copy the command: ${name}` }, "Copy");
-  copy.addEventListener("click", async () => {
-    try {
-      await navigator.clipboard.writeText(text.textContent);
-      app.say("Copied the command");
-    } catch {
-      getSelection().selectAllChildren(text);
-      app.say("The command is selected: copy it with the keyboard");
-    }
-  });
-  const line = el("div", { class: "command-line" }, text, copy);
-  return { line, set: (command) => { text.textContent = command ?? ""; line.hidden = !command; } };
+/** Return a line with a command that can be copied, and how to set it. @param {App} app @param {string} what */
+function commandLine(app, what) {
+  const { text, button } = copyable(app, what);
+  const line = el("div", { class: "command-line" }, text, button);
+  const set = (/** @type {string} */ command) => {
+    text.textContent = command;
+    line.hidden = !command;
+  };
+  return { line, set };
 }
 
-function field(label, control, ...after) {
-  return el("div", { class: "field" }, el("label", { for: control.id }, label), control, ...after);
+/** @param {string} label @param {Element} control */
+function field(label, control) {
+  return el("div", { class: "field" }, el("label", { for: control.id }, label), control);
 }
 
-function numberInput(id, least, most, step = 1) {
-  return el("input", { type: "number", id: `search-${id}`, min: least, max: most, step });
+/** @param {string} id @param {number} least @param {number} most */
+function numberInput(id, least, most) {
+  return el("input", { type: "number", id: `search-${id}`, min: least, max: most, step: 1 });
 }
 
+/** @param {HTMLSelectElement} select @param {string[][]} entries @param {string} chosen */
 function options(select, entries, chosen) {
   select.replaceChildren(...entries.map(([value, text]) => el("option", { value }, text)));
   if (entries.some(([value]) => value === chosen)) select.value = chosen;
 }
 
 /** Return the settings of a new search: their elements, how to show a proposal, what they ask. */
-function settings(app) {
+function settings() {
   const task = el("select", { id: "search-task" });
   const maps = el("select", { id: "search-maps" });
   const count = numberInput("count", 1, 1000);
@@ -177,24 +181,26 @@ function settings(app) {
   const optimizer = el("select", { id: "search-optimizer" });
   const run_seed = numberInput("seed", 0, 2 ** 31);
   const notes = el("ul", { class: "problems" });
-  let proposal = null;
-  let edited = {}; // ranges that the user gave, by the keys of the design
+  let proposal = /** @type {Proposal | null} */ (null);
+  let edited = /** @type {Record<string, number[]>} */ ({}); // ranges that the user gave, by the keys of the design
   let levels_edited = false;
   let begun = false;
 
   levels[0].setAttribute("aria-label", "Fewest levels");
   levels[1].setAttribute("aria-label", "Most levels");
   for (const input of levels) input.addEventListener("input", () => { levels_edited = true; showRanges(); });
-  const chosenObjectives = () => [...objectives.querySelectorAll("input:checked")].map((one) => one.value).filter((name) => name !== task.value);
+  const checkedObjectives = () => /** @type {HTMLInputElement[]} */ ([...objectives.querySelectorAll("input:checked")]).map((box) => box.value);
+  const chosenObjectives = () => checkedObjectives().filter((name) => name !== task.value);
   /** Show what the other settings leave to choose. */
   const showChoices = () => {
     for (const input of [count, seed]) input.disabled = !maps.value.startsWith("environment:");
-    for (const box of objectives.querySelectorAll("[data-task]")) box.hidden = box.dataset.task === task.value;
+    for (const box of objectives.querySelectorAll("[data-task]")) box.toggleAttribute("hidden", box.getAttribute("data-task") === task.value);
     const usual = chosenObjectives().length || !fabricable.checked ? "" : "islands";
     here.disabled = (optimizer.value || usual) !== "islands";
   };
   for (const control of [maps, task, objectives, fabricable, optimizer]) control.addEventListener("change", showChoices);
 
+  /** @param {SearchValue} value */
   function rangeRow(value) {
     const words = `${value.level === 1 ? "trunk" : `level ${value.level}`} ${value.label}`;
     const label = el("span", { class: "name" }, value.label);
@@ -214,6 +220,7 @@ function settings(app) {
   }
 
   function showRanges() {
+    if (!proposal) return;
     const most = Number(levels[1].value) || proposal.levels[1];
     const rows = [];
     let level = 0;
@@ -237,37 +244,38 @@ function settings(app) {
   const usual = el("button", {
     type: "button",
     onclick: () => {
-      edited = Object.fromEntries(proposal.values.map((value) => [value.key, proposal.deeper[value.label].slice(0, 2)]));
+      const { values = [], deeper = {} } = proposal ?? {};
+      edited = Object.fromEntries(values.map(({ key, label }) => [key, deeper[label].slice(0, 2).map(Number)]));
       showRanges();
     },
   }, "Usual ranges");
 
+  /** @param {Proposal} found @param {StudioState} state */
   function show(found, state) {
     proposal = found;
     const given = found.settings;
     const known = new Set(found.values.map((value) => value.key));
     edited = Object.fromEntries(Object.entries(edited).filter(([key]) => known.has(key)));
     options(task, found.tasks.map((name) => [name, name]), begun ? task.value : given.task);
-    const files = state.family?.files ?? [];
+    const files = state.family.files ?? [];
     options(maps, [
       ...found.environments.map((name) => [`environment:${name}`, `generated: ${name}`]),
       ...(found.has_map ? [["shown", "the map on this page"]] : []),
       ...(files.length ? [["files", `the ${files.length} files of Many maps`]] : []),
     ], begun ? maps.value : `environment:${given.maps.environment}`);
     options(optimizer, [["", "usual"], ...found.optimizers.map((name) => [name, name])], begun ? optimizer.value : given.optimizer);
-    if (!levels_edited) found.levels.forEach((value, place) => { levels[place].value = value; });
-    const checked = new Set([...objectives.querySelectorAll("input:checked")].map((box) => box.value));
+    if (!levels_edited) found.levels.forEach((value, place) => { levels[place].value = String(value); });
+    const checked = new Set(checkedObjectives());
     objectives.replaceChildren(...found.objectives.map(({ name, kind, words }) => {
       const box = el("input", { type: "checkbox", value: name, id: `search-objective-${name}` });
       box.checked = checked.has(name);
       return el("div", { "data-task": kind === "task" ? name : null }, box, el("label", { for: box.id }, words));
     }));
     if (!begun) {
-      count.value = given.maps.count;
-      seed.value = given.maps.seed;
-      population.value = given.population;
-      generations.value = given.generations;
-      run_seed.value = given.seed;
+      for (const [input, value] of /** @type {const} */ ([
+        [count, given.maps.count], [seed, given.maps.seed], [population, given.population],
+        [generations, given.generations], [run_seed, given.seed],
+      ])) input.value = String(value);
       fabricable.checked = given.fabricable;
       here.checked = given.start_here;
     }
@@ -277,10 +285,11 @@ function settings(app) {
     showChoices();
   }
 
+  /** @param {StudioState} state */
   function asked(state) {
     const named = maps.value.startsWith("environment:") ? maps.value.slice("environment:".length) : "";
     const most = Number(levels[1].value);
-    const free = proposal.values.filter((value) => !value.locked && value.level <= most);
+    const free = (proposal?.values ?? []).filter((value) => !value.locked && value.level <= most);
     return {
       task: task.value,
       objectives: chosenObjectives(),
@@ -320,6 +329,7 @@ function settings(app) {
   return { box, show, asked, isShown: () => proposal !== null };
 }
 
+/** @param {HTMLElement} root @param {App} app */
 export function mount(root, app) {
   const heading = el("h3", {}, "Search");
   const state_word = el("p", { class: "state" });
@@ -331,7 +341,7 @@ export function mount(root, app) {
   const resume = el("button", { type: "button" }, "Resume");
   const on_map = el("button", { type: "button", "aria-pressed": "false", title: "The map shows the best robot so far; yours comes back when this is turned off" }, "Show the best on the map");
   const take = el("button", { type: "button", class: "primary" }, "Take the best");
-  const command = commandLine(app, "the search");
+  const command = commandLine(app, "of the search");
   const card = el("div", { class: "card", hidden: true }, state_word, bar, line, curve, best, el("div", { class: "buttons wrap" }, on_map, take, stop, resume), command.line);
 
   const front_title = el("h4", {}, "Front");
@@ -342,10 +352,10 @@ export function mount(root, app) {
   const back = el("button", { type: "button", disabled: true }, "Back to mine");
   const front_card = el("div", { class: "card", hidden: true }, front_title, front_axis, front_box, front_words, el("div", { class: "buttons" }, take_point, back));
 
-  const form = settings(app);
+  const form = settings();
   const folder = el("input", { type: "text", id: "search-folder", spellcheck: "false" });
   const start = el("button", { type: "button", class: "primary", disabled: true }, "Start");
-  const start_command = commandLine(app, "start");
+  const start_command = commandLine(app, "to start");
   const waiting = el("p", { class: "facts" }, "Reading what can be searched …");
   const problem = el("p", { class: "problem", hidden: true });
   const fresh = el("details", { class: "new", open: true }, el("summary", {}, "A new search"), waiting, form.box, field("Folder", folder), problem, el("div", { class: "buttons" }, start), start_command.line);
@@ -355,32 +365,28 @@ export function mount(root, app) {
   const earlier = el("details", {}, el("summary", {}, "Searches in this folder"), runs, el("div", { class: "buttons" }, again));
   root.append(heading, card, front_card, fresh, earlier);
 
-  let event = null; // the last of the search that is shown
-  let front = null; // { folder, ...front } that is shown
-  let chosen = null; // the point of it that is previewed, with its design
-  let previewed = null; // the design that this panel put on the map
+  let event = /** @type {SearchEvent | null} */ (null); // the last of the search that is shown
+  let front = /** @type {ShownFront | null} */ (null);
+  let chosen = /** @type {ChosenPoint | null} */ (null); // of the front, on the map
+  let previewed = /** @type {Design | null} */ (null); // what this panel put on the map
   let is_asking = false;
   let is_running = false;
   let asks_again = false; // the design has changed since
 
-  function fail(error) {
-    if (error?.stale) return;
-    const text = error?.message ?? String(error);
-    problem.textContent = text;
-    problem.hidden = false;
-    app.say(text, "error");
-  }
-
+  /** Return what the desk answers, or nothing where it refuses. @template {DeskQuestion} Q @param {Q} name */
   async function ask(name, given = {}) {
     problem.hidden = true;
     try {
       return await app.desk(name, given);
     } catch (error) {
-      fail(error);
+      problem.textContent = problemOf(error);
+      problem.hidden = isStale(error);
+      app.fail(error);
       return null;
     }
   }
 
+  /** @param {Design | null} design */
   function preview(design) {
     // The preview of another panel stays where it is.
     if (!design && (!previewed || app.previewed !== previewed)) {
@@ -403,12 +409,15 @@ export function mount(root, app) {
     if (JSON.stringify(event.best) !== JSON.stringify(previewed)) preview(event.best);
   }
 
+  /** @param {Design | null | undefined} design @param {string} label */
   function takeDesign(design, label) {
+    if (!design) return;
     endPreview();
     app.store.change(label, (state) => { state.design = structuredClone(design); });
     app.say(`Took it: ${label}. Undo brings yours back`);
   }
 
+  /** @param {SearchEvent} found */
   function showEvent(found) {
     event = found;
     app.answers.search = found;
@@ -420,7 +429,7 @@ export function mount(root, app) {
     bar.setAttribute("aria-valuetext", found.line);
     if (line.textContent !== found.line) line.textContent = found.line;
     line.dataset.kind = found.state === "failed" ? "error" : "info";
-    curve.replaceChildren(...(found.curve.length ? [curveChart(found)] : []));
+    curve.replaceChildren(...(found.curve.length ? [curveChart(found.curve)] : []));
     best.replaceChildren(
       el("span", { class: "value" }, found.best_score === null ? "–" : number(found.best_score, 4)),
       el("span", { class: "standing" }, found.best_words),
@@ -437,36 +446,39 @@ export function mount(root, app) {
     else if (is_running && front && front.folder !== found.folder) front_card.hidden = true;
   }
 
-  function showFront(folder_name, found) {
-    if (front?.folder !== folder_name) chosen = null;
-    const is_new = front?.folder !== folder_name || front.objectives.length !== found.objectives.length;
-    front = { folder: folder_name, ...found };
+  /** @param {string} folder @param {Front} found */
+  function showFront(folder, found) {
+    if (front?.folder !== folder) chosen = null;
+    const is_new = front?.folder !== folder || front.objectives.length !== found.objectives.length;
+    front = { folder, ...found };
     front_card.hidden = false;
-    front_title.textContent = `Front of ${folder_name}: ${found.points.length} designs${found.is_final ? "" : " so far"}`;
+    front_title.textContent = `Front of ${folder}: ${found.points.length} designs${found.is_final ? "" : " so far"}`;
     if (is_new) options(front_axis, found.objectives.slice(1).map((one, place) => [String(place + 1), `against ${axisWords(one)}`]), "1");
     front_axis.hidden = found.objectives.length < 3;
     drawFront();
   }
 
   function drawFront() {
-    const focused = document.activeElement?.dataset?.point;
-    const had_focus = front_box.contains(document.activeElement);
+    if (!front) return;
+    const focused = front_box.contains(document.activeElement) && document.activeElement?.getAttribute("data-point");
     front_box.replaceChildren(frontChart(front, Number(front_axis.value) || 1, chosen?.point.point, choosePoint));
-    if (had_focus) front_box.querySelector(`[data-point="${CSS.escape(focused)}"]`)?.focus();
+    const mark = focused && front_box.querySelector(`[data-point="${CSS.escape(focused)}"]`);
+    if (mark instanceof SVGElement) mark.focus();
     showChosen();
   }
 
   function showChosen() {
-    const words = chosen ? `${chosen.point.label}: ${valueWords(front, chosen.point)}. ${chosen.words}` : "Choose a point to see its robot on the map.";
+    const words = chosen && front ? `${chosen.point.label}: ${valueWords(front, chosen.point)}. ${chosen.words}` : "Choose a point to see its robot on the map.";
     front_words.textContent = words;
     take_point.disabled = back.disabled = !chosen || !app.live;
     for (const mark of front_box.querySelectorAll("[data-point]")) {
-      mark.setAttribute("aria-pressed", String(mark.dataset.point === chosen?.point.point));
+      mark.setAttribute("aria-pressed", String(mark.getAttribute("data-point") === chosen?.point.point));
     }
   }
 
+  /** @param {FrontPoint} point */
   async function choosePoint(point) {
-    if (!app.live) return;
+    if (!app.live || !front) return;
     const found = await ask("search_load", { folder: front.folder, point: point.point });
     if (!found) return;
     on_map.setAttribute("aria-pressed", "false");
@@ -475,11 +487,13 @@ export function mount(root, app) {
     showChosen();
   }
 
+  /** @param {string} name */
   async function loadBest(name) {
     const found = await ask("search_load", { folder: name, point: "best" });
     if (found) takeDesign(found.design, `best of ${name}`);
   }
 
+  /** @param {string} name */
   async function loadFront(name) {
     const found = await ask("search_front", { folder: name });
     if (!found) return;
@@ -491,19 +505,24 @@ export function mount(root, app) {
     front_card.scrollIntoView({ block: "nearest" });
   }
 
+  /** @param {string} name */
   async function resumeRun(name) {
     const found = await ask("search_resume", { folder: name });
     if (found) app.say(`Going on: ${found.command}`);
   }
 
+  /** @param {ListedRun} run */
   function runItem(run) {
     const [sign, word] = STATES[run.state];
     const can_load = run.best_score !== null && run.best_score !== undefined;
+    /** @param {string} text @param {string} about @param {(folder: string) => void} act */
+    const button = (text, about, act, disabled = false) =>
+      el("button", { type: "button", "aria-label": `${about} ${run.folder}`, disabled, onclick: () => act(run.folder) }, text);
     const buttons = [
-      run.state === "unfinished" && el("button", { type: "button", "aria-label": `Resume ${run.folder}`, disabled: event?.state === "running", onclick: () => resumeRun(run.folder) }, "Resume"),
-      can_load && el("button", { type: "button", "aria-label": `Take the best of ${run.folder}`, onclick: () => loadBest(run.folder) }, "Take the best"),
-      run.objectives?.length && el("button", { type: "button", "aria-label": `Show the front of ${run.folder}`, onclick: () => loadFront(run.folder) }, "Front"),
-    ].filter(Boolean);
+      run.state === "unfinished" ? button("Resume", "Resume", resumeRun, event?.state === "running") : null,
+      can_load ? button("Take the best", "Take the best of", loadBest) : null,
+      run.objectives?.length ? button("Front", "Show the front of", loadFront) : null,
+    ];
     return el("li", {},
       el("p", { class: "state", "data-state": run.state }, `${sign} ${word}: ${run.folder}`),
       el("p", { class: "facts" }, [run.task, can_load ? `${number(run.best_score, 4)}: ${run.best_words}` : "", run.line].filter(Boolean).join("; ")),
@@ -561,9 +580,9 @@ export function mount(root, app) {
     root.scrollTo({ top: 0 });
   });
   stop.addEventListener("click", () => ask("search_stop"));
-  resume.addEventListener("click", () => resumeRun(event.folder));
-  take.addEventListener("click", () => takeDesign(event.best, `best of ${event.folder}`));
-  take_point.addEventListener("click", () => takeDesign(chosen.design, `${chosen.point.label} of ${front.folder}`));
+  resume.addEventListener("click", () => { if (event) resumeRun(event.folder); });
+  take.addEventListener("click", () => takeDesign(event?.best, `best of ${event?.folder}`));
+  take_point.addEventListener("click", () => takeDesign(chosen?.design, `${chosen?.point.label} of ${front?.folder}`));
   back.addEventListener("click", endPreview);
   on_map.addEventListener("click", () => {
     const is_on = on_map.getAttribute("aria-pressed") !== "true";
@@ -599,10 +618,8 @@ export function mount(root, app) {
   addEventListener("tabshown", (shown) => { if (shown.detail === root.id) refresh(); });
   const soon = paused(propose, 300);
   app.store.subscribe((state, before) => {
-    if (state.design !== before?.design && JSON.stringify(state.design) !== JSON.stringify(before?.design)) {
-      // What the hand changes is what the map shows.
-      if (previewed) endPreview();
-    }
+    // What the hand changes is what the map shows.
+    if (previewed && JSON.stringify(state.design) !== JSON.stringify(before.design)) endPreview();
     soon();
   });
 

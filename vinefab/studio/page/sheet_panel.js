@@ -1,7 +1,8 @@
 // The sheet: what is cut, with findings in place; pressure, film and time; the fix with its preview.
 
-import { el, fillSvg, number, svgEl } from "studio/dom.js";
 import { deployedView, patternOf } from "studio/deployed.js";
+import { counted, el, fillSvg, number, svgEl } from "studio/dom.js";
+import { isStale, problemOf } from "studio/link.js";
 import { createView } from "studio/view.js";
 
 const STILL_MS = 150;
@@ -13,29 +14,32 @@ const RIM_MM = 15;
 const KINDS = [["branches", "branches"], ["length", "lengths"], ["angle", "angles"], ["width", "widths"]];
 const WORDS = { error: "error", warning: "warning", info: "note" };
 
-const button = (text, onclick, attributes = {}) => el("button", { type: "button", onclick, ...attributes }, text);
-const same = (one, two) => JSON.stringify(one) === JSON.stringify(two);
-/** What the rules depend on, of a state. */
+/** @param {Child} content @param {() => unknown} onclick */
+const button = (content, onclick, attributes = {}) => el("button", { type: "button", onclick, ...attributes }, content);
+/** What the rules depend on, of a state. @param {StudioState} state */
 const concern = ({ design, map, pose, recipe, recipe_stamp, growth }) =>
   JSON.stringify([design, map, pose, recipe, recipe_stamp, growth]);
+/** @param {number} value @param {string} unit */
 const measure = (value, unit, digits = 2) => `${number(value, digits)}${unit ? ` ${unit}` : ""}`;
 
-/** Return the first branches by name. */
+/** Return the first branches by name. @param {string[]} branches */
 function who(branches) {
   return branches.length ? ` ${branches.slice(0, 3).join(", ")}${branches.length > 3 ? ", …" : ""}` : "";
 }
 
+/** @param {number} share */
 function percent(share) {
   return `${(100 * Math.min(1, Math.max(0, share))).toFixed(2)}%`;
 }
 
 // ---- the drawing
 
+/** Kinds of lines, and what they are called. @type {Record<string, string>} */
 const LAYERS = { weld: "weld", weldcut: "weld and cut", cut: "cut", mark: "mark", reg: "registration", doc: "labels", finding: "findings" };
 
-/** Return what is to be seen of the job: a box for each layer that it has, and a choice of a piece. */
+/** Return what is to be seen of the job: a box for each layer that it has, and a choice of a piece. @param {Element} job */
 function layersView(job) {
-  const off = new Set();
+  const off = /** @type {Set<string>} */ (new Set());
   const piece = el("select", { id: "sheet-piece", "aria-label": "Pieces shown" });
   const boxes = el("div", { class: "toolbar" });
   const box = el("details", { class: "layers", id: "layers" }, el("summary", {}, "Layers"), boxes, piece);
@@ -43,11 +47,12 @@ function layersView(job) {
   piece.addEventListener("change", apply);
 
   const parts = () => [...job.querySelectorAll("path[data-piece], .finding")];
-  const layerOf = (part) => part.classList[0];
+  const layerOf = (/** @type {Element} */ part) => part.classList[0];
+  const pieceOf = (/** @type {Element} */ part) => part.getAttribute("data-piece") ?? "";
 
   function apply() {
     for (const part of parts()) {
-      const isOther = piece.value !== "" && "piece" in part.dataset && ![piece.value, ""].includes(part.dataset.piece);
+      const isOther = piece.value !== "" && ![piece.value, ""].includes(pieceOf(part));
       part.toggleAttribute("hidden", off.has(layerOf(part)) || isOther);
     }
   }
@@ -55,7 +60,7 @@ function layersView(job) {
   /** Offer what the drawing has now, and hide again what was hidden. */
   function follow() {
     const kinds = Object.keys(LAYERS).filter((kind) => parts().some((part) => layerOf(part) === kind));
-    const names = [...new Set(parts().map((part) => part.dataset.piece).filter(Boolean))];
+    const names = [...new Set(parts().map(pieceOf).filter(Boolean))];
     if (built !== JSON.stringify([kinds, names])) {
       built = JSON.stringify([kinds, names]);
       boxes.replaceChildren(...kinds.map((kind) => {
@@ -74,32 +79,33 @@ function layersView(job) {
   return { box, follow };
 }
 
-function sheetView(app, onMarker) {
-  const layers = Object.fromEntries(
-    ["beds", "ghost", "outline", "job"].map((name) => [name, svgEl("g", { class: name })]),
-  );
+/** Return the drawing of the sheet and how to draw in it. @param {(index: number) => void} onMarker takes the finding that is chosen */
+function sheetView(onMarker) {
+  const layer = (/** @type {string} */ name) => svgEl("g", { class: name });
+  const layers = { beds: layer("beds"), ghost: layer("ghost"), outline: layer("outline"), job: layer("job") };
   const svg = svgEl("svg", {
     class: "sheet-drawing", tabindex: 0, role: "group", id: "sheet-drawing",
     "aria-label": "Sheet with findings. Plus and minus zoom, arrow keys move, 0 shows all of it.",
   }, ...Object.values(layers));
   const view = createView(svg);
   const shown = layersView(layers.job);
-  let dragged = null;
+  let dragged = /** @type {Place | null} */ (null);
   let moved = false;
+  const findingOf = (/** @type {Element} */ marker) => Number(marker.getAttribute("data-finding"));
 
   function perPx() {
     return Number(svg.style.getPropertyValue("--mm-per-px")) || 1;
   }
 
-  /** Choose the finding under the pointer; of several, the one after that which is selected. */
+  /** Choose the finding under the pointer; of several, the one after that which is selected. @param {MouseEvent} event */
   function choose(event) {
     if (moved) return;
     const under = document.elementsFromPoint(event.clientX, event.clientY).map((node) => node.closest("[data-finding]"));
-    const markers = [...new Set(under)].filter((marker) => marker && svg.contains(marker))
-      .sort((one, two) => one.dataset.finding - two.dataset.finding);
+    const markers = [...new Set(under)].filter((marker) => marker !== null).filter((marker) => svg.contains(marker))
+      .sort((one, two) => findingOf(one) - findingOf(two));
     if (!markers.length) return;
     const place = markers.findIndex((marker) => marker.classList.contains("selected"));
-    onMarker(Number(markers[(place + 1) % markers.length].dataset.finding));
+    onMarker(findingOf(markers[(place + 1) % markers.length]));
   }
 
   svg.addEventListener("pointerdown", (event) => {
@@ -119,13 +125,14 @@ function sheetView(app, onMarker) {
   for (const name of ["pointerup", "pointercancel"]) svg.addEventListener(name, () => { dragged = null; });
   svg.addEventListener("click", choose);
   svg.addEventListener("keydown", (event) => {
-    const marker = event.target.closest?.("[data-finding]");
+    const marker = event.target instanceof Element && event.target.closest("[data-finding]");
     if (marker && (event.key === "Enter" || event.key === " ")) {
       event.preventDefault();
-      onMarker(Number(marker.dataset.finding));
+      onMarker(findingOf(marker));
       return;
     }
     const step = STEP_PX * perPx();
+    /** @type {Record<string, () => void>} */
     const actions = {
       "+": () => view.zoom(1 / ZOOM), "=": () => view.zoom(1 / ZOOM), "-": () => view.zoom(ZOOM), 0: () => view.fit(),
       ArrowLeft: () => view.move(step, 0), ArrowRight: () => view.move(-step, 0),
@@ -136,27 +143,29 @@ function sheetView(app, onMarker) {
     actions[event.key]();
   });
 
-  /** Where the flat layout lies on the sheet, as a transform; null where pieces lie apart. */
+  /** Where the flat layout lies on the sheet, as a transform; null where pieces lie apart. @param {RulesAnswer | null} rules */
   function onSheet(rules) {
     const place = rules?.placement;
     return place ? `translate(${place.dx_mm} ${-place.dy_mm}) rotate(${-place.rotation_deg})` : null;
   }
 
+  /** @param {Element} layer @param {string | undefined} outline @param {string | null} transform */
   function flat(layer, outline, transform) {
     fillSvg(layer, outline ?? "");
     if (transform) layer.setAttribute("transform", transform);
     else layer.removeAttribute("transform");
   }
 
+  /** @param {number[]} corners */
   function around([x0, y0, x1, y1]) {
-    view.whole([x0 - RIM_MM, -y1 - RIM_MM, x1 - x0 + 2 * RIM_MM, y1 - y0 + 2 * RIM_MM].join(" "));
+    view.whole([x0 - RIM_MM, -y1 - RIM_MM, x1 - x0 + 2 * RIM_MM, y1 - y0 + 2 * RIM_MM]);
   }
 
   return {
     svg,
     view,
     layers: shown.box,
-    /** Draw the job that the rules were applied to, with its findings. */
+    /** Draw the job that the rules were applied to, with its findings. @param {RulesAnswer} rules @param {string} [ghost] */
     job(rules, ghost) {
       layers.beds.replaceChildren();
       layers.outline.replaceChildren();
@@ -164,36 +173,42 @@ function sheetView(app, onMarker) {
       shown.follow();
       const transform = onSheet(rules);
       flat(layers.ghost, transform ? ghost : "", transform);
-      view.whole(rules.sheet_box.join(" "));
+      if (rules.sheet_box) view.whole(rules.sheet_box);
     },
-    /** Draw the flat outline that follows the pointer, on the bed of the last job if there is one. */
+    /**
+     * Draw the flat outline that follows the pointer, on the bed of the last job if there is one.
+     * @param {Answers["cut"]} cut
+     * @param {RulesAnswer | null} rules
+     * @param {string} [ghost]
+     */
     outline(cut, rules, ghost) {
       const transform = onSheet(rules);
       layers.job.replaceChildren();
-      fillSvg(layers.beds, transform ? rules.beds_svg : "");
+      fillSvg(layers.beds, transform && rules ? rules.beds_svg : "");
       flat(layers.ghost, ghost, transform);
       flat(layers.outline, cut.outline_svg, transform);
-      if (transform) view.whole(rules.sheet_box.join(" "));
+      if (transform && rules?.sheet_box) view.whole(rules.sheet_box);
       else if (cut.outline_box) around(cut.outline_box);
     },
-    /** Draw the inflated body over the flat outline, without a bed. */
+    /** Draw the inflated body over the flat outline, without a bed. @param {Answers["inflated"]} found */
     inflated(found) {
       for (const layer of [layers.beds, layers.job, layers.ghost]) layer.replaceChildren();
       flat(layers.outline, found.svg, null);
       around(found.box);
     },
-    /** Mark one finding, and look at its place. */
+    /** Mark one finding, and look at its place. @param {number} index @param {boolean} look */
     select(index, look) {
       for (const marker of layers.job.querySelectorAll("[data-finding]")) {
-        marker.classList.toggle("selected", Number(marker.dataset.finding) === index);
+        marker.classList.toggle("selected", findingOf(marker) === index);
       }
       const marker = layers.job.querySelector(`[data-finding="${index}"]`);
       if (!marker) return;
       layers.job.append(marker); // on top of the others
       if (!look) return;
-      const parts = [...marker.querySelectorAll(".marked")].map((part) => part.getBBox());
+      const marked = /** @type {NodeListOf<SVGGraphicsElement>} */ (marker.querySelectorAll(".marked"));
+      const parts = [...marked].map((part) => part.getBBox());
       const sign = marker.querySelector("g")?.transform.baseVal.consolidate()?.matrix;
-      if (sign) parts.push({ x: sign.e, y: sign.f, width: 0, height: 0 });
+      if (sign) parts.push(new DOMRect(sign.e, sign.f));
       const x0 = Math.min(...parts.map((box) => box.x));
       const y0 = Math.min(...parts.map((box) => box.y));
       const x1 = Math.max(...parts.map((box) => box.x + box.width));
@@ -207,11 +222,12 @@ function sheetView(app, onMarker) {
 
 // ---- pressure, film, time
 
-/** Return what growth needs, the working pressure and what the film may take, as a bar and words. */
-export function gaugeView(gauge) {
+/** Return what growth needs, the working pressure and what the film may take, as a bar and words. @param {Gauge} gauge */
+function gaugeView(gauge) {
   const { needed_loose: loose, needed_tight: tight, working_kpa: working, allowed_kpa: allowed } = gauge;
   const top = 1.15 * Math.max(tight.kpa, working, allowed, 1);
-  const at = (kpa) => percent(kpa / top);
+  const at = (/** @type {number} */ kpa) => percent(kpa / top);
+  /** @param {number} from @param {number} to */
   const wide = (from, to) => percent(Math.max(0, to - from) / top);
   const bar = svgEl("svg", { class: "gauge", role: "img", width: "100%", height: 34, "aria-label": gaugeWords(gauge) },
     svgEl("rect", { class: "track", x: 0, y: 10, width: "100%", height: 14, rx: 2 }),
@@ -221,17 +237,18 @@ export function gaugeView(gauge) {
     svgEl("line", { class: "allowed", x1: at(allowed), x2: at(allowed), y1: 6, y2: 28 }),
     svgEl("line", { class: "working", x1: at(working), x2: at(working), y1: 2, y2: 32 }),
   );
-  const row = (key, name, value, standing) => [
-    el("dt", { class: key }, name), el("dd", {}, value, el("span", { class: "standing" }, standing)),
+  /** @param {string} name @param {string} value @param {string} standing */
+  const row = (name, value, standing) => [
+    el("dt", { class: name }, name), el("dd", {}, value, el("span", { class: "standing" }, standing)),
   ];
   const [kind, words] = gaugeVerdict(gauge);
   return el("figure", { class: "pressure" },
     el("figcaption", {}, "Pressure ", el("b", { class: kind }, words)),
     bar,
     el("dl", {},
-      ...row("needed", "needed", `${number(loose.kpa, 1)}–${number(tight.kpa, 1)} kPa`, gauge.needed_standing),
-      ...row("working", "working", measure(working, "kPa", 1), gauge.working_standing),
-      ...row("allowed", "allowed", measure(allowed, "kPa", 1), gauge.allowed_standing),
+      ...row("needed", `${number(loose.kpa, 1)}–${number(tight.kpa, 1)} kPa`, gauge.needed_standing),
+      ...row("working", measure(working, "kPa", 1), gauge.working_standing),
+      ...row("allowed", measure(allowed, "kPa", 1), gauge.allowed_standing),
     ),
     el("details", {}, el("summary", {}, "Where these come from"),
       el("p", {}, `Needed: tip ${loose.branch} ${loose.place}; ${gauge.needed_basis}`),
@@ -239,6 +256,7 @@ export function gaugeView(gauge) {
   );
 }
 
+/** Return the kind of news and its words. @param {Gauge} gauge */
 function gaugeVerdict(gauge) {
   if (!gauge.is_open) return ["bad", "✕ growth needs more than the film may take"];
   if (gauge.working_kpa > gauge.allowed_kpa) return ["bad", "✕ the working pressure is more than allowed"];
@@ -246,32 +264,34 @@ function gaugeVerdict(gauge) {
   return gauge.is_open_tight ? ["good", "✓ enough"] : ["poor", "▲ enough if film is stored loosely"];
 }
 
+/** @param {Gauge} gauge */
 function gaugeWords(gauge) {
   return `Needed ${number(gauge.needed_loose.kpa, 1)} to ${number(gauge.needed_tight.kpa, 1)} kPa, `
     + `working ${number(gauge.working_kpa, 1)} kPa, allowed ${number(gauge.allowed_kpa, 1)} kPa`;
 }
 
-/** Return film, sheet, pieces and time, each with its standing, and every line of the bill folded. */
-export function billView(answer) {
-  const line = Object.fromEntries(answer.bill.map((each) => [each.item, each]));
-  const row = (name, text, standing, basis) => [
-    el("dt", {}, name), el("dd", { title: basis ?? "" }, text, el("span", { class: "standing" }, standing)),
+/** Return film, sheet, pieces and time, each with its standing, and every line of the bill folded. @param {RulesAnswer} answer */
+function billView(answer) {
+  const line = new Map(answer.bill.map((each) => [each.item, each]));
+  /** @param {string} name @param {string} text @param {{ standing: string, basis: string }} source */
+  const row = (name, text, { standing, basis }) => [
+    el("dt", {}, name), el("dd", { title: basis }, text, el("span", { class: "standing" }, standing)),
   ];
   const rows = [];
-  const film = line["film in branches"];
-  rows.push(...row("branches", `${number(film.value / 1000, 2)} m`, film.standing, film.basis));
-  const area = line["film area, all plies"];
-  if (area) {
-    const [wide, high, total] = [line["film width"], line["film height"], line["machine time, total"]];
+  const film = line.get("film in branches");
+  if (film) rows.push(...row("branches", `${number(film.value / 1000, 2)} m`, film));
+  const area = line.get("film area, all plies");
+  const [wide, high, total] = [line.get("film width"), line.get("film height"), line.get("machine time, total")];
+  if (area && wide && high && total) {
     const sheets = answer.sheets > 1 ? `${answer.sheets} × ` : "";
     rows.push(
-      ...row("film", `${number(area.value, 0)} cm²`, area.standing, area.basis),
-      ...row("sheet", `${sheets}${number(wide.value, 0)} × ${number(high.value, 0)} mm`, wide.standing, wide.basis),
-      ...row("to cut", `${number(total.value / 60, 1)} min`, total.standing, total.basis),
+      ...row("film", `${number(area.value, 0)} cm²`, area),
+      ...row("sheet", `${sheets}${number(wide.value, 0)} × ${number(high.value, 0)} mm`, wide),
+      ...row("to cut", `${number(total.value / 60, 1)} min`, total),
     );
   }
   const tiles = answer.tiles ? `, in ${answer.tiles} tiles` : "";
-  rows.push(...row("pieces", `${answer.pieces_words}${tiles}`, "computed"));
+  rows.push(...row("pieces", `${answer.pieces_words}${tiles}`, { standing: "computed", basis: "" }));
   const full = answer.bill.map((each) => el("tr", {},
     el("th", { scope: "row" }, each.item), el("td", {}, measure(each.value, each.unit === "1" ? "" : each.unit)),
     el("td", {}, each.standing), el("td", {}, each.basis)));
@@ -283,11 +303,12 @@ export function billView(answer) {
 
 // ---- the panel
 
+/** @param {HTMLElement} root @param {App} app */
 export function mount(root, app) {
   root.classList.add("sheet-panel");
   const verdict = el("p", { class: "verdict", id: "verdict", role: "status", "aria-live": "polite" });
   const busy = el("span", { class: "busy", "aria-hidden": "true" });
-  const drawing = sheetView(app, (index) => choose(index, false));
+  const drawing = sheetView((index) => choose(index, false));
   const gauge = el("div", { id: "gauge" });
   const bill = el("div", { id: "bill" });
   const list = el("ol", { class: "findings", id: "findings", "aria-label": "Findings" });
@@ -307,14 +328,14 @@ export function mount(root, app) {
     deployed.box, fix.box, gauge, bill, list, more,
   );
 
-  let answer = null;
+  let answer = /** @type {RulesAnswer | null} */ (null);
   let answered = "";
   let asked = "";
   let timer = 0;
-  let cut = null;
+  let cut = /** @type {Answers["cut"] | null} */ (null);
   let cutAsked = "";
-  let present = null;
-  let selected = null; // fingerprint
+  let present = /** @type {Answers["cut"] | null} */ (null);
+  let selected = /** @type {string | null} */ (null); // fingerprint
   let waiving = "";
 
   // ---- asking
@@ -332,9 +353,9 @@ export function mount(root, app) {
     asked = wanted;
     app.ask("rules", {}, { state }).then(() => { asked = ""; }, (error) => {
       if (asked === wanted) asked = "";
-      if (error?.stale || wanted !== concern(app.shown())) return;
+      if (isStale(error) || wanted !== concern(app.shown())) return;
       answered = "";
-      verdict.textContent = error?.message ?? "the rules could not be run";
+      verdict.textContent = problemOf(error) || "the rules could not be run";
       verdict.dataset.kind = "error";
       busy.textContent = "";
     });
@@ -348,7 +369,7 @@ export function mount(root, app) {
     cutAsked = wanted;
     app.ask("cut", {}, { state }).catch((error) => {
       if (cutAsked === wanted) cutAsked = "";
-      if (!error?.stale && !error?.stopped) app.say(error.message, "error");
+      app.fail(error);
     });
   }
 
@@ -380,58 +401,63 @@ export function mount(root, app) {
 
   function draw() {
     const ghost = app.previewed ? present?.outline_svg : "";
-    if (deployed.shown()) return drawing.inflated(deployed.shown());
-    if (isFresh() && answer.sheet_svg) drawing.job(answer, ghost);
+    const inflated = deployed.shown();
+    if (inflated) return drawing.inflated(inflated);
+    if (answer?.sheet_svg && isFresh()) drawing.job(answer, ghost);
     else if (cut?.outline_svg) drawing.outline(cut, answer, ghost);
     else if (answer?.sheet_svg) drawing.job(answer, ghost);
     const index = answer?.findings.findIndex((finding) => finding.fingerprint === selected) ?? -1;
     drawing.select(index, false);
   }
 
-  function showVerdict() {
-    const words = answer.manufacturable ? "manufacturable" : "not manufacturable";
-    const counts = [[answer.errors, "error"], [answer.warnings, "warning"]]
-      .map(([count, word]) => `${count} ${word}${count === 1 ? "" : "s"}`).join(", ");
-    const text = `${answer.manufacturable ? "✓" : "✕"} ${words}: ${counts}`;
+  /** @param {RulesAnswer} found */
+  function showVerdict({ manufacturable, errors, warnings }) {
+    const words = manufacturable ? "manufacturable" : "not manufacturable";
+    const text = `${manufacturable ? "✓" : "✕"} ${words}: ${counted(errors, "error")}, ${counted(warnings, "warning")}`;
     if (verdict.textContent !== text) verdict.textContent = text;
-    verdict.dataset.kind = answer.manufacturable ? (answer.warnings ? "warning" : "ok") : "error";
+    verdict.dataset.kind = manufacturable ? (warnings ? "warning" : "ok") : "error";
   }
 
-  function show() {
-    showVerdict();
-    gauge.replaceChildren(gaugeView(answer.gauge));
-    bill.replaceChildren(billView(answer));
-    if (selected !== null && !answer.findings.some((finding) => finding.fingerprint === selected)) {
+  /** @param {RulesAnswer} found */
+  function show(found) {
+    showVerdict(found);
+    gauge.replaceChildren(gaugeView(found.gauge));
+    bill.replaceChildren(billView(found));
+    if (selected !== null && !found.findings.some((finding) => finding.fingerprint === selected)) {
       selected = null;
       app.highlight([]);
     }
-    showList();
-    more.replaceChildren(...skippedView(answer));
+    showList(found);
+    more.replaceChildren(...skippedView(found));
   }
 
-  function showList() {
-    const focused = document.activeElement?.closest?.("#findings li")?.dataset.key;
-    const items = answer.findings.map(findingView);
+  /** @param {RulesAnswer} found */
+  function showList({ findings, signs }) {
+    const focused = document.activeElement?.closest("#findings li")?.getAttribute("data-key");
+    const items = findings.map((finding, index) => findingView(finding, index, signs[finding.severity]));
     list.replaceChildren(...items);
     if (!items.length) list.append(el("li", { class: "none" }, "No findings"));
-    if (focused) items.find((item) => item.dataset.key === focused)?.querySelector("button").focus();
+    if (focused) items.find((item) => item.dataset.key === focused)?.querySelector("button")?.focus();
   }
 
   // ---- findings
 
-  function findingView(finding, index) {
+  /** @param {Finding} finding @param {number} index @param {string} path of its sign */
+  function findingView(finding, index, path) {
     const isOpen = finding.fingerprint === selected;
     const word = finding.waived ? "waived" : WORDS[finding.severity];
     const sign = svgEl("svg", { class: `mark ${finding.severity}`, viewBox: "-8 -8 16 16", width: 14, height: 14, "aria-hidden": "true" },
-      svgEl("path", { class: "sign", d: answer.signs[finding.severity] }));
+      svgEl("path", { class: "sign", d: path }));
     const head = button([sign, el("span", { class: "word" }, word), el("span", { class: "rule" }, finding.rule), el("span", { class: "title" }, finding.title, el("span", { class: "who" }, who(finding.branches)))],
       () => choose(index, true), { "aria-expanded": String(isOpen), class: "finding-head" });
     return el("li", { class: `${finding.severity}${finding.waived ? " waived" : ""}${isOpen ? " open" : ""}`, "data-key": `${index} ${finding.fingerprint}`, "data-rule": finding.rule },
       head, isOpen ? detailView(finding) : null);
   }
 
+  /** @param {Finding} finding */
   function detailView(finding) {
-    const rows = [];
+    const rows = /** @type {Element[]} */ ([]);
+    /** @param {string} name @param {string} text */
     const row = (name, text) => rows.push(el("dt", {}, name), el("dd", {}, text));
     if (finding.measured !== null) row("measured", measure(finding.measured, finding.unit, 3));
     if (finding.limit !== null) row("limit", measure(finding.limit, finding.unit, 3));
@@ -443,31 +469,43 @@ export function mount(root, app) {
       app.live ? waiverView(finding) : null);
   }
 
+  /** @param {number} index @param {boolean} look */
   function choose(index, look) {
-    const finding = answer.findings[index];
+    const finding = answer?.findings[index];
+    if (!answer || !finding) return;
     const isOpen = finding.fingerprint === selected;
     selected = isOpen ? null : finding.fingerprint;
     waiving = "";
-    showList();
+    showList(answer);
     drawing.select(isOpen ? -1 : index, look && !isOpen);
     app.highlight(isOpen ? [] : finding.branches);
     const item = list.children[index];
     if (!isOpen && !look) item?.scrollIntoView({ block: "nearest" });
-    if (look) item?.querySelector("button").focus();
+    if (look) item?.querySelector("button")?.focus();
   }
 
+  /** Open the form for the reason of a waiver, or close it. @param {string} name */
+  function startWaiving(name) {
+    waiving = name;
+    if (answer) showList(answer);
+  }
+
+  /** @param {Finding} finding */
   function waiverView(finding) {
     const name = finding.fingerprint;
     if (finding.waived) {
       return el("div", { class: "buttons" }, button("Take the waiver back", () => dropWaiver(name)));
     }
     if (waiving !== name) {
-      return el("div", { class: "buttons" }, button("Waive", () => { waiving = name; showList(); list.querySelector(".waive input")?.focus(); }));
+      return el("div", { class: "buttons" }, button("Waive", () => {
+        startWaiving(name);
+        list.querySelector("input")?.focus();
+      }));
     }
     const reason = el("input", { type: "text", required: true, maxlength: 500, "aria-label": `Reason to waive ${finding.rule}`, placeholder: "Why this is fine here" });
     const form = el("form", { class: "waive" }, reason,
       el("button", { type: "submit", class: "primary" }, "Waive"),
-      button("Cancel", () => { waiving = ""; showList(); }));
+      button("Cancel", () => startWaiving("")));
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       if (reason.value.trim()) waive(finding, reason.value.trim());
@@ -475,6 +513,7 @@ export function mount(root, app) {
     return form;
   }
 
+  /** @param {Finding} finding @param {string} reason */
   function waive(finding, reason) {
     waiving = "";
     app.store.change(`waive ${finding.rule}`, (state) => {
@@ -483,12 +522,14 @@ export function mount(root, app) {
     });
   }
 
+  /** @param {string} name */
   function dropWaiver(name) {
     app.store.change("take a waiver back", (state) => {
       state.design.waive = (state.design.waive ?? []).filter((one) => one.fingerprint !== name);
     });
   }
 
+  /** @param {RulesAnswer} shown */
   function skippedView(shown) {
     const parts = [];
     if (shown.findings_left_out) parts.push(el("p", {}, `and ${shown.findings_left_out} more findings that are not listed`));
@@ -511,35 +552,37 @@ export function mount(root, app) {
     answer = found;
     answered = concern(app.live ? state : app.shown());
     showFreshness();
-    show();
+    show(found);
     draw();
   });
   app.onAnswer("cut", (found, state) => {
-    if (same(state.design, app.store.get().design)) present = found;
+    if (JSON.stringify(state.design) === JSON.stringify(app.store.get().design)) present = found;
     cut = found;
     if (!isFresh()) draw();
   });
-  app.onProgress?.("rules", (_, text) => { if (!isFresh()) busy.textContent = `checking: ${text}`; });
+  app.onProgress("rules", (_, text) => { if (!isFresh()) busy.textContent = `checking: ${text}`; });
   app.store.subscribe(() => { follow(); });
-  app.onPreview?.((design) => { fix.previewed(design); follow(); draw(); });
+  app.onPreview((design) => { fix.previewed(design); follow(); draw(); });
   for (const name of ["pointerup", "keyup", "change"]) addEventListener(name, release, true);
-  app.on?.("again", () => { asked = cutAsked = ""; askCut(); ask(); });
+  app.on("again", () => { asked = cutAsked = ""; askCut(); ask(); });
   follow();
   ask();
 }
 
 // ---- the fix
 
+/** @param {App} app @param {() => RulesAnswer | null} rules */
 function fixView(app, rules) {
   const start = button("Fix", run, { id: "fix", class: "primary" });
   const box = el("section", { class: "fix", "aria-label": "Fix", hidden: true });
   const bar = el("progress", { max: 1, value: 0, "aria-label": "Fixing" });
   const step = el("span", { class: "step" });
   let running = false;
-  let proposal = null;
+  let proposal = /** @type {Design | null} */ (null);
   let base = "";
-  let keep = new Set();
+  const keep = /** @type {Set<string>} */ (new Set());
 
+  /** @param {boolean} stale */
   function follow(stale) {
     const shown = rules();
     const hasErrors = Boolean(shown && shown.errors > 0);
@@ -550,8 +593,9 @@ function fixView(app, rules) {
     if (proposal && concern(app.store.get()) !== base) end("The design changed: the proposed fix was dropped");
   }
 
+  /** @param {Design | null} design */
   function previewed(design) {
-    if (proposal && design !== proposal.design) close();
+    if (proposal && design !== proposal) close();
   }
 
   function close() {
@@ -577,22 +621,20 @@ function fixView(app, rules) {
     box.replaceChildren(el("div", { class: "progress" }, bar, cancel), step);
     follow(false);
     cancel.focus();
-    let found;
+    let found = /** @type {FixAnswer | null} */ (null);
+    let problem = "";
     try {
       found = await app.ask("fix", { keep: [...keep] }, { state: app.store.get() });
     } catch (error) {
-      if (!running) return;
-      running = false;
-      if (error?.stale) return close();
-      return failed([error?.message ?? "no fix was found"]);
+      if (!isStale(error)) problem = problemOf(error) || "no fix was found";
     }
     if (!running) return;
     running = false;
-    if (concern(app.store.get()) !== base) return end("The design changed meanwhile: the fix was dropped");
-    if (!found.design) return failed(found.lines, found.keep_words);
-    proposal = found;
-    app.preview(found.design);
-    show(found);
+    if (problem) failed([problem]);
+    else if (!found) close();
+    else if (concern(app.store.get()) !== base) end("The design changed meanwhile: the fix was dropped");
+    else if (found.design) show(found, found.design);
+    else failed(found.lines, found.keep_words);
   }
 
   function keepView() {
@@ -603,24 +645,27 @@ function fixView(app, rules) {
     }), button("Try again", () => { end(); run(); }));
   }
 
+  /** @param {string[]} lines @param {string[]} words */
   function failed(lines, words = []) {
+    const title = el("h3", { tabindex: -1 }, "No fix");
     box.hidden = false;
     box.replaceChildren(
-      el("h3", { tabindex: -1 }, "No fix"),
+      title,
       ...lines.map((line) => el("p", {}, line)),
       ...words.map((line) => el("p", { class: "note" }, line)),
       keepView(), button("Close", close),
     );
     follow(false);
-    box.querySelector("h3").focus();
+    title.focus();
   }
 
-  function show(found) {
+  /** @param {FixAnswer} found @param {Design} design */
+  function show(found, design) {
+    proposal = design;
+    app.preview(design);
     const take = button("Take", () => {
-      const { design } = found;
-      const count = found.changes.length;
       end();
-      app.store.change(`fix: ${count} change${count === 1 ? "" : "s"}`, (state) => { state.design = structuredClone(design); });
+      app.store.change(`fix: ${counted(found.changes.length, "change")}`, (state) => { state.design = structuredClone(design); });
     }, { class: "primary", id: "fix-take" });
     box.replaceChildren(
       el("h3", {}, "Proposed change"),
@@ -636,13 +681,14 @@ function fixView(app, rules) {
     take.focus();
   }
 
-  app.onProgress?.("fix", (share, text) => {
+  app.onProgress("fix", (share, text) => {
     bar.value = share;
     step.textContent = text;
   });
   return { start, box, follow, previewed };
 }
 
+/** @param {FixAnswer} found */
 function scoresView(found) {
   if (!found.scores.length) return el("p", { class: "note" }, found.scores_note);
   const rows = found.scores.map(({ task, before, after }) => {

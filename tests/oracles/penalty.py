@@ -1,20 +1,20 @@
-"""How far a design is from being manufacturable, as one number for a search."""
+"""The penalty of one design, readably: the compiled kernel of the search must give the same."""
 
 import math
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
-from typing import NamedTuple
 
-from vinefab.fabrication.job.passes import seal_offset_mm, taken_mm
+from tests.oracles.quick_cuts import PieceLimits, quick_cuts
+from vinefab.fabrication.job.passes import bare_sheet_mm, taken_mm
 from vinefab.fabrication.outline.ends import pouch_takes_mm
 from vinefab.fabrication.outline.gap import largest_fillet_mm, largest_turn_rad, straight_begins_mm
 from vinefab.fabrication.outline.joint import level_lengths_mm, level_tapers_rad
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
-from vinefab.fabrication.pieces.quick_cuts import PieceLimits, quick_cuts
+from vinefab.fabrication.rules.catalog import by_rule, changed_limits
 from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
 from vinefab.fabrication.rules.inflation_rules import BODIES, contact_mm
-from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, bare_gaps, gap_angles_rad
+from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps, gap_angles_rad
 from vinefab.fabrication.rules.laser_rules import PATHS
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, most_growth_kpa
 from vinefab.fabrication.rules.rule import MOST_OF_ONE, LimitChanges, Rule, relative_excess
@@ -24,12 +24,13 @@ from vinefab.fabrication.rules.spacing import (
     pair_depths,
     spacing,
 )
-from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
+from vinefab.fabrication.rules.widths import PACKING, occupancies
 from vinefab.inflation.law import quick_pattern
-from vinefab.model.design import Build, Design
+from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import branch_tree, child_lengths_mm, fan_offsets_rad, least_gap_rad
 from vinefab.physics.growth_pressure import planned_growth_kpa
+from vinefab.search.penalty_batch import MOST_CHECKED_BRANCHES, FilletSizes, width_violations
 
 Pair = tuple[float, float]
 
@@ -105,9 +106,6 @@ DEFAULT_FILM_MM = 0.075
 DEFAULT_TAKEN_MM = 1.1
 """Half a kerf of 0.3 mm beyond it, and a melted rim of 0.4 mm to both sides of that."""
 
-MOST_CHECKED_BRANCHES = 2000
-"""Larger trees are penalized for their size, without checking their branches."""
-
 
 def fabrication_penalty(
     design: Design,
@@ -155,8 +153,8 @@ def fabrication_penalty(
         beyond = pattern.beyond + _over(_contacts(design), _limit(BODIES, changed, "sibling_share"))
         sizes_mm = FilletSizes.of(changed, profile)
         beyond += math.fsum(
-            relative_excess(sizes_mm.least_mm(radius_mm, turn), radius_mm)
-            + sizes_mm.short_end(end_rad, core_mm)
+            relative_excess(_least_mm(sizes_mm, radius_mm, turn), radius_mm)
+            + _short_end(sizes_mm, end_rad, core_mm)
             for radius_mm, turn, end_rad, core_mm in _fillets(pattern.flat)
         )
         design, passages = pattern.flat, pattern.passages
@@ -199,46 +197,24 @@ def _contacts(design: Design) -> Iterator[float]:
             yield contact_mm(gap_deg, width_mm) / float(child_lengths_mm(level).min())
 
 
-def least_fillet_mm(changed: LimitChanges, profile: LaserProfile) -> float:
-    """Return the least fillet radius that VF-C04 allows and the laser can run (VF-L02)."""
-    sizes = FilletSizes.of(changed, profile)
-    return max(sizes.error_mm, sizes.run_mm)
+def _least_mm(sizes: FilletSizes, radius_mm: float, turn_rad: float) -> float:
+    """Return the least radius in a gap where a fillet of some radius turns so far.
+
+    On the seam's path a fillet smaller than the seam's offset is a corner, as is one whose arc
+    would be too short to draw.
+    """
+    arc_mm = (radius_mm - sizes.seal_mm) * turn_rad
+    runs = radius_mm >= sizes.run_mm or arc_mm < LEAST_SEGMENT_MM
+    return sizes.error_mm if runs else max(sizes.error_mm, sizes.run_mm)
 
 
-class FilletSizes(NamedTuple):
-    """Which fillets can be made, and which ends of parents between them."""
+def _short_end(sizes: FilletSizes, shown_rad: float, core_mm: float) -> float:
+    """Return how much is missing where a parent's end shows too little to be run, 0 to 1.
 
-    error_mm: float  # least radius that VF-C04 allows
-    seal_mm: float  # how far outside the lumen's edge the seam runs: smaller fillets are corners
-    run_mm: float  # least radius whose arc on the seam's path is large enough to be run (VF-L02)
-    end_mm: float  # least length of a parent's end on that path, with a tenth for the law's error
-
-    @classmethod
-    def of(cls, changed: LimitChanges, profile: LaserProfile) -> "FilletSizes":
-        """Return the sizes for a recipe and limits that are changed."""
-        seal_mm = seal_offset_mm(profile)
-        run_mm = 1.001 * (_limit(PATHS, changed, "radius_error") + seal_mm)
-        return cls(
-            _limit(FILLET, changed), seal_mm, run_mm, 1.1 * _limit(PATHS, changed, "segment_error")
-        )
-
-    def least_mm(self, radius_mm: float, turn_rad: float) -> float:
-        """Return the least radius in a gap where a fillet of some radius turns so far.
-
-        On the seam's path a fillet smaller than the seam's offset is a corner, as is one whose arc
-        would be too short to draw.
-        """
-        arc_mm = (radius_mm - self.seal_mm) * turn_rad
-        runs = radius_mm >= self.run_mm or arc_mm < LEAST_SEGMENT_MM
-        return self.error_mm if runs else max(self.error_mm, self.run_mm)
-
-    def short_end(self, shown_rad: float, core_mm: float) -> float:
-        """Return how much is missing where a parent's end shows too little to be run, 0 to 1.
-
-        What would be shorter than the shortest segment is not drawn.
-        """
-        end_mm = (core_mm + self.seal_mm) * shown_rad
-        return max(0.0, 1.0 - end_mm / self.end_mm) if end_mm >= LEAST_SEGMENT_MM else 0.0
+    What would be shorter than the shortest segment is not drawn.
+    """
+    end_mm = (core_mm + sizes.seal_mm) * shown_rad
+    return max(0.0, 1.0 - end_mm / sizes.end_mm) if end_mm >= LEAST_SEGMENT_MM else 0.0
 
 
 def _fillets(design: Design) -> Iterator[tuple[float, float, float, float]]:
@@ -283,14 +259,6 @@ def _over(values: Iterable[float], limit: float) -> float:
     return math.fsum(relative_excess(value, limit) for value in values)
 
 
-def width_violations(build: Build, changed: LimitChanges) -> float:
-    """Return the summed depths of violations by the widths of the levels, whatever they hold."""
-    widths_mm, ends_mm = build.widths_mm, build.end_widths_mm
-    ratios = (wide / narrow for wide, narrow in zip(ends_mm, widths_mm[1:], strict=False))
-    narrow = _short_of(ends_mm, _limit(LEAST_WIDTH, changed))
-    return narrow + _short_of(ratios, _limit(WIDTH_RATIO, changed))
-
-
 def short_share(room_mm: float, length_mm: float, least_mm: float) -> float:
     """Return how much of a branch is missing for its side to keep a least length, at most 10."""
     return min(MOST_OF_ONE, max(0.0, (least_mm - room_mm) / length_mm))
@@ -311,3 +279,43 @@ def _on_sheet(
     if sheet_mm is None:
         return near
     return near + max(0.0, excess_mm(capsules, sheet_mm) / min(sheet_mm))
+
+
+def whole_penalty(design: Design, profile: LaserProfile) -> float:
+    """Return the penalty of a design in a search: growth and geometry by the recipe's limits."""
+    changed, pieces = by_rule(changed_limits(design, profile)), None
+    sheet_mm = bare_sheet_mm(profile)
+    if design.build.pieces is not None and design.build.pieces.most > 1:
+        pieces = PieceLimits.of(design.build, profile, changed, sheet_mm)
+    flat = fabrication_penalty(design, changed, profile=profile, sheet_mm=sheet_mm, pieces=pieces)
+    return window_penalty(design, profile, changed) + flat
+
+
+def path_excess(design: Design, profile: LaserProfile, changed: LimitChanges) -> float:
+    """Return by how much sides and drawn fillets of a flat tree are too small for the laser."""
+    sizes = FilletSizes.of(changed, profile)
+    least_mm = max(sizes.error_mm, sizes.run_mm)
+    side_mm = 1.001 * _limit(PATHS, changed, "segment_error")
+    found = math.fsum(relative_excess(least_mm, drawn) for drawn in _drawn_fillets_mm(design))
+    return found + math.fsum(short_share(*room, side_mm) for room in rooms_mm(design))
+
+
+def _drawn_fillets_mm(design: Design) -> list[float]:
+    """Return the fillet radii that the angles allow in the two tightest gaps of each level.
+
+    These are the gap beside the parent and the one between the two shortest children.
+    """
+    found: list[float] = []
+    build, above_mm = design.build, design.trunk_length_mm
+    for number, level in enumerate(design.levels, start=1):
+        wide, narrow = build.end_widths_mm[number - 1] / 2.0, build.widths_mm[number] / 2.0
+        disc, designed = max(wide, narrow), build.fillet_mm[number - 1]
+        child_mm = float(child_lengths_mm(level).min())
+        sides = ((wide, above_mm), (narrow, child_mm))
+        angles_rad = gap_angles_rad(design, number)
+        for angle_rad, (half, length_mm) in zip(angles_rad, sides, strict=False):
+            reach_mm = max(0.5 * min(child_mm, length_mm), disc)
+            most = largest_fillet_mm(angle_rad, (half, narrow), reach_mm)
+            found.append(max(0.0, min(designed, most)))
+        above_mm = child_mm
+    return found

@@ -1,23 +1,17 @@
 """What a fixed design must meet, and the cost of its changes."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from vinefab.core.units import deg
+from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import bare_sheet_mm, taken_mm
-from vinefab.fabrication.outline.gap import largest_fillet_mm
-from vinefab.fabrication.pieces.quick_cuts import PieceLimits
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.clearance import CLEARANCE, POUCH, least_gap_mm
-from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, gap_angles_rad
-from vinefab.fabrication.rules.laser_rules import PATHS
-from vinefab.fabrication.rules.penalty import (
-    fabrication_penalty,
-    least_fillet_mm,
-    rooms_mm,
-    short_share,
-)
+from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET
 from vinefab.fabrication.rules.pressure_limits import (
     BURST,
     WINDOW,
@@ -28,12 +22,12 @@ from vinefab.fabrication.rules.pressure_limits import (
 from vinefab.fabrication.rules.rule import LimitChanges, Limits, Rule, relative_excess
 from vinefab.fabrication.rules.tree_and_base import CLAMP, MOUTH, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
-from vinefab.inflation.law import quick_pattern
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import child_lengths_mm, widest_turn_rad
 from vinefab.physics.growth_pressure import GrowthPath
 from vinefab.physics.tube import inflated_diameter_mm
+from vinefab.search.penalty_batch import PenaltyRules
 
 WEIGHTS = {
     "branches": 2.0,
@@ -183,6 +177,8 @@ class FixTargets:
 
     profile: LaserProfile  # machine, material and recipe
     limits: LimitChanges  # that differ from the defaults, slightly stricter than those of the check
+    rules: PenaltyRules  # that a penalty counts
+    fit: GrowthConstantsRange
     # Share of the allowed pressure that growth in free space may take: below 1 where contacts on a
     # map add to it.
     window_share: float = 1.0
@@ -217,40 +213,39 @@ class FixTargets:
             stricter_mm = margin * least_gap_mm(rule, limits, taken_mm(profile))
             named = limits.setdefault(rule.id, {})
             named["error"] = named.get("error", rule.limits["error"]) + stricter_mm
-        return cls(profile=profile, limits=limits, window_share=window_share)
+        sheet_mm = bare_sheet_mm(profile)
+        penalized = PenaltyRules.of(design.build, profile, limits, sheet_mm, grows=False)
+        fit = GrowthConstantsRange.of(profile, WINDOW.limits_with(limits.get(WINDOW.id, {})))
+        return cls(
+            profile=profile,
+            limits=limits,
+            rules=penalized,
+            fit=fit,
+            window_share=window_share,
+        )
 
     def of_rule(self, rule: Rule) -> Limits:
         """Return a rule's limits."""
         return RULES[rule.id].limits_with(self.limits.get(rule.id, {}))
 
-    def penalty(self, design: Design) -> float:
-        """Return how far a design is from keeping the error limits; 0 if it keeps them.
+    def penalties(self, designs: Sequence[Design]) -> Floats:
+        """Return how far designs are from keeping the error limits, 0 if they keep them; (m,).
 
-        Rules about the laser's paths are not included.
+        Of the rules about the laser's paths only those that go by the joints are included.
         """
-        material, sheet_mm = self.profile.material, bare_sheet_mm(self.profile)
-        found = fabrication_penalty(
-            design,
-            self.limits,
-            profile=self.profile,
-            sheet_mm=sheet_mm,
-            pieces=PieceLimits.of(design.build, self.profile, self.limits, sheet_mm)
-            if design.build.pieces
-            else None,
-        )
-        build, least_mm = design.build, self.least_fillet_mm()
-        flat = quick_pattern(design, material).flat
-        least_side_mm = 1.001 * self.of_rule(PATHS)["segment_error"]
+        found, excess = self.rules.with_path_excess(designs)
+        return found + np.log1p(excess + [self._making_excess(one) for one in designs])
+
+    def _making_excess(self, design: Design) -> float:
+        """Return how far mouth, pouch and the pressure for growth are from their limits."""
+        build = design.build
         wide = relative_excess(build.mouth_width_mm, self.of_rule(CLAMP)["error"])
-        return found + math.log1p(
+        pouch_mm = build.pouch.flat_width_mm if build.pouch else 0.0
+        return (
             (0.0 if build.collar else wide)  # a collar fits its own clamp
             + relative_excess(self.of_rule(MOUTH)["error"], build.mouth_width_mm)
-            + relative_excess(
-                self.least_pouch_mm(build), build.pouch.flat_width_mm if build.pouch else 0.0
-            )
+            + relative_excess(self.least_pouch_mm(build), pouch_mm)
             + self._window(design)
-            + math.fsum(relative_excess(least_mm, drawn) for drawn in _drawn_fillets_mm(flat))
-            + math.fsum(short_share(*room, least_side_mm) for room in rooms_mm(flat))
         )
 
     def least_pouch_mm(self, build: Build) -> float:
@@ -281,7 +276,7 @@ class FixTargets:
 
     def least_fillet_mm(self) -> float:
         """Return the least fillet radius that the rules allow and the laser can run."""
-        return least_fillet_mm(self.limits, self.profile)
+        return self.rules.limits.drawn_mm
 
     def _window(self, design: Design) -> float:
         """Return the relative excess of the pressure that growth in free space takes."""
@@ -291,40 +286,19 @@ class FixTargets:
 
     def _least_kpa(self, design: Design) -> float:
         """Return the working pressure that growth takes where that was measured, else 0."""
-        if not GrowthConstantsRange.of(self.profile, self.of_rule(WINDOW)).measured:
+        if not self.fit.measured:
             return 0.0
         return math.ceil(1000.0 * self._growth_kpa(design) / self.window_share) / 1000.0
 
     def _growth_kpa(self, design: Design) -> float:
         """Return the pressure that growth of the worst branch takes in free space."""
-        fit = GrowthConstantsRange.of(self.profile, self.of_rule(WINDOW))
+        fit = self.fit
         worst = 0.0
         for depth, end_mm in enumerate(design.build.end_widths_mm):
             constants = fit.loose.at_diameter(inflated_diameter_mm(end_mm), fit.diameter_mm)
             path = _worst_path(design, depth)
             worst = max(worst, path.pressure_kpa(constants, _riding_mm(design, depth)))
         return worst
-
-
-def _drawn_fillets_mm(design: Design) -> list[float]:
-    """Return the fillet radii that the angles allow in the two tightest gaps of each level.
-
-    These are the gap beside the parent and the one between the two shortest children.
-    """
-    found: list[float] = []
-    build, above_mm = design.build, design.trunk_length_mm
-    for number, level in enumerate(design.levels, start=1):
-        wide, narrow = build.end_widths_mm[number - 1] / 2.0, build.widths_mm[number] / 2.0
-        disc, designed = max(wide, narrow), build.fillet_mm[number - 1]
-        child_mm = float(child_lengths_mm(level).min())
-        sides = ((wide, above_mm), (narrow, child_mm))
-        angles_rad = gap_angles_rad(design, number)
-        for angle_rad, (half, length_mm) in zip(angles_rad, sides, strict=False):
-            reach_mm = max(0.5 * min(child_mm, length_mm), disc)
-            most = largest_fillet_mm(angle_rad, (half, narrow), reach_mm)
-            found.append(max(0.0, min(designed, most)))
-        above_mm = child_mm
-    return found
 
 
 def _worst_path(design: Design, depth: int) -> GrowthPath:

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg
 from vinefab.core.validation import Floats
-from vinefab.fabrication.rules.fix_targets import FixTargets, change_cost, pruning_cost
 from vinefab.model.design import Build, Design, Level
+from vinefab.search.fix_targets import FixTargets, change_cost, pruning_cost
 
 Variable = tuple[str, int]
 """What is changed, one of `KINDS`, and on which level, from 0."""
@@ -135,7 +135,16 @@ class FixSpace:
 
     def penalty(self, x: Floats) -> float:
         """Return how far the design at a vector is from its targets; 0 if it meets them."""
-        return self.targets.penalty(self.at(x))
+        return float(self.targets.penalties([self.at(x)])[0])
+
+    def assessed(self, points: Iterable[Floats]) -> list[tuple[Floats, float, float]]:
+        """Return vectors with their penalties, all evaluated at once, and costs."""
+        designs = [(x, self.at(x)) for x in points]
+        penalties = self.targets.penalties([design for _, design in designs]).tolist()
+        return [
+            (x, penalty, change_cost(self.design, design))
+            for (x, design), penalty in zip(designs, penalties, strict=True)
+        ]
 
     def cost(self, x: Floats) -> float:
         """Return the cost of the change to a vector, pruned branches included."""
@@ -373,9 +382,7 @@ def _evolved(space: FixSpace, progress: Callable[[float], None] | None) -> Float
         if progress:
             progress(generation / most)
         told = []
-        for x in (search.ask() for _ in range(_POPULATION)):
-            design = space.at(x)
-            penalty, cost = space.targets.penalty(design), change_cost(space.design, design)
+        for x, penalty, cost in space.assessed([search.ask() for _ in range(_POPULATION)]):
             told.append((x, _PENALTY_WORTH * penalty + cost))
             if penalty == 0.0 and cost < best_cost:
                 best, best_cost = x, cost
@@ -393,12 +400,9 @@ def _best_step(
     """Return the candidate that lowers the penalty most for its cost, with penalty and cost."""
     left, cost = here
     best, best_worth = None, 0.0
-    for x in candidates:
-        design = space.at(x)
-        penalty = space.targets.penalty(design)
+    for x, penalty, total in space.assessed(candidates):
         if penalty >= left - 1e-4 * left:
             continue
-        total = change_cost(space.design, design)
         worth = (left - penalty) / (0.02 + max(0.0, total - cost))
         if worth > best_worth:
             best, best_worth = (x, penalty, total), worth

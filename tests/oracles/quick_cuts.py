@@ -1,7 +1,7 @@
-"""Cuts that leave flat pieces, found quickly: what a search takes for the fewest pieces.
+"""Cuts that leave flat pieces, found quickly and readably: what a search takes for the fewest.
 
-This is the readable twin of the compiled `vinefab.search.penalty_kernel`. The exact answer, from
-the outlines as they will be cut, is `vinefab.fabrication.pieces.partition`.
+The compiled `vinefab.search.penalty_kernel` must give the same. The exact answer, from the outlines
+as they will be cut, is `vinefab.fabrication.pieces.partition`.
 """
 
 import math
@@ -33,15 +33,12 @@ from vinefab.fabrication.rules.spacing import Capsules, RotatedSpan, pair_depths
 from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import fan_offsets_rad
-
-LEAST_DEPTH = 1e-9
-"""Pairs less deep in each other's clearance count as clear of each other."""
-
-MOST_CONFLICTS, MOST_PIECE_BRANCHES = 20_000, 400
-"""Designs with more pairs that are too near, or more branches, count as one flat outline."""
-
-MOST_STEPS = 64
-"""Sets of cuts that are looked at for each design."""
+from vinefab.search.penalty_batch import (
+    LEAST_DEPTH,
+    MOST_CONFLICTS,
+    MOST_PIECE_BRANCHES,
+    MOST_STEPS,
+)
 
 _PARTED = 1.0 - 1e-9
 """A further cut must leave at most this share of what is left without it."""

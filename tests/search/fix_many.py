@@ -1,6 +1,6 @@
 """Fix many random designs of the paper's Table 1, and count how many pass the check afterwards.
 
-Run it as a script: ``python tests/fabrication/rules/fix_many.py [HOW_MANY_FAILING [KEEP]]``, where
+Run it as a script: ``python tests/search/fix_many.py [HOW_MANY_FAILING [KEEP]]``, where
 KEEP is what a fix must not change, such as ``branches,length``.
 """
 
@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from vinefab.core.rng import child
-from vinefab.fabrication.rules.fix import parsed_keeps
-from vinefab.fabrication.rules.fix_targets import DesignChange
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.laser import LaserProfile
 from vinefab.prediction.fix_proposal import propose_fix
+from vinefab.search.fix import parsed_keeps
+from vinefab.search.fix_targets import DesignChange
 
 SEED = 7
 

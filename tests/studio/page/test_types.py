@@ -1,0 +1,99 @@
+"""The page's types are those of the declared tables, and of what the server answers."""
+
+import json
+import math
+from dataclasses import replace
+
+import pytest
+
+from tests.studio.page.state_types import STATE, state_types
+from vinefab.maps import generate
+from vinefab.model.design import Build, Design, Level
+from vinefab.model.files.design_toml import design_text
+from vinefab.model.files.map_geojson import map_text
+from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.target import Target
+from vinefab.studio.desk import DESK
+from vinefab.studio.panels import PANELS, answer_of
+from vinefab.studio.search_desk import SEARCH_DESK
+from vinefab.studio.workplace import TIP, Opened, Workplace
+
+PAGE = STATE.parent
+KEY = "abcdef012345"
+
+
+def test_the_types_of_the_state_are_those_of_the_tables():
+    command = "python tests/studio/page/state_types.py"
+    assert STATE.read_text(encoding="utf-8") == state_types(), f"state.d.ts is old: {command}"
+
+
+def test_the_development_packages_are_pinned_without_an_address():
+    text = (PAGE / "package-lock.json").read_text(encoding="utf-8")
+    assert "://" not in text
+    root = json.loads(text)["packages"][""]
+    wanted = json.loads((PAGE / "package.json").read_text(encoding="utf-8"))["devDependencies"]
+    assert root["devDependencies"] == wanted
+    assert all(version[0].isdecimal() for version in wanted.values())
+
+
+PANEL_ASKS = {
+    "live": [{"obstacle": 0}, {"ground": False, "scores": False}],
+    "front": [{"front_mm": 120.0}],
+    "export": [
+        {"what": "command", "exports": {"package": {"out": "made", "options": {}}}},
+        {"what": "picture", "out": "grown.svg", "options": {}},
+        {"what": "package", "out": "made", "options": {}},
+    ],
+}
+"""What the panels ask; the others ask nothing."""
+
+RUNS = {"search_start", "search_stop", "search_resume", "search_load", "search_front"}
+"""Questions about a run: `test_search_desk` asks them."""
+
+
+def desk_asks(state):
+    other = {**state["design"], "name": "other"}
+    return {
+        "open_design": [{"design": "mine.toml"}],
+        "open_map": [{"path": "pegs.geojson"}],
+        "open_recipe": [{"recipe": DEFAULT_RECIPE}],
+        "save_design": [
+            {"path": "mine.toml", "design": other, "stamp": "of another version"},
+            {"path": "other.toml", "design": other},
+        ],
+        "keep_recovery": [{"key": KEY, "state": state, "file": {"path": "mine.toml"}}],
+        "open_recovery": [{"key": KEY}],
+        "drop_recovery": [{"key": "fedcba543210"}],
+        TIP: [{"branch": "0.1", "to": [150.0, 150.0]}],
+    }
+
+
+@pytest.fixture
+def workplace(tmp_path, monkeypatch):
+    """A design that cannot be cut as it is, and a map with a target."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("VINEFAB_PROFILES", str(tmp_path / "own"))
+    fork = Level(branches=2, length_mm=80.0, fan_rad=math.radians(90.0))
+    build = Build(widths_mm=(30.0, 20.0), fillet_mm=(0.1,))
+    design = Design(name="mine", trunk_length_mm=150.0, levels=(fork,), build=build)
+    (tmp_path / "mine.toml").write_text(design_text(design))
+    world = replace(generate("pegs", 1), targets=(Target(name="A", point_mm=(100.0, 100.0)),))
+    (tmp_path / "pegs.geojson").write_text(map_text(world))
+    return Workplace(Opened(design="mine.toml", map_file=tmp_path / "pegs.geojson"))
+
+
+def answers(workplace):
+    """Yield what the server gives, with the type that the page takes it for."""
+    yield "Hello", workplace.hello()
+    state = {**workplace.state, "family": {"environment": "pegs", "count": 4, "seed": 20}}
+    for panel in PANELS:
+        for ask in PANEL_ASKS.get(panel, [{}]):
+            yield f'Answers["{panel}"]', answer_of(panel, state, ask, lambda *_: None)
+    asks = desk_asks(state)
+    for name in [*DESK, TIP, *SEARCH_DESK]:
+        for ask in [] if name in RUNS else asks.get(name, [{}]):
+            yield f'DeskAnswers["{name}"]', workplace.answer(name, state, ask)
+
+
+def test_the_answers_of_the_server_are_those_that_the_page_takes(workplace, page_types):
+    page_types(answers(workplace))

@@ -24,11 +24,11 @@ from shapely.geometry.base import BaseGeometry
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tests.oracles.growth_reference import grow_reference_branches
+from tests.oracles.growth_spans import grow_reference
 from vinefab.core.errors import BadInputError
 from vinefab.core.table import DeclaredKey, declared_keys
 from vinefab.core.validation import SMALLEST
-from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
+from vinefab.growth.batch import Batch, GrowthBlock, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.growth.simulator import grow_on
@@ -297,7 +297,7 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     poses = [nasty_pose(rng, terrain) for _ in range(GROWTHS_PER_MAP // DESIGNS_PER_MAP)]
     batch = Batch(Plans.of(designs, options), Launches.of(TerrainSet([terrain]), [poses]), options)
 
-    def events(block: Block) -> tuple[int, int]:
+    def events(block: GrowthBlock) -> tuple[int, int]:
         return int(block.growth.events.sum()), int(block.growth.events.max())
 
     for total, most in batch.each(events):
@@ -309,7 +309,7 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     for number, fast in enumerate(batch.deployments()):
         launch, design = number // len(designs), designs[number % len(designs)]
         alone = options.changed(head_on_half_angle_rad=angles_rad[launch])
-        plain = grow_on(design, terrain, poses[launch], alone, grow_reference_branches)
+        plain = grow_reference(design, terrain, poses[launch], alone)
         free = [terrain.free_space(options.radius_mm(one)) for one in design.build.widths_mm]
         deep = depth_mm(fast, free) / size_mm
         counts.growths += 1

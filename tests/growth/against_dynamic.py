@@ -1,4 +1,4 @@
-"""Vines among boxes: the growth model and its knee experiment against a dynamic chain.
+"""Vines among boxes: the growth model against a dynamic chain.
 
 ``python tests/growth/against_dynamic.py SIDE_MM FIRST LAST HEADINGS [FOLDER] [NAME=VALUE ...]``
 grows a vine of 1200 mm at some headings from 45 to 135 degrees on maps FIRST to LAST of 20 boxes,
@@ -8,14 +8,12 @@ chain (fields of ``Vine``). What came out, and what follows, is in docs/studies/
 
 import math
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from dynamic import Arena, Floats, Vine, arena_of, grow_chain, start_of, vine_of
-from knee import KneeBranch, Push, TurningBranch, grow_with_rule
 
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow_on
@@ -39,14 +37,7 @@ class Case(NamedTuple):
     dynamic: Floats
     stopped: Floats
     shifted: Floats  # dynamic, from a start 1 mm aside: how sure the comparison itself is
-    knees: list[KneeBranch]  # both sides
-    turns: list[KneeBranch]
     follows: bool = False  # the dynamic chain passes the boxes where the growth model does
-
-
-def points_of(branch: KneeBranch) -> Floats:
-    chain = np.array([*branch.pivots, branch.tip])
-    return np.column_stack([chain.real, chain.imag])
 
 
 def length_mm(chain: Floats) -> float:
@@ -95,11 +86,7 @@ def case_of(arena: Arena, terrain: Terrain, seed: int, heading_deg: float, chain
     pose = start_of(arena.side_mm, heading_deg)
     vine = Design(name="vine", trunk_length_mm=LENGTH_MM, build=Build.standard(1, WIDTH_MM))
     grown = grow_on(vine, terrain, pose, GrowthOptions(body="inflated"))
-    push, aside = Push(WIDTH_MM), replace(pose, x_mm=pose.x_mm + 1.0)
-    knees, turns = (
-        [grow_with_rule(rule, terrain, pose, LENGTH_MM, push, side) for side in (1, -1)]
-        for rule in (KneeBranch, TurningBranch)
-    )
+    aside = replace(pose, x_mm=pose.x_mm + 1.0)
     forced = grow_chain(arena, pose, LENGTH_MM, chain)
     return Case(
         push_n=forced.push_n,
@@ -109,24 +96,17 @@ def case_of(arena: Arena, terrain: Terrain, seed: int, heading_deg: float, chain
         dynamic=forced.points_mm,
         stopped=np.asarray(grown.chain_mm(0)),
         shifted=grow_chain(arena, aside, LENGTH_MM, chain).points_mm,
-        knees=knees,
-        turns=turns,
     )
 
 
 def row(arena: Arena, case: Case) -> str:
-    """Return a heading, its stop; tip and shape error of each rule; the orders of contacts."""
+    """Return a heading, its stop; tip and shape error; the orders of contacts."""
     cells = [
         f"{case.seed} {case.heading_deg:5.1f} {case.stop.name:12s} {length_mm(case.stopped):5.0f}"
     ]
     cells.append(f"{case.push_n:5.2f} N {'same' if case.follows else 'other'}")
     cells += [cell(chain, case) for chain in (case.shifted, case.stopped)]
-    for branch in (*case.knees, *case.turns):
-        ended = "-" if branch.stop is None else branch.stop.name
-        chain = points_of(branch)
-        cells.append(f"{ended:11s} {branch.folds:2d} {length_mm(chain):5.0f} {cell(chain, case)}")
-    orders = (case.dynamic, case.stopped, points_of(case.knees[0]), points_of(case.turns[0]))
-    cells += [">".join(contacts(arena, chain)) for chain in orders]
+    cells += [">".join(contacts(arena, chain)) for chain in (case.dynamic, case.stopped)]
     return " | ".join(cells)
 
 
@@ -146,10 +126,6 @@ def draw(arena: Arena, cases: list[Case], path: Path) -> None:
         for one in arena.boxes:
             ax.fill(*one.polygon.exterior.xy, color="0.85")
         ax.plot(*case.dynamic.T, "r")
-        for branch in case.knees:
-            ax.plot(*points_of(branch).T, "0.6", linewidth=0.7)
-        for branch, colour in zip(case.turns, "gm", strict=True):
-            ax.plot(*points_of(branch).T, colour + ".-")
         ax.plot(*case.stopped.T, "b.-")
         ax.set(xlim=(0, arena.side_mm), ylim=(0, arena.side_mm), aspect="equal")
         ax.set_title(f"{case.heading_deg} deg, {case.stop.name}")
@@ -177,37 +153,19 @@ def follows(arena: Arena, case: Case) -> bool:
     return True
 
 
-def summary(cases: list[Case], name: str) -> list[str]:
-    lines = [f"{name}: {len(cases)} headings"]
+def summary(cases: list[Case], title: str) -> list[str]:
+    lines = [f"{title}: {len(cases)} headings"]
     if not cases:
         return lines
-    stop = errors_of(cases, lambda case: [case.stopped])
-    rules = {"stop": stop, "dynamic, 1 mm aside": errors_of(cases, lambda case: [case.shifted])}
-    for rule in ("knees", "turns"):
-        rules[f"{rule}, mean of sides"] = errors_of(cases, sides_of(rule))
-        rules[f"{rule}, better side"] = errors_of(cases, sides_of(rule), np.min)
-    for rule, error in rules.items():
+    for name, model in (("growth model", "stopped"), ("dynamic, 1 mm aside", "shifted")):
+        error = np.array([errors(getattr(case, model), case.dynamic) for case in cases])
         tip, shape = mean_and_median(error[:, 0]), mean_and_median(100 * error[:, 1])
-        wins, losses = (error[:, 1] < stop[:, 1]).sum(), (error[:, 1] > stop[:, 1]).sum()
-        lines.append(f"  {rule:20s} tip {tip}  shape % {shape}  nearer {wins} farther {losses}")
+        lines.append(f"  {name:20s} tip {tip}  shape % {shape}")
     push = [case.push_n for case in cases]
     lines.append(
         f"  push of the dynamic chain: median {np.median(push):.2f} N, most {max(push):.2f} N"
     )
     return lines
-
-
-def sides_of(rule: str) -> Callable[[Case], list[Floats]]:
-    return lambda case: [points_of(branch) for branch in getattr(case, rule)]
-
-
-def errors_of(
-    cases: list[Case], chains: Callable[[Case], list[Floats]], over: Callable[..., Floats] = np.mean
-) -> Floats:
-    """Return tip distance and shape error of each case, over the sides of a rule."""
-    return np.array(
-        [over([errors(chain, case.dynamic) for chain in chains(case)], axis=0) for case in cases]
-    )
 
 
 def main() -> int:

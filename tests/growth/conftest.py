@@ -9,10 +9,9 @@ import shapely
 from shapely import LineString, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
-from tests.oracles.growth_reference import grow_reference_branches
+from tests.oracles.growth_spans import REFERENCE, SHIPPED, Grower
 from vinefab.growth.arrays import TreeArrays
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import Engine, GrowBranches, grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
@@ -20,13 +19,9 @@ from vinefab.model.map import Map, Pose
 
 SIZE_MM = 500.0
 
-Grower = Callable[..., Deployment]
 
-
-@pytest.fixture(
-    scope="session", params=["kernel", grow_reference_branches], ids=["kernel", "reference"]
-)
-def engine(request: pytest.FixtureRequest) -> Engine | GrowBranches:
+@pytest.fixture(scope="session", params=[SHIPPED, REFERENCE], ids=["kernel", "reference"])
+def engine(request: pytest.FixtureRequest) -> Grower:
     return request.param
 
 
@@ -81,7 +76,7 @@ def terrain() -> Callable[..., Terrain]:
 
 
 @pytest.fixture(scope="session")
-def launch(engine: Engine | GrowBranches) -> Grower:
+def launch(engine: Grower) -> Callable[..., Deployment]:
     """Grow from (x, y, degrees) with the engine under test; no head-on stops by default."""
 
     def run(
@@ -90,7 +85,7 @@ def launch(engine: Engine | GrowBranches) -> Grower:
         x, y, heading_deg = place
         pose = Pose(x_mm=x, y_mm=y, heading_rad=math.radians(heading_deg))
         options = GrowthOptions.published(**{"head_on_half_angle_rad": 0.0, **choices})
-        return grow_on(design, ground, pose, options, engine)
+        return engine.grow(design, ground, pose, options)
 
     return run
 

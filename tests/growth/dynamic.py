@@ -55,7 +55,7 @@ def vine_of(width_mm: float = 20.0, pressure_kpa: float = 30.0, **changes: float
     steps; growth at 200 mm/s, slow enough that halving it changes little where the path does not
     fork.
     """
-    bending = tubes.bending_stiffness_n_mm2(width_mm, PLY_MM, MODULUS_MPA)
+    bending = MODULUS_MPA * math.pi * tubes.inflated_radius_mm(width_mm) ** 3 * PLY_MM
     link_mm = float(changes.get("link_mm", 10.0))
     mass_t_mm = 10.0 * 4.0 * width_mm * PLY_MM * FILM_T_MM3
     step_s = 0.3 * link_mm**2 * math.sqrt(mass_t_mm / bending) / 2.0

@@ -14,16 +14,15 @@ from tests.oracles import growth_reference as reference
 from vinefab.core import compiling
 from vinefab.growth.arrays import Growth, Launch, Rules
 from vinefab.growth.batch import Batch, Launches, TerrainSet
-from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import (
+from vinefab.growth.engine import (
     INTERPRETED_BRANCHES,
     KERNEL,
     MOST_EVENTS,
     TIE,
     TOLERANCE_RAD,
-    grow_branches_of,
 )
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plans
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Map, Pose
@@ -83,7 +82,7 @@ def _one_branch(engine, trunk_arrays, most_events, room=50):
     plan = trunk_arrays(1e5)
     start = Launch(0.0, 0.0, math.cos(0.5), math.sin(0.5))
     rules = RULES._replace(most_events=most_events)
-    done = grow_branches_of(engine)(ROOM.walls(), plan, rules, start, growth, 0, 1)
+    done = engine.branches(ROOM.walls(), plan, rules, start, growth, 0, 1)
     return growth, done
 
 
@@ -106,7 +105,7 @@ def test_the_event_guard_is_far_away(engine, random_map, random_pose, trunk_arra
             *ground.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad)
         )
         rules = RULES._replace(tolerance_mm=ground.tolerance_mm)
-        grow_branches_of(engine)(ground.walls(), plan, rules, start, growth, 0, 1)
+        engine.branches(ground.walls(), plan, rules, start, growth, 0, 1)
         most = max(most, int(growth.events[0]))
     assert 5 < most < MOST_EVENTS / 100
 
@@ -118,6 +117,7 @@ def test_too_little_room_is_reported_not_overrun(engine, trunk_arrays):
 
 
 def test_code_is_compiled_without_a_cache_where_none_can_be_written(monkeypatch):
+    assert compiling.compiled(lambda x: x)(1) == 1  # numba loads the rest of itself now
     settings = []
     njit = numba.njit
 
@@ -141,13 +141,13 @@ def test_compiler_is_not_imported_before_it_is_needed(module):
 
 ENGINES = """
 import sys
-from vinefab.growth import simulator
-ordinary, jagged = 100, simulator.INTERPRETED_CORNERS + 1
-begin = [simulator.quickest_engine(1, jagged)]
-begin += [simulator.quickest_engine(n, ordinary) for n in (3000, 2000, 1000, 1)]
+from vinefab.growth import engine
+ordinary, jagged = 100, engine.INTERPRETED_CORNERS + 1
+begin = [engine.chosen_engine("auto", 1, jagged)]
+begin += [engine.chosen_engine("auto", n, ordinary) for n in (3000, 2000, 1000, 1)]
 assert "numba" not in sys.modules
-simulator.grow_jobs_of("kernel")
-print(*begin, simulator.quickest_engine(0, ordinary))
+engine.grow_jobs_of("kernel").__call__
+print(*begin, engine.chosen_engine("auto", 0, ordinary))
 """
 
 

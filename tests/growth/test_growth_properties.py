@@ -12,8 +12,8 @@ from numpy.testing import assert_allclose
 from shapely import affinity, box
 
 from vinefab.growth.arrays import Growth, Launch, Rules
+from vinefab.growth.engine import TIE, TOLERANCE_RAD
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import TIE, TOLERANCE_RAD, grow_branches_of, grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Map, Pose
@@ -35,7 +35,7 @@ def test_stays_in_free_space_and_within_its_length(
     options = GrowthOptions.published(
         head_on_half_angle_rad=math.radians(half_angle_deg), children_of_stuck="deploy"
     )
-    grown = grow_on(random_tree(rng), terrain, random_pose(rng, terrain), options, engine)
+    grown = engine.grow(random_tree(rng), terrain, random_pose(rng, terrain), options)
     assert depth_in_solid(grown, world.free_space) <= 1e-6
     planned = grown.tree.length_mm
     full = grown.stop == Stop.FULL_LENGTH
@@ -52,7 +52,7 @@ def test_contacts_are_vertices_of_the_map(engine, random_map, random_pose, vine,
     rng = np.random.default_rng(seed)
     world = random_map(rng, kind)
     terrain = Terrain.of(world)
-    grown = grow_on(vine(1500.0), terrain, random_pose(rng, terrain), FREE, engine)
+    grown = engine.grow(vine(1500.0), terrain, random_pose(rng, terrain), FREE)
     corners = shapely.get_coordinates(world.free_space)
     for contact in grown.contacts_mm(0):
         assert np.hypot(*(corners - contact).T).min() <= 1e-6
@@ -94,7 +94,7 @@ def _stopped_after(engine, trunk_arrays, terrain, pose, length_mm, most_events):
         drag_kpa_mm=0.0,
     )
     start = Launch(*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
-    assert grow_branches_of(engine)(terrain.walls(), plan, rules, start, growth, 0, 1) == 1
+    assert engine.branches(terrain.walls(), plan, rules, start, growth, 0, 1) == 1
     return growth, int(growth.events[0])
 
 
@@ -141,9 +141,9 @@ def test_moving_turning_and_scaling_everything_moves_the_result(
     pose = _plain_pose(rng, terrain)
     c, s = scale * math.cos(turn_rad), scale * math.sin(turn_rad)
     moved = Terrain.of(_mapped(world, [c, -s, s, c, *shift]))
-    here = grow_on(tree(700.0, (3, 200.0, 100.0, 0.5)), terrain, pose, FREE, engine)
+    here = engine.grow(tree(700.0, (3, 200.0, 100.0, 0.5)), terrain, pose, FREE)
     robot = tree(700.0 * scale, (3, 200.0 * scale, 100.0, 0.5))
-    there = grow_on(robot, moved, _moved(pose, turn_rad, shift, scale), FREE, engine)
+    there = engine.grow(robot, moved, _moved(pose, turn_rad, shift, scale), FREE)
     assert there.stop.tolist() == here.stop.tolist()
     assert there.first_point.tolist() == here.first_point.tolist()
     expected = here.points_mm @ np.array([[c, s], [-s, c]]) + shift
@@ -161,8 +161,8 @@ def test_mirroring_everything_mirrors_the_result(engine, random_map, tree, seed,
     mirror = Terrain.of(_mapped(world, [-1.0, 0.0, 0.0, 1.0, 0.0, 0.0]))
     flipped = Pose(x_mm=-pose.x_mm, y_mm=pose.y_mm, heading_rad=math.pi - pose.heading_rad)
     robot = tree(700.0, (3, 200.0, 100.0, 1.0))
-    here = grow_on(robot, terrain, pose, FREE, engine)
-    there = grow_on(robot, mirror, flipped, FREE, engine)
+    here = engine.grow(robot, terrain, pose, FREE)
+    there = engine.grow(robot, mirror, flipped, FREE)
     # The fan is mirrored too: its last child is the other's first.
     for one, other in zip([0, 1, 2, 3], [0, 3, 2, 1], strict=True):
         assert there.stop[other] == here.stop[one]
@@ -177,12 +177,12 @@ def test_trajectories_condense(engine, random_map, vine, kind):
         rng = np.random.default_rng([31, seed])
         terrain = Terrain.of(random_map(rng, kind))
         pose = _plain_pose(rng, terrain)
-        grown = [grow_on(vine(1200.0), terrain, _moved(pose, 0.0, (0.0, 0.0), 1.0), FREE, engine)]
+        grown = [engine.grow(vine(1200.0), terrain, _moved(pose, 0.0, (0.0, 0.0), 1.0), FREE)]
         for step in range(1, 8):
             turned = Pose(
                 x_mm=pose.x_mm, y_mm=pose.y_mm, heading_rad=pose.heading_rad + 0.01 * step
             )
-            grown.append(grow_on(vine(1200.0), terrain, turned, FREE, engine))
+            grown.append(engine.grow(vine(1200.0), terrain, turned, FREE))
         for one, other in itertools.pairwise(grown):
             contacts = one.contacts_mm(0)
             if len(contacts) and np.array_equal(contacts, other.contacts_mm(0)):
@@ -198,7 +198,7 @@ def test_an_empty_room_ends_growth_on_its_walls(engine, vine, x, y, heading):
     assume(abs(math.sin(2.0 * heading)) > 1e-6)
     terrain = Terrain.of(Map(name="room", bounds=box(0.0, 0.0, 500.0, 500.0)))
     pose = Pose(x_mm=x, y_mm=y, heading_rad=heading)
-    grown = grow_on(vine(2000.0), terrain, pose, FREE, engine)
+    grown = engine.grow(vine(2000.0), terrain, pose, FREE)
     assert grown.stop[0] == Stop.CORNER
     assert len(grown.points_mm) == 2
     # It ends in the corner that it heads for, or in the one that sliding there leads to.

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 from shapely import box
 
-from tests.oracles.growth_reference import grow_reference_branches
+from tests.oracles.growth_spans import grow_reference
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan
 from vinefab.growth.simulator import grow_on
@@ -38,7 +38,7 @@ def fitted(pressure_kpa, width_mm):
 
 def test_a_straight_vine_ends_where_drag_has_used_up_the_pressure(engine, vine):
     robot = at_pressure(vine(3000.0), 4.0, (20.0,))
-    grown = grow_on(robot, OPEN, ORIGIN, PRESSED, engine)
+    grown = engine.grow(robot, OPEN, ORIGIN, PRESSED)
     expected_mm = 1000.0 * (fitted(4.0, 20.0) - FITTED.yield_kpa.value) / FITTED.drag_kpa_m.value
     assert 100.0 < expected_mm < 2900.0
     assert grown.stop[0] == Stop.PRESSURE
@@ -49,9 +49,7 @@ def test_a_straight_vine_ends_where_drag_has_used_up_the_pressure(engine, vine):
 def test_film_on_a_spool_and_too_little_pressure_stop_it_at_once(engine, vine):
     spool = PRESSED.changed(storage_kpa=FITTED.storage_kpa.value)
     for options, pressure_kpa in ((spool, 5.0), (PRESSED, 0.5)):
-        grown = grow_on(
-            at_pressure(vine(300.0), pressure_kpa, (20.0,)), OPEN, ORIGIN, options, engine
-        )
+        grown = engine.grow(at_pressure(vine(300.0), pressure_kpa, (20.0,)), OPEN, ORIGIN, options)
         assert (grown.stop[0], grown.grown_mm[0]) == (Stop.PRESSURE, 0.0)
         assert grown.deployed[0]
 
@@ -61,7 +59,7 @@ def test_just_enough_pressure_is_enough(engine, tree):
     for length_mm in (50.0, 100.0, 123.0):
         robot = at_pressure(tree(3000.0, (1, length_mm, 0.0, 1.0)), 4.0, (20.0, 20.0))
         options = PRESSED.changed(children_of_stuck="deploy")
-        grown = grow_on(robot, OPEN, ORIGIN, options, engine)
+        grown = engine.grow(robot, OPEN, ORIGIN, options)
         assert grown.stop.tolist() == [Stop.PRESSURE, Stop.FULL_LENGTH]
 
 
@@ -72,7 +70,7 @@ def test_a_turn_at_the_base_that_the_pressure_does_not_make_keeps_the_heading(en
     pose = Pose(x_mm=60.0, y_mm=0.0, heading_rad=0.3)  # the trunk slides up the wall x = 100
     held = list[Deployment]()
     for pressure_kpa in np.linspace(1.0, 10.0, 400).tolist():
-        grown = grow_on(at_pressure(robot, pressure_kpa, (20.0,) * 3), room, pose, options, engine)
+        grown = engine.grow(at_pressure(robot, pressure_kpa, (20.0,) * 3), room, pose, options)
         if grown.stop[0] == Stop.FULL_LENGTH and grown.grown_mm[1] < 1e-6:
             held.append(grown)
     assert len(held) > 3
@@ -84,12 +82,12 @@ def test_a_turn_at_the_base_that_the_pressure_does_not_make_keeps_the_heading(en
 
 
 def test_a_design_without_pressure_is_not_stopped(engine, vine):
-    assert grow_on(at_pressure(vine(3e3), 0.0), OPEN, ORIGIN, PRESSED, engine).stop[0] == 0
+    assert engine.grow(at_pressure(vine(3e3), 0.0), OPEN, ORIGIN, PRESSED).stop[0] == 0
 
 
 def test_a_child_pays_for_its_joint_and_for_what_rides_inside(engine, tree):
     robot = at_pressure(tree(400.0, (2, 300.0, 120.0, 1.0)), 6.5, (20.0, 15.0))
-    grown = grow_on(robot, OPEN, ORIGIN, PRESSED, engine)
+    grown = engine.grow(robot, OPEN, ORIGIN, PRESSED)
     constants = FITTED.changed(storage_kpa=LOOSE.storage_kpa)
 
     def missing(length_mm):
@@ -106,14 +104,14 @@ def test_a_child_pays_for_its_joint_and_for_what_rides_inside(engine, tree):
     scale = PRESSED.fitted_diameter_mm / inflated_diameter_mm(20.0)
     for factor, stop in ((1.0001, Stop.FULL_LENGTH), (0.9999, Stop.PRESSURE)):
         tight = at_pressure(robot, factor * least_kpa * scale)
-        assert grow_on(tight, OPEN, ORIGIN, PRESSED, engine).stop[0] == stop
+        assert engine.grow(tight, OPEN, ORIGIN, PRESSED).stop[0] == stop
 
 
 def test_a_slide_ends_where_drag_and_turn_have_used_up_the_pressure(engine, vine):
     """Along a wall x = 100 the body turns about its base: length h / cos, turn from the launch."""
     room = Terrain.of(Map(name="room", bounds=box(-500.0, -500.0, 100.0, 3000.0)))
     robot = at_pressure(vine(2000.0), 6.28, (20.0,))
-    grown = grow_on(robot, room, ORIGIN, PRESSED.changed(storage_kpa=1.0), engine)
+    grown = engine.grow(robot, room, ORIGIN, PRESSED.changed(storage_kpa=1.0))
     constants = FITTED.changed(storage_kpa=FITTED.storage_kpa.changed(value=1.0))
 
     def missing(angle_rad):
@@ -153,8 +151,8 @@ def test_twins_agree_and_pressure_is_used_up_where_it_stops(
         )
         robot = at_pressure(robot, some_pressure_kpa(robot, terrain, pose, options, constants, rng))
         options = options.changed(pressure_stop=True)
-        fast = grow_on(robot, terrain, pose, options, "kernel")
-        plain = grow_on(robot, terrain, pose, options, grow_reference_branches)
+        fast = grow_on(robot, terrain, pose, options)
+        plain = grow_reference(robot, terrain, pose, options)
         assert fast.stop.tolist() == plain.stop.tolist(), number
         assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
         (needed_kpa,) = growth_pressures_kpa([fast], robot, [constants])
@@ -176,8 +174,8 @@ def test_enough_pressure_changes_nothing(engine, random_map, random_pose, random
         rng = np.random.default_rng([32, number])
         terrain = Terrain.of(random_map(rng, "convex"))
         robot, pose = at_pressure(random_tree(rng), 9999.0), random_pose(rng, terrain)
-        with_it = grow_on(robot, terrain, pose, PRESSED, engine)
-        without = grow_on(robot, terrain, pose, GrowthOptions.published(), engine)
+        with_it = engine.grow(robot, terrain, pose, PRESSED)
+        without = engine.grow(robot, terrain, pose, GrowthOptions.published())
         assert with_it.stop.tolist() == without.stop.tolist()
         assert with_it.points_mm.tolist() == without.points_mm.tolist()
 

@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose
 from shapely import Polygon, box
 
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Build, Design, Level
@@ -115,9 +114,9 @@ def test_wider_child_without_room_is_a_result(engine):
     ground = Terrain.of(Map(name="test", bounds=UNDER_CEILING))
     options = GrowthOptions.published(body="inflated", head_on_half_angle_rad=0.0)
     up = Pose(x_mm=0.0, y_mm=0.0, heading_rad=1.2)
-    assert grow_on(design, ground, up, options, engine).stop.tolist() == [0, Stop.NOT_DEPLOYED]
+    assert engine.grow(design, ground, up, options).stop.tolist() == [0, Stop.NOT_DEPLOYED]
     down = Pose(x_mm=0.0, y_mm=0.0, heading_rad=-1.2)
-    assert grow_on(design, ground, down, options, engine).stop.tolist() == [0, 0]
+    assert engine.grow(design, ground, down, options).stop.tolist() == [0, 0]
 
 
 def test_trees_of_any_size_find_room_for_their_points(launch, tree, terrain):

@@ -8,10 +8,12 @@ import pytest
 from numpy.testing import assert_allclose
 from shapely import box
 
-from tests.oracles.growth_reference import World, grow_reference_branches
+from tests.oracles.growth_reference import World
+from tests.oracles.growth_spans import grow_reference
 from vinefab.core.compiling import interpreted
+from vinefab.growth.engine import CONTACT_KERNEL, KERNEL, rules_of
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import CONTACT_KERNEL, KERNEL, grow_on, rules_of
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Pose
@@ -33,7 +35,7 @@ def test_twins_agree(random_map, random_pose, random_tree, kind):
                 children_of_stuck=str(rng.choice(["stop", "deploy"])),
             )
             fast = grow_on(robot, terrain, pose, options, "kernel")
-            plain = grow_on(robot, terrain, pose, options, grow_reference_branches)
+            plain = grow_reference(robot, terrain, pose, options)
             assert fast.stop.tolist() == plain.stop.tolist(), number
             assert fast.first_point.tolist() == plain.first_point.tolist(), number
             assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
@@ -50,7 +52,7 @@ def test_twins_agree_on_inflated_bodies(random_map, random_pose, random_tree, ki
         terrain = Terrain.of(random_map(rng, kind))
         robot, pose = random_tree(rng), random_pose(rng, terrain)
         fast = grow_on(robot, terrain, pose, options, "kernel")
-        plain = grow_on(robot, terrain, pose, options, grow_reference_branches)
+        plain = grow_reference(robot, terrain, pose, options)
         assert fast.stop.tolist() == plain.stop.tolist(), number
         assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
         deployed += int(fast.deployed.sum())
@@ -94,13 +96,11 @@ def test_the_twin_looks_only_near_its_moves_and_misses_nothing(
         rng = np.random.default_rng([9, number])
         terrain = Terrain.of(random_map(rng, kind))
         robot, pose = random_tree(rng), random_pose(rng, terrain)
-        near = grow_on(robot, terrain, pose, GrowthOptions.published(), grow_reference_branches)
+        near = grow_reference(robot, terrain, pose, GrowthOptions.published())
         few = len(tested)
         with monkeypatch.context() as everywhere:
             everywhere.setattr(World, "near", lambda _self, boxes_mm, *_: range(len(boxes_mm)))
-            whole = grow_on(
-                robot, terrain, pose, GrowthOptions.published(), grow_reference_branches
-            )
+            whole = grow_reference(robot, terrain, pose, GrowthOptions.published())
         assert near.points_mm.tobytes() == whole.points_mm.tobytes(), number
         assert near.stop.tolist() == whole.stop.tolist(), number
         assert few < len(tested) - few, number
@@ -167,8 +167,8 @@ def test_twins_agree_where_pressure_holds_a_body_that_begins_at_a_wall(tree, ter
     )
     pose = Pose(x_mm=x_mm, y_mm=-386.7, heading_rad=-math.pi / 2.0)
     fast, plain = (
-        grow_on(robot.changed(build=build), ground, pose, options, engine)
-        for engine in ("kernel", grow_reference_branches)
+        grow(robot.changed(build=build), ground, pose, options)
+        for grow in (grow_on, grow_reference)
     )
     assert {Stop.PRESSURE, Stop.HEAD_ON} < set(fast.stop.tolist())
     assert fast.stop.tolist() == plain.stop.tolist()

@@ -22,15 +22,15 @@ from scipy.stats import qmc
 from vinefab.core.errors import VinefabError
 from vinefab.core.validation import Floats
 from vinefab.inflation.compensation import FlatJoint
-from vinefab.inflation.joint import Joint, inflated_joint
+from vinefab.inflation.joint import JointShape, inflated_joint
 from vinefab.inflation.table import (
     CHILDREN,
     FILLET,
     PATH,
     RATIO,
     STRAIN,
+    JointRows,
     Process,
-    Rows,
     Scales,
     fan_table,
     figure_groups,
@@ -52,7 +52,7 @@ _REFITTED = 25  # rows after which the fans that deploy evenly are fitted again
 Row = dict[str, Any]
 
 
-def sampled(children: int, count: int) -> list[Joint]:
+def sampled(children: int, count: int) -> list[JointShape]:
     """Return flat joints that fill the table's ranges evenly, the same at every call."""
     points = qmc.Sobol(4, seed=children).random(1 << (count - 1).bit_length())
     low, high = FAN_DEG[children]
@@ -61,7 +61,7 @@ def sampled(children: int, count: int) -> list[Joint]:
         return float(f"{ends[0] * (ends[1] / ends[0]) ** share:.4g}")
 
     return [
-        Joint.fan(
+        JointShape.fan(
             children,
             round(low + (high - low) * float(a) ** 1.25, 3),
             width=round(RATIO[0] + (RATIO[1] - RATIO[0]) * float(b), 4),
@@ -72,7 +72,7 @@ def sampled(children: int, count: int) -> list[Joint]:
     ]
 
 
-def row_of(flat: Joint) -> Row:
+def row_of(flat: JointShape) -> Row:
     """Return what becomes of a flat fan."""
     row: Row = {
         "children": len(flat.angles_deg),
@@ -96,7 +96,7 @@ def row_of(flat: Joint) -> Row:
 
 
 def table_of(rows: list[Row], children: int) -> Floats:
-    """Return the array of the rows of so many children; see `Rows`."""
+    """Return the array of the rows of so many children; see `JointRows`."""
     half = children // 2
 
     def left(values: list[float], count: int = half) -> list[float]:
@@ -149,14 +149,14 @@ class _Compensator:
     """Flat fans of many children that deploy nearly evenly, by the rows of even flat fans."""
 
     def __init__(self, rows: list[Row], children: int) -> None:
-        known = Rows.of(children, table_of(rows, children))
+        known = JointRows.of(children, table_of(rows, children))
         self._even = known.even
         x, y = known.deployment
         self._deployed = Process(x, y, fitted(x, y))
         x, y = known.compensation
         self._flat = Process(x, y, fitted(x, y))
 
-    def __call__(self, joint: Joint) -> Joint | None:
+    def __call__(self, joint: JointShape) -> JointShape | None:
         place = np.array([[joint.widths[0], joint.fillets[0], joint.hoop_strain]])
         flat_fan = joint.angles_deg[-1] - joint.angles_deg[0]
         outer = flat_fan / 2.0 + float(self._deployed(scaled(np.array([flat_fan]), place))[0, 0])
@@ -183,7 +183,7 @@ def simulate(path: Path, rounds: int, seconds: float) -> None:
             for number in range(turn * share, (turn + 1) * share):
                 if (n, number) in known:
                     continue
-                flat: Joint | None = joints[n][number]
+                flat: JointShape | None = joints[n][number]
                 if number >= EVEN_ROWS[n]:
                     if n not in compensators or number % _REFITTED == 0:
                         compensators[n] = _Compensator(_read(path), n)
@@ -213,7 +213,7 @@ def fit(rows: list[Row], path: Path, bounds: Floats) -> None:
     arrays: dict[str, Any] = {"fingerprint": simulation_fingerprint(), "bounds": bounds}
     for n in CHILDREN:
         table = table_of(rows, n)
-        known = Rows.of(n, table)
+        known = JointRows.of(n, table)
         x, kept = scaled(known.deployed_fan_deg, known.places)[known.is_open], known.is_open
         data = [known.compensation, known.deployment]
         data += [(x, known.figures[kept, columns]) for columns in figure_groups(n)]
@@ -225,15 +225,15 @@ def fit(rows: list[Row], path: Path, bounds: Floats) -> None:
     path.write_bytes(buffer.getvalue())
 
 
-def drawn_joints(count: int) -> list[Joint]:
+def drawn_joints(count: int) -> list[JointShape]:
     """Return joints of random designs of the paper's Table 1, as recipes may have them."""
     random = np.random.default_rng(32)
-    joints: list[Joint] = []
+    joints: list[JointShape] = []
     while len(joints) < count:
         width_mm, ratio = random.uniform(12.0, 60.0), random.uniform(0.35, 1.0)
         radius_mm = max(2.0, ratio * width_mm / 4.0)
         joints.append(
-            Joint.fan(
+            JointShape.fan(
                 int(random.integers(2, 5)),
                 round(float(random.uniform(20.0, 160.0)), 2),
                 width=round(float(ratio), 4),

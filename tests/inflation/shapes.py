@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from vinefab.inflation.mesh import Straight
+from vinefab.inflation.mesh import StraightSide
 from vinefab.inflation.sheet import Sheet, sheet_of
 from vinefab.model.outline import Contour, Part
 
@@ -24,7 +24,7 @@ def sheet(points, bulges, *, across=8, hoop_strain=0.01, mouth=None, straights=(
 
 def tube(length=4.0, **options) -> Sheet:
     """Return a tube of width 1 from a mouth at x = 0 to a round end."""
-    straight = Straight(
+    straight = StraightSide(
         origin=(0.0, 0.0), heading_rad=0.0, begin=0.0, end=length, half_begin=0.5, half_end=0.5
     )
     points = [(0.0, -0.5), (length, -0.5), (length + 0.5, 0.0), (length, 0.5), (0.0, 0.5)]

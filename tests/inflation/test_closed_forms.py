@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.inflation import shapes
-from vinefab.inflation.joint import Joint, inflated_joint
+from vinefab.inflation.joint import JointShape, inflated_joint
 from vinefab.inflation.membrane import POISSON
 from vinefab.inflation.tube import tube_stretch
 
@@ -69,7 +69,7 @@ def test_a_slender_ring_turns_farther_the_stiffer_its_film():
 
 
 def test_three_equal_tubes_at_120_degrees_stay():
-    found = inflated_joint(Joint.fan(2, 120.0, width=1.0, fillet=0.125))
+    found = inflated_joint(JointShape.fan(2, 120.0, width=1.0, fillet=0.125))
     assert found.angles_deg == pytest.approx([-60.0, 60.0], abs=0.4)
 
 

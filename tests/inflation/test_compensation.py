@@ -12,14 +12,14 @@ from vinefab.inflation.compensation import (
     WITHIN_DEG,
     FlatJoint,
     UnreachableJointError,
+    cache_folder,
     deployed_joint,
     flat_joint,
     simulated_flat_joint,
 )
-from vinefab.inflation.joint import Joint, inflated_joint, turned_joint
-from vinefab.inflation.joint_cache import cache_folder
+from vinefab.inflation.joint import JointShape, inflated_joint, turned_joint
 
-UNEVEN = Joint(angles_deg=(-30.0, 50.0), widths=(0.6, 0.5), fillets=(0.1, 0.2, 0.1))
+UNEVEN = JointShape(angles_deg=(-30.0, 50.0), widths=(0.6, 0.5), fillets=(0.1, 0.2, 0.1))
 
 
 @pytest.fixture
@@ -62,7 +62,7 @@ def simulations(monkeypatch):
 def test_newton_converges_in_few_simulations(
     simulations, children, fan_deg, width, fillet, strain, most
 ):
-    wanted = Joint.fan(children, fan_deg, width=width, fillet=fillet, hoop_strain=strain)
+    wanted = JointShape.fan(children, fan_deg, width=width, fillet=fillet, hoop_strain=strain)
     found = simulated_flat_joint(wanted)
     assert np.abs(np.subtract(found.deployed_deg, wanted.angles_deg)).max() <= WITHIN_DEG
     assert len(simulations) <= most
@@ -70,7 +70,7 @@ def test_newton_converges_in_few_simulations(
 
 
 def test_a_turned_joint_is_that_of_new_triangles():
-    joint = Joint.fan(3, 120.0, width=0.6, fillet=0.15, hoop_strain=0.05)
+    joint = JointShape.fan(3, 120.0, width=0.6, fillet=0.15, hoop_strain=0.05)
     angles = tuple(1.03 * angle for angle in joint.angles_deg)
     turned = turned_joint(inflated_joint(joint), angles)
     fresh = inflated_joint(joint.with_angles(angles))
@@ -82,7 +82,7 @@ def test_a_turned_joint_is_that_of_new_triangles():
 
 
 def test_the_slopes_tell_what_a_turn_does():
-    joint = Joint.fan(4, 160.0, width=0.6, fillet=0.15, hoop_strain=0.05)
+    joint = JointShape.fan(4, 160.0, width=0.6, fillet=0.15, hoop_strain=0.05)
     found = inflated_joint(joint)
     turn = 0.01 * np.array(joint.angles_deg)
     turned = turned_joint(found, tuple(np.array(joint.angles_deg) + turn))
@@ -91,7 +91,7 @@ def test_the_slopes_tell_what_a_turn_does():
 
 
 def test_even_fans_come_from_the_table(cache, simulations):
-    wanted = Joint.fan(3, 100.0, width=0.6, fillet=0.15, hoop_strain=0.05)
+    wanted = JointShape.fan(3, 100.0, width=0.6, fillet=0.15, hoop_strain=0.05)
     found = flat_joint(wanted)
     assert (found.source, simulations) == ("table", [])
     assert found.deployed_deg == wanted.angles_deg
@@ -107,7 +107,7 @@ def test_even_fans_come_from_the_table(cache, simulations):
 
 @pytest.mark.usefixtures("cache")
 def test_what_a_flat_fan_deploys_as_comes_from_the_table(simulations):
-    flat = Joint.fan(2, 100.0, width=0.6, fillet=0.15, hoop_strain=0.05)
+    flat = JointShape.fan(2, 100.0, width=0.6, fillet=0.15, hoop_strain=0.05)
     found = deployed_joint(flat)
     assert (found.source, found.flat, simulations) == ("table", flat, [])
     direct = inflated_joint(flat)
@@ -160,7 +160,7 @@ def test_an_unwritable_cache_is_left_out(monkeypatch, tmp_path):
 
 @pytest.mark.usefixtures("cache")
 def test_unreachable_joints_are_kept_as_well(simulations):
-    shut = Joint(angles_deg=(-0.5, 0.5), widths=(1.0, 1.0), fillets=(0.1,) * 3)
+    shut = JointShape(angles_deg=(-0.5, 0.5), widths=(1.0, 1.0), fillets=(0.1,) * 3)
     with pytest.raises(UnreachableJointError) as first:
         deployed_joint(shut)
     count = len(simulations)
@@ -184,6 +184,6 @@ def test_two_processes_share_a_cache(cache):
 
 def test_a_crowded_fan_that_stalls_is_solved_from_what_the_table_says():
     # Five in a hundred fans of four of the paper's Table 1 space were called unreachable.
-    wanted = Joint.fan(4, 73.41, width=0.6, fillet=0.15, hoop_strain=0.014)
+    wanted = JointShape.fan(4, 73.41, width=0.6, fillet=0.15, hoop_strain=0.014)
     found = simulated_flat_joint(wanted)
     assert found.deployed_deg == pytest.approx(wanted.angles_deg, abs=0.6)

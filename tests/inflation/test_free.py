@@ -5,12 +5,14 @@ import pytest
 
 from tests.inflation.shapes import tube
 from vinefab.inflation.free import both_sheets, free_joint
-from vinefab.inflation.joint import Joint
+from vinefab.inflation.joint import JointShape
 
 
 def step(hoop_strain):
     """Return the straight step from 24 to 14.4 mm."""
-    return Joint(angles_deg=(0.0,), widths=(0.6,), fillets=(0.125, 0.125), hoop_strain=hoop_strain)
+    return JointShape(
+        angles_deg=(0.0,), widths=(0.6,), fillets=(0.125, 0.125), hoop_strain=hoop_strain
+    )
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +53,7 @@ def test_forces_and_their_slopes_are_those_of_finite_differences(sheets):
 
 
 def test_a_tube_stays_straight():
-    plain = Joint(angles_deg=(0.0,), widths=(1.0,), fillets=(0.1, 0.1))
+    plain = JointShape(angles_deg=(0.0,), widths=(1.0,), fillets=(0.1, 0.1))
     found = free_joint(plain, across=4)
     assert found.bow_deg[0] < 0.1
     assert abs(found.gain) < 1e-9
@@ -72,7 +74,7 @@ def test_softer_film_stays_in_its_plane():
 
 
 def test_a_pair_of_stiff_film_bows_to_one_side():
-    found = free_joint(Joint.fan(2, 80.0, width=0.6, fillet=0.125, hoop_strain=0.01), across=6)
+    found = free_joint(JointShape.fan(2, 80.0, width=0.6, fillet=0.125, hoop_strain=0.01), across=6)
     assert ((found.bow_deg > 12.0) & (found.bow_deg < 31.0)).all()
     assert found.gain > 1e-4
     assert found.angles_deg == pytest.approx(found.planar.angles_deg, abs=2.0)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.inflation.joint import Joint, inflated_joint, joint_outline
+from vinefab.inflation.joint import JointShape, inflated_joint, joint_outline
 from vinefab.inflation.mesh import mesh_of
 
-FORK = Joint.fan(2, 80.0, width=0.6, fillet=0.125)
-UNEVEN = Joint(angles_deg=(0.0, 60.0), widths=(0.6, 0.5), fillets=(0.2, 0.3, 0.1))
+FORK = JointShape.fan(2, 80.0, width=0.6, fillet=0.125)
+UNEVEN = JointShape(angles_deg=(0.0, 60.0), widths=(0.6, 0.5), fillets=(0.2, 0.3, 0.1))
 
 
 def test_a_fork_deploys_as_other_codes_say():
@@ -24,7 +24,7 @@ def test_a_fork_deploys_as_other_codes_say():
 
 
 def test_narrow_siblings_close():
-    found = inflated_joint(Joint.fan(2, 40.0, width=0.6, fillet=0.125))
+    found = inflated_joint(JointShape.fan(2, 40.0, width=0.6, fillet=0.125))
     assert found.angles_deg == pytest.approx([-6.0, 6.0], abs=1.0)
 
 
@@ -37,7 +37,7 @@ def test_a_mirrored_joint_deploys_mirrored():
 
 
 def test_sensitivity_is_the_slope_of_deployed_over_flat():
-    soft = Joint.fan(2, 100.0, width=0.6, fillet=0.3, hoop_strain=0.05)
+    soft = JointShape.fan(2, 100.0, width=0.6, fillet=0.3, hoop_strain=0.05)
     slopes = inflated_joint(soft).sensitivity()
     assert slopes.shape == (2, 2)
     turned = [inflated_joint(soft.with_angles((-50.0, 50.0 + by))) for by in (-3.0, 3.0)]
@@ -47,7 +47,7 @@ def test_sensitivity_is_the_slope_of_deployed_over_flat():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("joint", [FORK, UNEVEN, Joint.fan(4, 160.0, width=0.6, fillet=0.125)])
+@pytest.mark.parametrize("joint", [FORK, UNEVEN, JointShape.fan(4, 160.0, width=0.6, fillet=0.125)])
 def test_finer_triangles_turn_children_by_little(joint):
     usual = inflated_joint(joint).angles_deg
     finer = inflated_joint(joint, across=16).angles_deg
@@ -76,23 +76,23 @@ def test_longer_stubs_change_nothing():
 def test_joints_that_cannot_be_are_refused(changes, key):
     given = {"angles_deg": (-40.0, 40.0), "widths": (0.6, 0.6), "fillets": (0.1, 0.1, 0.1)}
     with pytest.raises(BadInputError, match=key):
-        Joint(**(given | changes))
+        JointShape(**(given | changes))
 
 
 def test_siblings_that_hardly_part_are_refused():
-    close = Joint(angles_deg=(-1.0, 1.0), widths=(0.6, 0.6), fillets=(0.1, 0.1, 0.1))
+    close = JointShape(angles_deg=(-1.0, 1.0), widths=(0.6, 0.6), fillets=(0.1, 0.1, 0.1))
     with pytest.raises(BadInputError, match="angles_deg"):
         inflated_joint(close)
 
 
 def test_a_fillet_that_takes_minutes_is_refused_at_once():
     with pytest.raises(BadInputError, match=r"fillets.* smaller fillet or wider angles"):
-        inflated_joint(Joint.fan(2, 60.0, width=0.6, fillet=8.3))
+        inflated_joint(JointShape.fan(2, 60.0, width=0.6, fillet=8.3))
 
 
 def test_a_child_of_a_fiftieth_of_the_trunk_is_meshed_in_no_time():
     # 11 s when the finest lattice was laid over all of the joint.
-    outline, begun = joint_outline(Joint.fan(2, 60.0, width=0.02, fillet=0.08)), process_time()
+    outline, begun = joint_outline(JointShape.fan(2, 60.0, width=0.02, fillet=0.08)), process_time()
     mesh = mesh_of(
         outline.contour,
         outline.straights,

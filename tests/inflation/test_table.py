@@ -6,7 +6,7 @@ import pytest
 from tests.inflation.make_table import left_out
 from vinefab.inflation import table
 from vinefab.inflation.compensation import FlatJoint, flat_joint
-from vinefab.inflation.joint import Joint, inflated_joint
+from vinefab.inflation.joint import JointShape, inflated_joint
 from vinefab.inflation.table import (
     CHILDREN,
     FILLET,
@@ -14,8 +14,8 @@ from vinefab.inflation.table import (
     RATIO,
     STRAIN,
     FanTable,
+    JointRows,
     Process,
-    Rows,
     Scales,
     TableFile,
     fan_table,
@@ -60,11 +60,11 @@ def test_the_table_of_another_simulation_is_not_used(monkeypatch):
 
 @pytest.mark.parametrize(("children", "place"), [(1, 3), (2, 7), (2, 90), (3, 21), (4, 150)])
 def test_its_rows_can_be_made_again(file, children, place):
-    rows = Rows.of(children, file.rows[children])
+    rows = JointRows.of(children, file.rows[children])
     ratio, fillet, strain = rows.places[place]
     left = rows.cut_deg[place]
     middle = [0.0] * (children % 2)
-    flat = Joint(
+    flat = JointShape(
         angles_deg=(*-left, *middle, *left[::-1]),
         widths=(ratio,) * children,
         fillets=(fillet,) * (children + 1),
@@ -85,7 +85,9 @@ def test_its_rows_can_be_made_again(file, children, place):
 @pytest.mark.parametrize("children", [2, 3, 4])
 def test_rows_agree_with_the_others(file, children):
     """Each row is foretold by all the others, nearly as well as meshes agree."""
-    known = FanTable(Rows.of(children, file.rows[children]), file.scales[children].astype(float))
+    known = FanTable(
+        JointRows.of(children, file.rows[children]), file.scales[children].astype(float)
+    )
     off = np.abs(left_out(known.compensation)).max(axis=1)
     assert np.median(off) < 0.5
     assert np.quantile(off, 0.9) < 1.2
@@ -178,6 +180,6 @@ def test_a_process_runs_through_smooth_rows():
 
 
 def test_flat_joint_of_one_straight_child_is_straight():
-    found = flat_joint(Joint.fan(1, 0.0, width=0.6, fillet=0.15, hoop_strain=0.05))
+    found = flat_joint(JointShape.fan(1, 0.0, width=0.6, fillet=0.15, hoop_strain=0.05))
     assert (found.source, found.flat.angles_deg) == ("table", (0.0,))
     assert found.pull_backs[0] > 0.0

@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.oracles.anchoring import pouch_contact_mm2
 from vinefab.core.errors import BadInputError
 from vinefab.physics.anchoring import (
     ASSUMED_FRICTION,
@@ -11,12 +12,9 @@ from vinefab.physics.anchoring import (
     NumberRange,
     amplification,
     amplification_interval,
-    branch_force_n,
     branch_limit_n,
     payload_over_mass,
-    pouch_contact_mm2,
     pouch_contacts_mm2,
-    tip_force_n,
 )
 
 TURN_RAD = math.log(6.86 / 6.0) / 0.3
@@ -62,20 +60,12 @@ def test_the_bounds_take_the_branches_that_turned_least_and_most() -> None:
             amplification_interval([1.0], fewest, most)
 
 
-def test_one_pouch_of_the_paper_holds_065_n() -> None:
-    # 0.65 N per pouch means P A_c mu = 0.325 N
-    assert tip_force_n(20.0, 0.325 / (0.020 * 0.3), 0.3) == pytest.approx(0.65)
-
-
-def test_a_pouch_is_engaged_from_where_it_is_wider_than_the_gap() -> None:
+def test_pouches_press_from_where_they_are_wider_than_the_gap():
     touching = 2 * 40.0 / math.pi
-    assert pouch_contact_mm2(30.0, 40.0, touching) == 0.0
-    assert pouch_contact_mm2(30.0, 40.0, 1.001 * touching) == 0.0
-    assert 0.0 < pouch_contact_mm2(30.0, 40.0, 0.999 * touching) < 3.0
-    assert pouch_contact_mm2(30.0, 40.0, 0.0) == 1200.0
-
-
-def test_many_pouches_press_as_each_alone_does():
+    gaps = np.array([touching, 1.001 * touching, 0.999 * touching, 0.0])
+    *apart, near, flat = pouch_contacts_mm2(np.full(4, 30.0), np.full(4, 40.0), gaps).tolist()
+    assert (apart, flat) == ([0.0, 0.0], 1200.0)
+    assert 0.0 < near < 3.0
     rng = np.random.default_rng(1)
     length, width, gap = rng.uniform(0.0, 50.0, (3, 200))
     gap[:3] = 2.0 * width[0] / math.pi, math.inf, 0.0
@@ -88,8 +78,6 @@ def test_film_and_seam_cap_a_branch() -> None:
     # 14 mm: film 27.6 MPa x 0.0375 mm x 28 mm = 29 N, seam 0.446 N/mm x 28 mm = 12.5 N
     assert branch_limit_n(14.0, SEAM_N_MM) == pytest.approx(12.48, abs=0.01)
     assert branch_limit_n(14.0, FILM_N_MM) == pytest.approx(28.98, abs=0.01)
-    assert branch_force_n(1.0, 20.0, 0.3, 12.48) == 12.48
-    assert branch_force_n(1.0, 2.0, 0.3, 12.48) == pytest.approx(math.exp(0.6))
 
 
 def test_the_heavy_anchor_needs_24_mm_of_its_film() -> None:

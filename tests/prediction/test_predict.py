@@ -16,6 +16,7 @@ from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
 from vinefab.model.laser import RecipeStatus, Standing
+from vinefab.model.score import HARDLY_GROWN, NOTHING_TOUCHED, Failures
 from vinefab.physics.tube import self_weight_span_mm
 from vinefab.prediction.anchoring_prediction import (
     AnchoringPrediction,
@@ -30,6 +31,7 @@ from vinefab.prediction.measures import (
     REACH,
     SEEN,
     STUCK,
+    TOUCHED,
     UNDEPLOYED,
     MeasureTable,
 )
@@ -374,3 +376,24 @@ def test_branches_that_fold_under_their_own_weight_are_named(share, noted):
     notes = span_notes(SimpleNamespace(design=design, profile=profile))
     assert len(notes) == noted
     assert all(f"from about {span_mm:.0f} mm without support" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("touched", "grown", "failed", "what"),
+    [
+        ([0.0, 50.0, 0.0], [100.0, 1.0, 1.0], [1, 0, 1], NOTHING_TOUCHED),
+        ([np.nan] * 3, [100.0, 1.0, 1.0], [0, 1, 1], HARDLY_GROWN),
+        (
+            [0.0, np.nan, np.nan],
+            [100.0, 100.0, 1.0],
+            [1, 0, 1],
+            f"{NOTHING_TOUCHED}; on maps without targets, {HARDLY_GROWN}",
+        ),
+    ],
+)
+def test_a_deployment_fails_where_it_touches_nothing_or_without_targets_hardly_grows(
+    touched, grown, failed, what
+):
+    values = {TOUCHED.key: np.array(touched), GROWN.key: np.array(grown)}
+    table = MeasureTable(label="l", maps=("a", "b", "c"), poses=(None,) * 3, values=values)
+    assert failures(table) == Failures.of(np.array(failed, dtype=bool), table.maps, what)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vinefab.growth.batch import BLOCK
+from vinefab.growth.batch import GROWTHS_PER_CALL
 from vinefab.model.design import Design
 from vinefab.prediction.family_deployments import (
     MapFamily,
@@ -18,7 +18,7 @@ from vinefab.prediction.family_deployments import (
 
 def test_a_family_holds_none_of_its_deployments():
     """Twice as many deployments take little more memory; a block of them is held."""
-    tree, few, many = Design.read("three_level_tree"), BLOCK, 2 * BLOCK
+    tree, few, many = Design.read("three_level_tree"), GROWTHS_PER_CALL, 2 * GROWTHS_PER_CALL
     small = {"columns": 4, "rows": 4, "size_mm": 350.0}
     (world,) = unseen_maps("grid", 1, 0, small).worlds
     plan = PredictionPlan(poses=many, seed=3)

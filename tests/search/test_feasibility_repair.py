@@ -7,7 +7,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.model.design import Design
-from vinefab.search.feasibility_repair import (
+from vinefab.search.finalists import (
     MOST_CHECKS,
     PATIENCE,
     STEPS,

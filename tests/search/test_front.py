@@ -19,7 +19,7 @@ from vinefab.search.front import (
     spread_out,
 )
 from vinefab.search.loop import Search
-from vinefab.search.optimizers.nsga2 import FrontOptimizer, NsgaConfig, ranking
+from vinefab.search.optimizers.evolution import FrontOptimizer, NsgaConfig, ranking
 from vinefab.search.optimizers.optimizer import SearchAxes
 from vinefab.search.parallel.dask_cluster import deserialized, serialized
 from vinefab.search.record.generations import RunIdentity

@@ -11,7 +11,9 @@ from vinefab.model.design import Design, Level
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.search.loop import Search
 from vinefab.search.outset import said_before, with_trunk_for_film
-from vinefab.search.record.generations import Progress
+from vinefab.search.record.generations import Progress, RunIdentity
+from vinefab.search.record.result import RECORD_FILE, RunArchive
+from vinefab.search.record.store import RunStore
 from vinefab.search.run import penalty_of, training_maps
 from vinefab.search.settings import RunSettings
 from vinefab.search.space import BuildSettings
@@ -82,8 +84,16 @@ def test_a_run_says_it_with_its_first_generation_and_where_targets_are_missed(
     asked = {(kind, number): settings for kind, number, settings in cases(tmp_path, 2)}
     settings, seen = asked["0.1 mm, 300 mm roll, flat", 1], list[Progress]()
     settings = settings.changed(search=settings.search.changed(population=12))
-    result = searched(settings).run(progress=seen.append)
+    maps = training_maps(settings)
+    with RunStore.open(tmp_path, RunIdentity.of(settings, maps), maps=maps) as store:
+        result = Search.of(settings, maps, penalty_of(settings)).run(
+            store=store, progress=seen.append
+        )
     assert "VF-S01" in seen[0].advice
     assert result.targets is not None
     assert result.targets.missed
     assert any("allow pieces" in note for note in result.notes)
+    recorded = RunArchive.read(tmp_path / RECORD_FILE)
+    assert recorded.notes
+    assert set(recorded.notes) <= set(result.notes)
+    assert recorded.result().notes == recorded.notes

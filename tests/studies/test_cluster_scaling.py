@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vinefab.pages.figure import svg_bytes
 from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
 from vinefab.studies.cluster_scaling import (
     LATENCIES_S,
@@ -17,8 +16,6 @@ from vinefab.studies.cluster_scaling import (
     UnitCosts,
     alone_s,
     load_of,
-    scaling_figure,
-    scaling_rows,
     simulated_run_s,
     simulated_s,
 )
@@ -92,7 +89,7 @@ def test_a_search_saturates_where_units_cost_as_much_as_they_save():
     assert alone_s(slow_loop) / simulated_run_s(slow_loop, 256, costs, NEAR) < 2.0
 
 
-def test_a_load_is_measured_and_shown():
+def test_a_load_is_measured():
     settings = RunSettings(
         maps=MapSettings(count=2),
         search=SearchSettings(population=10, generations=2),
@@ -103,7 +100,4 @@ def test_a_load_is_measured_and_shown():
     assert found.work_s > 0.0
     assert found.loop_s > 0.0
     assert found.result_bytes == 8.0 * 6 * 2  # the score and five terms, on two maps
-    results = [Scaling.of(found, latency_s) for latency_s in LATENCIES_S]
-    rows = scaling_rows(results)
-    assert rows[-1].startswith("| ten | 50 ms | 1.0 |")
-    assert svg_bytes(scaling_figure(results)).startswith(b"<?xml")
+    assert Scaling.of(found, LATENCIES_S[-1]).speedups[0] == 1.0

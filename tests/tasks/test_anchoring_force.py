@@ -9,6 +9,7 @@ import pytest
 import shapely
 from shapely import box
 
+from tests.oracles.anchoring import branch_force_n, pouch_contact_mm2, tip_force_n
 from vinefab.core.errors import BadInputError
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
@@ -24,10 +25,7 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map, Pose
 from vinefab.physics.anchoring import (
     amplification_interval,
-    branch_force_n,
     branch_limit_n,
-    pouch_contact_mm2,
-    tip_force_n,
 )
 from vinefab.physics.seam import seam_load_n_mm
 from vinefab.tasks.anchoring_force import (
@@ -39,12 +37,19 @@ from vinefab.tasks.anchoring_force import (
     Leaves,
     Turns,
     gaps_mm,
-    path_turn_rad,
-    tip_gaps_mm,
 )
 from vinefab.tasks.evaluate import PreparedMap, score_design
 from vinefab.tasks.exact_areas import TOUCHING_MM
 from vinefab.tasks.map_context import MapContext
+
+
+def path_turn_rad(end: Deployment) -> np.ndarray:
+    return Turns.of(GrownBatch.of(end)).path_rad
+
+
+def tip_gaps_mm(end: Deployment, branches: np.ndarray, context: MapContext) -> np.ndarray:
+    return gaps_mm(end.points_mm, end.first_point[1:][branches] - 1, context)
+
 
 # --- The task --------------------------------------------------------------------------------
 

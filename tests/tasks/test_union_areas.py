@@ -10,10 +10,9 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import PreparedMap, poses_on
-from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.map_context import FreeRows, MapContext
 from vinefab.tasks.reach import Reach
 from vinefab.tasks.task import one_by_one
-from vinefab.tasks.union_areas import FreeRows
 
 
 @pytest.mark.parametrize("task", [Reach(), Reach(buffer_mm=7.0), Coverage()])

@@ -341,26 +341,3 @@ class JobArrays(NamedTuple):
     room: Ints
     done: Ints
     until: Ints
-
-    @classmethod
-    def alone(
-        cls,
-        start: Launch,
-        half_angle_rad: float,
-        fits: NDArray[np.bool_],
-        room: int,
-        done: int,
-        until: int,
-    ) -> "JobArrays":
-        """Return the branches ``done .. until - 1`` of the only tree, on the only page."""
-        return cls(
-            tree=np.zeros(1, dtype=np.int64),
-            page=np.zeros(1, dtype=np.int64),
-            start=np.array([start], dtype=np.float64),
-            half_angle=np.array([half_angle_rad]),
-            fits=fits,
-            branch=np.array([0, len(fits)]),
-            room=np.array([0, room]),
-            done=np.array([done]),
-            until=np.array([until]),
-        )

@@ -12,17 +12,9 @@ import numpy as np
 from vinefab.core.compiling import imported_later
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import Growth, JobArrays, TerrainSetArrays
+from vinefab.growth.engine import Engine, Settling, chosen_engine, grow_jobs_of, rules_of
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import (
-    POINTS_PER_BRANCH,
-    SPARE_POINTS,
-    Engine,
-    Settling,
-    grow_jobs_of,
-    quickest_engine,
-    rules_of,
-)
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Pose
@@ -70,6 +62,11 @@ class TerrainSet:
         return np.arange(len(self.terrains) * len(radii_mm)).reshape(-1, len(radii_mm))
 
 
+POINTS_PER_BRANCH = 6
+SPARE_POINTS = 16
+"""Initial room for chain points; doubled when a tree needs more."""
+
+
 class Workspace:
     """Arrays that are allocated once and reused: allocation costs as much as growth."""
 
@@ -112,11 +109,11 @@ class Workspace:
         return part
 
 
-BLOCK = 128
+GROWTHS_PER_CALL = 128
 """Growths in one compiled call: enough to amortize the call, few enough for the caches."""
 
 
-Result = TypeVar("Result")
+_Result = TypeVar("_Result")
 
 
 class BlockMapper(Protocol):
@@ -189,7 +186,7 @@ class Launches:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Block:
+class GrowthBlock:
     """Finished growths of a batch, j of them."""
 
     # plan, launch: index of the design and of the launch of each, shape (j,)
@@ -253,7 +250,7 @@ class Block:
         )
 
 
-def _deployments_of(block: Block) -> list[Deployment]:
+def _deployments_of(block: GrowthBlock) -> list[Deployment]:
     return [block.deployment(index) for index in range(len(block))]
 
 
@@ -298,7 +295,7 @@ class Batch:
     idle
         Workspaces shared with other batches; threads take and return them.
     engine
-        ``kernel``, ``interpreted`` or ``auto``, see `vinefab.growth.simulator.Engine`.
+        ``kernel``, ``interpreted`` or ``auto``, see `vinefab.growth.engine.Engine`.
 
     Notes
     -----
@@ -329,17 +326,18 @@ class Batch:
         self._page = launches.atlas.pages(plans.spans.radii_mm)
         # Appending and popping are safe between threads.
         self._idle = [] if idle is None else idle
-        if engine == "auto":
-            corners = max((one.corners for one in launches.atlas.terrains), default=0)
-            engine = quickest_engine(len(launches) * len(plans.trees.parent), corners)
-        self._engine = engine
+        corners = max((one.corners for one in launches.atlas.terrains), default=0)
+        self._engine = chosen_engine(engine, len(launches) * len(plans.trees.parent), corners)
 
     def __len__(self) -> int:
         return len(self.plans) * len(self.launches)
 
     def each(
-        self, work: Callable[[Block], Result], over: BlockMapper = map, size: int = BLOCK
-    ) -> Iterator[Result]:
+        self,
+        work: Callable[[GrowthBlock], _Result],
+        over: BlockMapper = map,
+        size: int = GROWTHS_PER_CALL,
+    ) -> Iterator[_Result]:
         """Grow all blocks and yield the result of ``work`` on each, in order.
 
         Parameters
@@ -350,7 +348,7 @@ class Batch:
         """
         yield from over(lambda first: self.worked(first, size, work), range(0, len(self), size))
 
-    def worked(self, first: int, size: int, work: Callable[[Block], Result]) -> Result:
+    def worked(self, first: int, size: int, work: Callable[[GrowthBlock], _Result]) -> _Result:
         """Grow ``size`` growths from ``first`` on, and return the result of ``work`` on them."""
         try:
             scratch = self._idle.pop()
@@ -372,7 +370,9 @@ class Batch:
         """Return every growth, grown again whenever it is asked for: for more than memory holds."""
         return Regrown(self)
 
-    def _grown(self, plan: Ints, launch: Ints, room_each: int, scratch: Workspace) -> Block | None:
+    def _grown(
+        self, plan: Ints, launch: Ints, room_each: int, scratch: Workspace
+    ) -> GrowthBlock | None:
         """Return some growths, or None if they need more chain points per branch."""
         branches = np.diff(self.plans.trees.first)[plan]
         branch, room = np.zeros((2, len(plan) + 1), dtype=np.int64)
@@ -416,7 +416,7 @@ class Batch:
                 self.launches.seeds[launch],
                 self._engine,
             )
-        return Block(
+        return GrowthBlock(
             plan=plan,
             launch=launch,
             plans=self.plans,

@@ -88,7 +88,7 @@ def gather_tips(branch, room, points, first_point, stop, hidden, tips, first):
     Parameters
     ----------
     branch, room, points, first_point, stop
-        Several growths as `vinefab.growth.batch.Block` holds them.
+        Several growths as `vinefab.growth.batch.GrowthBlock` holds them.
     hidden
         What ``stop`` is for a branch that did not emerge.
     tips

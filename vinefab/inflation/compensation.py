@@ -1,20 +1,76 @@
 """Flat angles that deploy as designed: the inverse of one simulated joint."""
 
+import json
+import os
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
+from vinefab.core.atomic import write_bytes
 from vinefab.core.errors import BadInputError, VinefabError
+from vinefab.core.hashing import fingerprint
 from vinefab.core.validation import Floats
-from vinefab.inflation.joint import InflatedJoint, Joint, inflated_joint, turned_joint
-from vinefab.inflation.joint_cache import cached, keep
+from vinefab.inflation.joint import InflatedJoint, JointShape, inflated_joint, turned_joint
 from vinefab.inflation.solve import NotConvergedError
-from vinefab.inflation.table import fan_table, table_file
+from vinefab.inflation.table import fan_table, simulation_fingerprint, table_file
+
+CACHE_VARIABLE = "VINEFAB_CACHE"
+"""Environment variable that names the folder of vinefab's cache."""
+
+_MOST_BYTES = 1 << 16
+
+
+def cache_folder() -> Path:
+    """Return the folder of joints simulated as now, whether it exists or not."""
+    named, home = os.environ.get(CACHE_VARIABLE), os.environ.get("XDG_CACHE_HOME")
+    root = Path(home) if home else Path("~/.cache").expanduser()
+    cache = Path(named).expanduser() if named else root / "vinefab"
+    return cache / "joints" / simulation_fingerprint()
+
+
+def cached(way: str, joint: JointShape) -> dict[str, Any] | None:
+    """Return the record of a joint, if it is there and whole.
+
+    Parameters
+    ----------
+    way
+        What was asked of the joint.
+    """
+    with suppress(OSError, ValueError, LookupError, TypeError, VinefabError):
+        path = _path(way, joint)
+        if path.stat().st_size <= _MOST_BYTES:
+            record = json.loads(path.read_bytes())
+            if record["joint"] == _plain(joint) and record["sum"] == _sum(record["found"]):
+                return dict(record["found"])
+    return None
+
+
+def keep(way: str, joint: JointShape, found: dict[str, Any]) -> None:
+    """Keep the record of a joint."""
+    with suppress(OSError, VinefabError):
+        record = {"joint": _plain(joint), "found": found, "sum": _sum(found)}
+        data = json.dumps(record).encode()
+        write_bytes(_path(way, joint), data, force=True, sealed=False, private=True)
+
+
+def _path(way: str, joint: JointShape) -> Path:
+    return cache_folder() / f"{way}-{fingerprint(_plain(joint))}.json"
+
+
+def _plain(joint: JointShape) -> dict[str, Any]:
+    plain: dict[str, Any] = json.loads(json.dumps(asdict(joint)))
+    return plain
+
+
+def _sum(found: dict[str, Any]) -> str:
+    return fingerprint(json.loads(json.dumps(found)))
+
 
 WITHIN_DEG = 0.25
 """A joint is solved when every child deploys within this of what is wanted."""
@@ -40,7 +96,7 @@ _LEAST_GAP_DEG = 4.0
 class UnreachableJointError(VinefabError, ValueError):
     """No flat joint deploys with the wanted angles."""
 
-    def __init__(self, wanted: Joint, nearest: "FlatJoint | None", why: str) -> None:
+    def __init__(self, wanted: JointShape, nearest: "FlatJoint | None", why: str) -> None:
         super().__init__(wanted, nearest, why)
         self.wanted, self.nearest, self.why = wanted, nearest, why
 
@@ -52,7 +108,7 @@ class UnreachableJointError(VinefabError, ValueError):
 class UnknownJointError(UnreachableJointError):
     """Neither the user's cache nor the table knows a joint; a simulation would tell."""
 
-    def __init__(self, wanted: Joint) -> None:
+    def __init__(self, wanted: JointShape) -> None:
         super().__init__(wanted, None, "not simulated yet")
 
 
@@ -63,7 +119,7 @@ class FlatJoint:
     Lengths are in widths of the joint's trunk; tuples have an entry for each child.
     """
 
-    flat: Joint  # as it is cut
+    flat: JointShape  # as it is cut
     deployed_deg: tuple[float, ...]  # angles under pressure
     # Flat length that each child needs beyond its deployed length.
     pull_backs: tuple[float, ...]
@@ -96,7 +152,7 @@ class FlatJoint:
 
 
 @lru_cache(maxsize=4096)
-def flat_joint(wanted: Joint, *, exact: bool = False) -> FlatJoint:
+def flat_joint(wanted: JointShape, *, exact: bool = False) -> FlatJoint:
     """Return the flat joint whose children deploy at given angles.
 
     From the table that ships where it can be trusted, else from the user's cache, else by Newton's
@@ -116,7 +172,7 @@ def flat_joint(wanted: Joint, *, exact: bool = False) -> FlatJoint:
 
     Examples
     --------
-    >>> pair = Joint.fan(2, 80.0, width=0.6, fillet=0.125)
+    >>> pair = JointShape.fan(2, 80.0, width=0.6, fillet=0.125)
     >>> [round(angle) for angle in flat_joint(pair).flat.angles_deg]
     [-40, 40]
     """
@@ -125,7 +181,7 @@ def flat_joint(wanted: Joint, *, exact: bool = False) -> FlatJoint:
 
 
 @lru_cache(maxsize=4096)
-def deployed_joint(flat: Joint, *, exact: bool = False) -> FlatJoint:
+def deployed_joint(flat: JointShape, *, exact: bool = False) -> FlatJoint:
     """Return what becomes of a flat joint, from the table, the cache or a simulation.
 
     Parameters
@@ -142,11 +198,11 @@ def deployed_joint(flat: Joint, *, exact: bool = False) -> FlatJoint:
     return found or _by_cache("deployed", flat, simulated_deployed_joint)
 
 
-def _by_table(way: str, joint: Joint) -> FlatJoint | None:
+def _by_table(way: str, joint: JointShape) -> FlatJoint | None:
     """Return an even fan by the table, where it can be trusted."""
     count, file = len(joint.angles_deg), table_file()
     fan_deg = joint.angles_deg[-1] - joint.angles_deg[0]
-    even = Joint.fan(
+    even = JointShape.fan(
         count,
         fan_deg,
         width=joint.widths[0],
@@ -183,7 +239,7 @@ def _by_table(way: str, joint: Joint) -> FlatJoint | None:
     )
 
 
-def known_joint(way: Literal["flat", "deployed"], joint: Joint) -> FlatJoint:
+def known_joint(way: Literal["flat", "deployed"], joint: JointShape) -> FlatJoint:
     """Return a joint without simulating it, from the table or from the user's cache.
 
     Gaps too narrow for their fillet count as if they had it: flat angles were within 1.8 degrees of
@@ -211,7 +267,7 @@ def known_joint(way: Literal["flat", "deployed"], joint: Joint) -> FlatJoint:
     return found
 
 
-def _from_cache(way: str, joint: Joint) -> FlatJoint | None:
+def _from_cache(way: str, joint: JointShape) -> FlatJoint | None:
     """Return a joint from the user's cache; raise what was raised when it was simulated."""
     record = cached(way, joint)
     nearest: FlatJoint | None = None
@@ -225,7 +281,9 @@ def _from_cache(way: str, joint: Joint) -> FlatJoint | None:
     return None
 
 
-def _by_cache(way: str, joint: Joint, simulate: Callable[[Joint], FlatJoint]) -> FlatJoint:
+def _by_cache(
+    way: str, joint: JointShape, simulate: Callable[[JointShape], FlatJoint]
+) -> FlatJoint:
     """Return a joint from the user's cache, or simulate it and keep it there."""
     if (known := _from_cache(way, joint)) is not None:
         return known
@@ -245,13 +303,13 @@ def _from_record(found: dict[str, Any] | None) -> FlatJoint | None:
     lists = {key: tuple(value) for key, value in found.items() if isinstance(value, list)}
     flat = found["flat"]
     angles, widths, fillets = (tuple(flat[key]) for key in ("angles_deg", "widths", "fillets"))
-    joint = Joint(
+    joint = JointShape(
         angles_deg=angles, widths=widths, fillets=fillets, hoop_strain=flat["hoop_strain"]
     )
     return FlatJoint(**(found | lists | {"flat": joint}))
 
 
-def simulated_deployed_joint(flat: Joint) -> FlatJoint:
+def simulated_deployed_joint(flat: JointShape) -> FlatJoint:
     """Return what becomes of a flat joint, by one simulation; as `deployed_joint`."""
     try:
         return FlatJoint.of(inflated_joint(flat))
@@ -259,7 +317,7 @@ def simulated_deployed_joint(flat: Joint) -> FlatJoint:
         raise UnreachableJointError(flat, None, str(error)) from error
 
 
-def simulated_flat_joint(wanted: Joint) -> FlatJoint:
+def simulated_flat_joint(wanted: JointShape) -> FlatJoint:
     """Return the flat joint whose children deploy at given angles, by simulations; as `flat_joint`.
 
     Newton's method. Small steps keep their triangles, so that it converges; what differs from mesh
@@ -275,7 +333,7 @@ def simulated_flat_joint(wanted: Joint) -> FlatJoint:
         return _solved(wanted, np.array(told.flat.angles_deg))
 
 
-def _solved(wanted: Joint, start_deg: Floats) -> FlatJoint:
+def _solved(wanted: JointShape, start_deg: Floats) -> FlatJoint:
     """Return the flat joint that Newton's method finds from some flat angles."""
     goal = np.array(wanted.angles_deg)
     even = is_even(wanted)
@@ -317,7 +375,7 @@ def _solved(wanted: Joint, start_deg: Floats) -> FlatJoint:
     raise UnreachableJointError(wanted, nearest, f"the nearest are {angles} degrees")
 
 
-def _simulated(flat: Joint, near: InflatedJoint | None) -> InflatedJoint:
+def _simulated(flat: JointShape, near: InflatedJoint | None) -> InflatedJoint:
     """Return a joint under pressure, on the triangles of one that is near."""
     if near is not None:
         turn = np.abs(np.subtract(flat.angles_deg, near.joint.angles_deg)).max()
@@ -327,7 +385,7 @@ def _simulated(flat: Joint, near: InflatedJoint | None) -> InflatedJoint:
     return inflated_joint(flat)
 
 
-def is_even(joint: Joint) -> bool:
+def is_even(joint: JointShape) -> bool:
     """Return whether a joint is its own mirror image."""
     pairs = zip(
         (*joint.angles_deg, *joint.widths, *joint.fillets),

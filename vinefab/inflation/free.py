@@ -15,7 +15,7 @@ from vinefab.inflation.joint import (
     ACROSS,
     CHILD_STUB,
     InflatedJoint,
-    Joint,
+    JointShape,
     inflated_joint,
     stub_axes,
 )
@@ -47,7 +47,7 @@ class FreeJoint:
         return 2.0 * self.planar.equilibrium.energy - self.energy
 
 
-def free_joint(joint: Joint, *, across: int = ACROSS, tell: Tell | None = None) -> FreeJoint:
+def free_joint(joint: JointShape, *, across: int = ACROSS, tell: Tell | None = None) -> FreeJoint:
     """Return a joint under pressure, free to bow out of its plane.
 
     Parameters
@@ -66,7 +66,7 @@ def free_joint(joint: Joint, *, across: int = ACROSS, tell: Tell | None = None) 
 
     Examples
     --------
-    >>> tube = Joint(angles_deg=(0.0,), widths=(1.0,), fillets=(0.1, 0.1))
+    >>> tube = JointShape(angles_deg=(0.0,), widths=(1.0,), fillets=(0.1, 0.1))
     >>> bool(free_joint(tube, across=4).bow_deg[0] < 1.0)
     True
     """

@@ -17,7 +17,7 @@ from vinefab.fabrication.outline.ends import round_tip
 from vinefab.fabrication.outline.gap import LEFT, RIGHT, Core, JointBranch, solve_gap
 from vinefab.fabrication.outline.stroke import LocalFrame, Pen, Point, placed, polar
 from vinefab.inflation.membrane import Bools, Membrane
-from vinefab.inflation.mesh import LEAST_ANGLE_DEG, Mesh, Straight, followed
+from vinefab.inflation.mesh import LEAST_ANGLE_DEG, SheetMesh, StraightSide, followed
 from vinefab.inflation.sheet import Sheet, sheet_of, turned_deg
 from vinefab.inflation.solve import Equilibrium, Tell
 from vinefab.inflation.tube import tube_stretch
@@ -38,7 +38,7 @@ _GRID = 24.0  # points across the trunk where balls are tried
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Joint:
+class JointShape:
     """A joint of a flat pattern.
 
     Parameters
@@ -87,7 +87,7 @@ class Joint:
         width: float,
         fillet: float,
         hoop_strain: float = 0.01,
-    ) -> "Joint":
+    ) -> "JointShape":
         """Return a joint with an even fan, as designs have: equal children, equal fillets."""
         turns = np.linspace(-fan_deg / 2.0, fan_deg / 2.0, children) if children > 1 else [0.0]
         return cls(
@@ -97,14 +97,14 @@ class Joint:
             hoop_strain=hoop_strain,
         )
 
-    def with_angles(self, angles_deg: tuple[float, ...]) -> "Joint":
+    def with_angles(self, angles_deg: tuple[float, ...]) -> "JointShape":
         """Return the joint with other flat angles."""
         return replace(self, angles_deg=angles_deg)
 
     @property
-    def mirrored(self) -> "Joint":
+    def mirrored(self) -> "JointShape":
         """The joint seen from below."""
-        return Joint(
+        return JointShape(
             angles_deg=tuple(-angle for angle in reversed(self.angles_deg)),
             widths=tuple(reversed(self.widths)),
             fillets=tuple(reversed(self.fillets)),
@@ -120,11 +120,11 @@ class JointOutline:
     """
 
     contour: Contour  # closed; the segment of `Part.MOUTH` is the cut through the trunk
-    straights: tuple[Straight, ...]  # the trunk's stub, then the children's
+    straights: tuple[StraightSide, ...]  # the trunk's stub, then the children's
 
 
 def joint_outline(
-    joint: Joint, *, trunk_stub: float = TRUNK_STUB, child_stub: float = CHILD_STUB
+    joint: JointShape, *, trunk_stub: float = TRUNK_STUB, child_stub: float = CHILD_STUB
 ) -> JointOutline:
     """Return the outline of a joint with stubs of so many of their own widths.
 
@@ -192,7 +192,7 @@ def joint_outline(
         closed=True,
     )
     center: Point = (0.0, 0.0)
-    trunk = Straight(
+    trunk = StraightSide(
         origin=center,
         heading_rad=0.0,
         begin=mouth / _DRAWN_MM,
@@ -201,7 +201,7 @@ def joint_outline(
         half_end=0.5,
     )
     children = (
-        Straight(
+        StraightSide(
             origin=center,
             heading_rad=math.radians(angle),
             begin=begin,
@@ -224,7 +224,7 @@ class InflatedJoint:
     joint, with the stretch a of its straight tube, and side_offset to the left of it.
     """
 
-    joint: Joint
+    joint: JointShape
     angles_deg: Floats  # deployed angle of each child to the trunk's axis, shape (n,)
     pull_backs: Floats  # shape (n,)
     side_offsets: Floats  # shape (n,)
@@ -260,7 +260,7 @@ class InflatedJoint:
 
 
 def inflated_joint(
-    joint: Joint,
+    joint: JointShape,
     *,
     across: int = ACROSS,
     trunk_stub: float = TRUNK_STUB,
@@ -323,7 +323,7 @@ def turned_joint(found: InflatedJoint, angles_deg: tuple[float, ...]) -> Inflate
     return _inflated(joint, turned, turned.inflated(start=start))
 
 
-def _outline_like(found: InflatedJoint, joint: Joint) -> JointOutline:
+def _outline_like(found: InflatedJoint, joint: JointShape) -> JointOutline:
     """Return the outline of a joint with stubs as long as another one's."""
     trunk, child = found.sheet.mesh.straights[:2]
     return joint_outline(
@@ -333,7 +333,7 @@ def _outline_like(found: InflatedJoint, joint: Joint) -> JointOutline:
     )
 
 
-def _inflated(joint: Joint, sheet: Sheet, found: Equilibrium) -> InflatedJoint:
+def _inflated(joint: JointShape, sheet: Sheet, found: Equilibrium) -> InflatedJoint:
     angles, backs, offsets = _measured(sheet.mesh, found.positions, joint.hoop_strain)
     return InflatedJoint(
         joint=joint,
@@ -357,7 +357,9 @@ class Axis:
     along: float  # place along the flat axis of that point
 
 
-def axis_of(straight: Straight, sides: tuple[Floats, Floats], leave: tuple[float, float]) -> Axis:
+def axis_of(
+    straight: StraightSide, sides: tuple[Floats, Floats], leave: tuple[float, float]
+) -> Axis:
     """Return the straight line through the middles between the deployed sides of a stretch.
 
     Parameters
@@ -384,7 +386,7 @@ def axis_of(straight: Straight, sides: tuple[Floats, Floats], leave: tuple[float
     return Axis(heading=heading / np.linalg.norm(heading), center=center, along=along)
 
 
-def stub_axes(mesh: Mesh, positions: Floats) -> list[Axis]:
+def stub_axes(mesh: SheetMesh, positions: Floats) -> list[Axis]:
     """Return the deployed axes of the trunk's stub and the children's, from corners in 2 or 3 d."""
     axes: list[Axis] = []
     for straight, (right, left) in zip(mesh.straights, mesh.sides, strict=True):
@@ -395,7 +397,9 @@ def stub_axes(mesh: Mesh, positions: Floats) -> list[Axis]:
     return axes
 
 
-def _measured(mesh: Mesh, positions: Floats, hoop_strain: float) -> tuple[Floats, Floats, Floats]:
+def _measured(
+    mesh: SheetMesh, positions: Floats, hoop_strain: float
+) -> tuple[Floats, Floats, Floats]:
     """Return deployed angles, pull-backs and side offsets of the children."""
     axes = stub_axes(mesh, positions[:, :2])
     trunk = axes[0]

@@ -40,7 +40,7 @@ _SMOOTHINGS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Straight:
+class StraightSide:
     """A stretch of tube whose two sides are straight, on the flat sheet."""
 
     origin: tuple[float, float]  # a point of its axis
@@ -66,14 +66,14 @@ class Straight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Mesh:
+class SheetMesh:
     """A flat sheet of triangles."""
 
     points: Floats  # shape (n, 2)
     triangles: Ints  # counter-clockwise, shape (m, 3)
     seam: Ints  # the corners on the outline in its order, the first once, shape (k,)
     places: Floats  # of those corners: distances along the outline, shape (k,)
-    straights: tuple[Straight, ...]
+    straights: tuple[StraightSide, ...]
     # The corners on the two sides of each straight stretch, from its beginning on: right, left.
     sides: tuple[tuple[Ints, Ints], ...]
 
@@ -91,8 +91,8 @@ class Mesh:
 
 
 def mesh_of(
-    outline: Contour, straights: tuple[Straight, ...], spacing: Floats, *, across: int
-) -> Mesh:
+    outline: Contour, straights: tuple[StraightSide, ...], spacing: Floats, *, across: int
+) -> SheetMesh:
     """Return triangles within a closed outline.
 
     Parameters
@@ -149,7 +149,7 @@ def mesh_of(
         raise BadInputError(
             "outline", "crosses itself or is too narrow", "an outline that triangles fill"
         )
-    mesh = Mesh(
+    mesh = SheetMesh(
         points=points,
         triangles=triangles,
         seam=np.arange(len(places)),
@@ -163,7 +163,9 @@ def mesh_of(
     return mesh
 
 
-def followed(mesh: Mesh, before: Contour, after: Contour, straights: tuple[Straight, ...]) -> Mesh:
+def followed(
+    mesh: SheetMesh, before: Contour, after: Contour, straights: tuple[StraightSide, ...]
+) -> SheetMesh:
     """Return a mesh that follows its outline to a slightly other one: other points, same triangles.
 
     Points of the outline keep their share of their segment; those within move smoothly with them.
@@ -263,7 +265,7 @@ class _Row:
     inner: tuple[Floats, Floats]  # place along the axis, share of the half width
 
 
-def _rows(straight: Straight, across: int) -> _Row:
+def _rows(straight: StraightSide, across: int) -> _Row:
     wide = (straight.half_begin + straight.half_end) / across
     length = straight.end - straight.begin
     steps = max(1, round(length / (LENGTHENED * wide)))
@@ -279,7 +281,7 @@ def _rows(straight: Straight, across: int) -> _Row:
 
 
 def _bounds(
-    curve: _Curve, straights: tuple[Straight, ...], rows: list[_Row], across: int
+    curve: _Curve, straights: tuple[StraightSide, ...], rows: list[_Row], across: int
 ) -> tuple[Floats, dict[int, int]]:
     """Return the places that must be points, and the steps of the sides that begin at some."""
     ends, steps = [], []
@@ -386,7 +388,7 @@ def _lattice(
     curve: _Curve,
     places: Floats,
     fixed: Floats,
-    straights: tuple[Straight, ...],
+    straights: tuple[StraightSide, ...],
     sizes: _Sizes,
     across: int,
 ) -> Floats:
@@ -415,7 +417,7 @@ def _lattice(
     return chosen
 
 
-def _covered(points: Floats, straights: tuple[Straight, ...]) -> Ints:
+def _covered(points: Floats, straights: tuple[StraightSide, ...]) -> Ints:
     """Return the numbers of the points on straight stretches, their sides included."""
     found = [np.zeros(0, dtype=np.int64)]
     if not len(points):
@@ -535,11 +537,11 @@ def _angles(points: Floats, triangles: Ints) -> Floats:
 
 
 def _sides(
-    seam: Floats, straights: tuple[Straight, ...], rows: list[_Row]
+    seam: Floats, straights: tuple[StraightSide, ...], rows: list[_Row]
 ) -> tuple[tuple[Ints, Ints], ...]:
     tree = scipy.spatial.cKDTree(seam)
 
-    def side(straight: Straight, steps: int, share: float) -> Ints:
+    def side(straight: StraightSide, steps: int, share: float) -> Ints:
         along = np.linspace(straight.begin, straight.end, steps + 1)
         nearest = tree.query(straight.points(along, np.full(len(along), share)))[1]
         return np.asarray(nearest, dtype=np.int64)

@@ -20,7 +20,7 @@ from vinefab.inflation.compensation import (
     known_joint,
     likely_flat_deg,
 )
-from vinefab.inflation.joint import Joint
+from vinefab.inflation.joint import JointShape
 from vinefab.inflation.tube import tube_stretch
 from vinefab.model.design import Build, Design, Trunk, UnevenLevel
 from vinefab.model.laser import LaserProfile, Material, Standing
@@ -38,7 +38,7 @@ ASSUMED_PRESSURE_KPA = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LevelJoint:
+class PatternJoint:
     """The joint that all branches of one level sprout from."""
 
     level: int  # of the children, 2 for those of the trunk
@@ -62,7 +62,7 @@ class Pattern:
     design: Design
     flat: Design
     deployed: Design
-    joints: tuple[LevelJoint, ...]  # of each level from the second on
+    joints: tuple[PatternJoint, ...]  # of each level from the second on
     standing: str = "simulated, unverified"
 
     @property
@@ -108,7 +108,7 @@ stay within 1.5 degrees of the design."""
 
 
 @lru_cache(maxsize=64)
-def _joint(wanted: Joint, compensated: bool, gain: float, known_only: bool) -> FlatJoint:  # noqa: FBT001  a key of the cache
+def _joint(wanted: JointShape, compensated: bool, gain: float, known_only: bool) -> FlatJoint:  # noqa: FBT001  a key of the cache
     """Return a joint whose children turn so many times as far as simulated, as measured.
 
     The simulated angles aimed at are moved until those with the gain are the wanted ones.
@@ -192,7 +192,7 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
             # Siblings would pass through each other: nothing that could be drawn.
             found = None
         joints.append(
-            LevelJoint(
+            PatternJoint(
                 level=place + 2,
                 width_mm=width_mm,
                 count=parents,
@@ -273,7 +273,7 @@ def _level_joint(
         if same and step > 1:
             break
         share = 1.0 - turn_deg / wanted_deg[-1] if wanted_deg[-1] else 1.0
-        wanted = Joint(
+        wanted = JointShape(
             angles_deg=tuple(round(share * angle, 3) for angle in wanted_deg),
             widths=(round(build.widths_mm[place + 1] / width_mm, 4),) * level.branches,
             fillets=fillets,

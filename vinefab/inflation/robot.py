@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy  # its parts load at their first use
+import shapely
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
@@ -15,14 +16,46 @@ from vinefab.core.validation import Floats
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.exactness import outline_parts
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
-from vinefab.inflation.crossing import Crossing, crossings
-from vinefab.inflation.joint import Joint, axis_of
-from vinefab.inflation.mesh import Straight
+from vinefab.inflation.joint import JointShape, axis_of
+from vinefab.inflation.mesh import StraightSide
 from vinefab.inflation.sheet import Sheet, sheet_of
 from vinefab.inflation.solve import Equilibrium, Tell
 from vinefab.model.design import Design
 from vinefab.model.outline import Contour, Part, Segment
 from vinefab.model.tree import fan_offsets_rad
+
+_FINE_MM = 0.05  # arcs become chords that lie this close to them
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Crossing:
+    """Two branches whose edges cross."""
+
+    branches: tuple[str, str]  # their ids; twice the same where a branch crosses itself
+    at_mm: tuple[float, float]
+
+
+def crossings(contour: Contour) -> tuple[Crossing, ...]:
+    """Return where segments of an outline that are no neighbours cross or touch, a pair once.
+
+    The mouth of an open outline counts as its last segment.
+    """
+    segments = list(contour.segments)
+    lines = [shapely.LineString(one.flattened_mm(_FINE_MM)) for one in segments]
+    names = [one.branch for one in segments]
+    if not contour.closed:
+        lines.append(shapely.LineString([segments[-1].end_mm, segments[0].start_mm]))
+        names.append(names[0])
+    one, two = shapely.STRtree(lines).query(lines, predicate="intersects")
+    apart = (one < two) & (two - one > 1) & ~((one == 0) & (two == len(lines) - 1))
+    found: dict[tuple[str, str], Crossing] = {}
+    for first, second in np.column_stack([one, two])[apart].tolist():
+        low, high = sorted((names[first], names[second]))
+        if (low, high) not in found:
+            place = shapely.intersection(lines[first], lines[second]).representative_point()
+            found[low, high] = Crossing(branches=(low, high), at_mm=(place.x, place.y))
+    return tuple(found.values())
+
 
 ACROSS = 8
 """Triangles across a tube of a robot."""
@@ -145,7 +178,7 @@ def _apart_words(layout: FlatLayout, found: tuple[Crossing, ...]) -> str:
     )
 
 
-def joints_of(design: Design, *, hoop_strain: float = 0.01) -> tuple[Joint, ...]:
+def joints_of(design: Design, *, hoop_strain: float = 0.01) -> tuple[JointShape, ...]:
     """Return the joints of a design, one for each level that has children, the trunk's first.
 
     Fillets are those that the outline has, capped where angles are narrow. Branches count as even:
@@ -160,7 +193,7 @@ def joints_of(design: Design, *, hoop_strain: float = 0.01) -> tuple[Joint, ...]
     for level, kinds in enumerate(outline_parts(design, 0.0).joints):
         parent, children = build.end_widths_mm[level], design.levels[level].branches
         joints.append(
-            Joint(
+            JointShape(
                 angles_deg=tuple(np.degrees(fan_offsets_rad(design.levels[level])).tolist()),
                 widths=(build.widths_mm[level + 1] / parent,) * children,
                 fillets=tuple(gap.radius_mm / parent for gap in kinds[0].gaps),
@@ -234,7 +267,7 @@ def inflated_pattern(
     )
 
 
-def _straights(contour: Contour, layout: FlatLayout, unit: float) -> dict[str, Straight]:
+def _straights(contour: Contour, layout: FlatLayout, unit: float) -> dict[str, StraightSide]:
     """Return the straight stretches of a pattern by the ids of their branches."""
     lines: dict[str, list[Segment]] = {}
     for segment in contour.segments:
@@ -247,7 +280,7 @@ def _straights(contour: Contour, layout: FlatLayout, unit: float) -> dict[str, S
         length = float(layout.tree.length_mm[branch]) / unit
         half = float(layout.width_mm[branch]) / unit / 2.0
         end_half = float(layout.end_width_mm[branch]) / unit / 2.0
-        axis = Straight(
+        axis = StraightSide(
             origin=(x, y), heading_rad=heading, begin=0.0, end=1.0, half_begin=half, half_end=half
         )
         slope = abs(half - end_half) / length
@@ -262,7 +295,7 @@ def _straights(contour: Contour, layout: FlatLayout, unit: float) -> dict[str, S
         if end - begin < 2.0 * half * _LEAST_STRAIGHT:
             continue
         halves = [float(np.interp(at, right[:, 0], -right[:, 1])) for at in (begin, end)]
-        found[name] = Straight(
+        found[name] = StraightSide(
             origin=(x, y),
             heading_rad=heading,
             begin=float(begin),
@@ -274,7 +307,7 @@ def _straights(contour: Contour, layout: FlatLayout, unit: float) -> dict[str, S
 
 
 def _longest(
-    axis: Straight, lines: list[Segment], side: float, slope: float
+    axis: StraightSide, lines: list[Segment], side: float, slope: float
 ) -> list[tuple[float, float]] | None:
     """Return the ends, along and across, of the longest straight run on one side of a branch."""
     runs: list[list[tuple[float, float]]] = []

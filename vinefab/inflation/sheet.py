@@ -9,7 +9,7 @@ import scipy  # its parts load at their first use
 
 from vinefab.core.validation import Floats, Ints
 from vinefab.inflation.membrane import Membrane
-from vinefab.inflation.mesh import Mesh, Straight, mesh_of
+from vinefab.inflation.mesh import SheetMesh, StraightSide, mesh_of
 from vinefab.inflation.solve import Equilibrium, Tell, at_rest
 from vinefab.model.outline import Contour, Part
 
@@ -38,7 +38,7 @@ class Sheet:
     without a mouth is held at two points against moving as a whole.
     """
 
-    mesh: Mesh
+    mesh: SheetMesh
     membrane: Membrane
     is_seam: "Ints"  # corners that keep z = 0, in the outline's order
 
@@ -65,7 +65,7 @@ class Sheet:
         return np.column_stack([points, np.where(held, 0.0, _START_SLOPE * away)])
 
     def seam_loads(self, found: Equilibrium) -> Floats:
-        """Return the load that opens the weld at each corner of `Mesh.seam`, over p W, shape (k,).
+        """Return the load that opens the weld at each corner of `SheetMesh.seam`, over p W.
 
         Force per length of flat seam, the mean over `LOAD_LENGTH` of it; 1 / pi on a straight tube
         of width 1, NaN at a mouth.
@@ -90,7 +90,7 @@ class Sheet:
 
 def sheet_of(
     outline: Contour,
-    straights: tuple[Straight, ...],
+    straights: tuple[StraightSide, ...],
     widths: Mapping[str, float],
     *,
     across: int,

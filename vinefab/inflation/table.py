@@ -67,7 +67,7 @@ def simulation_fingerprint() -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rows:
+class JointRows:
     """Simulated fans of so many children; of mirror images only the left, outermost first."""
 
     children: int
@@ -79,7 +79,7 @@ class Rows:
     figures: Floats
 
     @classmethod
-    def of(cls, children: int, table: Floats) -> "Rows":
+    def of(cls, children: int, table: Floats) -> "JointRows":
         """Return the rows of a table's array."""
         half = children // 2
         parts = np.split(table.astype(np.float64), np.cumsum([3, half, half]), axis=1)
@@ -222,7 +222,7 @@ class Fan:
 class FanTable:
     """The table's fans of so many children."""
 
-    def __init__(self, rows: Rows, scales: Floats) -> None:
+    def __init__(self, rows: JointRows, scales: Floats) -> None:
         self.rows = rows
         compensation, deployment, *figures = (
             Scales(lengths=row[:4], noise=float(row[4])) for row in scales
@@ -305,7 +305,7 @@ def _plain(values: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def figure_groups(children: int) -> list[slice]:
-    """Return the columns of `Rows.figures` that share a process: lengths, and each other one."""
+    """Return the columns of `JointRows.figures` that share a process."""
     lengths = (children + 1) // 2 + children // 2
     return [slice(0, lengths), *(slice(k, k + 1) for k in range(lengths, lengths + 3))]
 
@@ -330,7 +330,7 @@ class TableFile:
     fingerprint: str  # of the simulation that made it
     compensation: Bound
     deployment: Bound
-    rows: dict[int, Floats]  # arrays of `Rows`
+    rows: dict[int, Floats]  # arrays of `JointRows`
     scales: dict[int, Floats]
 
     @classmethod
@@ -366,7 +366,9 @@ def fan_table(children: int) -> FanTable | None:
     file = table_file()
     if file is None or children not in CHILDREN:
         return None
-    return FanTable(Rows.of(children, file.rows[children]), file.scales[children].astype(float))
+    return FanTable(
+        JointRows.of(children, file.rows[children]), file.scales[children].astype(float)
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

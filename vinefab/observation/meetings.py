@@ -22,8 +22,8 @@ from vinefab.core.table import TablePart
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats
 from vinefab.growth.arrays import Growth, Launch, Rules, TreeArrays, WallArrays
+from vinefab.growth.engine import KERNEL, rules_of
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import KERNEL, rules_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Map

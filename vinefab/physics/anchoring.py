@@ -16,7 +16,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.units import STANDARD_GRAVITY_M_S2
 from vinefab.core.validation import Floats
 from vinefab.physics.growth_pressure import capstan_factor
-from vinefab.physics.seam import N_MM2_PER_KPA, line_load_n_mm
+from vinefab.physics.seam import line_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm
 
 
@@ -43,45 +43,28 @@ ASSUMED_FRICTION = NumberRange(low=0.2, value=0.3, high=0.8)
 """TPU film on printed plastic [assumed]; measure yours."""
 
 
-def pouch_contact_mm2(length_mm: float, width_mm: float, gap_mm: float) -> float:
-    """Return the area l_p (w_p - pi g / 2) that a pouch presses on each of two parallel walls.
+def pouch_contacts_mm2(length_mm: Floats, width_mm: Floats, gap_mm: Floats) -> Floats:
+    """Return the area l_p (w_p - pi g / 2) that each pouch presses on each of two parallel walls.
 
     Parameters
     ----------
     length_mm, width_mm
-        Flat size of the pouch, along and across its branch.
+        Flat size of each pouch, along and across its branch, shape (m,).
     gap_mm
-        Distance between the walls.
+        Distance between the walls, shape (m,).
 
     Returns
     -------
-    float
-        0 where the inflated pouch, 2 w_p / pi wide, is no wider than the gap.
+    Floats
+        0 where the inflated pouch, 2 w_p / pi wide, is no wider than the gap; shape (m,).
 
     Notes
     -----
     Standing: computed. The flat circumference 2 w_p minus the two half circles across the gap lies
     on the walls. Ends and hoop strain are neglected.
-
-    Examples
-    --------
-    >>> round(pouch_contact_mm2(30.0, 40.0, 20.0), 1)
-    257.5
     """
-    if inflated_diameter_mm(width_mm) <= gap_mm:
-        return 0.0
-    return length_mm * (width_mm - math.pi * gap_mm / 2.0)
-
-
-def pouch_contacts_mm2(length_mm: Floats, width_mm: Floats, gap_mm: Floats) -> Floats:
-    """Return `pouch_contact_mm2` of many pouches at once; all arrays have shape (m,)."""
     wide = inflated_diameter_mm(width_mm) > gap_mm
     return np.where(wide, length_mm * (width_mm - math.pi * gap_mm / 2.0), 0.0)
-
-
-def tip_force_n(pressure_kpa: float, contact_mm2: float, friction: float) -> float:
-    """Return the force that one pouch holds between two walls: 2 P A_c mu (Eq. 1 of the paper)."""
-    return 2.0 * pressure_kpa * N_MM2_PER_KPA * contact_mm2 * friction
 
 
 FILM_N_MM = 27.6 * 0.0375
@@ -106,19 +89,6 @@ def branch_limit_n(width_mm: float, weaker_n_mm: float) -> float:
         [assumed].
     """
     return 2.0 * width_mm * weaker_n_mm
-
-
-def branch_force_n(carried_n: float, turn_rad: float, friction: float, limit_n: float) -> float:
-    """Return the pull at the base end of a branch, at most what it stands (Eq. 2 of the paper).
-
-    Parameters
-    ----------
-    carried_n
-        What its pouch, or all its children together, hold at its tip.
-    turn_rad
-        Its own turns at contacts.
-    """
-    return min(limit_n, carried_n * capstan_factor(friction, turn_rad))
 
 
 def amplification(turns_rad: Sequence[float], friction: float) -> float:

@@ -41,17 +41,6 @@ def lumen_area_mm2(width_mm: float) -> float:
 # --- A free span under load -----------------------------------------------------------------------
 
 
-def wrinkle_moment_n_mm(pressure_kpa: float, width_mm: float) -> float:
-    """Return the moment (pi/2) P R^3 at which an inflated tube begins to wrinkle (published).
-
-    Examples
-    --------
-    >>> round(wrinkle_moment_n_mm(30.0, 20.0), 1)
-    12.2
-    """
-    return 0.5 * collapse_moment_n_mm(pressure_kpa, width_mm, 1.0)
-
-
 EVERTED_SHARE = Quantity(
     value=0.83,
     standing=Standing.PUBLISHED,
@@ -100,56 +89,3 @@ def self_weight_span_mm(
     film_mm2 = 2.0 * 2.0 * width_mm * ply_mm
     weight_n_mm = film_mm2 * density_kg_m3 * 1e-9 * STANDARD_GRAVITY_M_S2
     return math.sqrt(2.0 * collapse_moment_n_mm(pressure_kpa, width_mm) / weight_n_mm)
-
-
-def bending_stiffness_n_mm2(width_mm: float, ply_mm: float, modulus_mpa: float) -> float:
-    """Return E I = E pi R^3 t of an inflated tube that does not wrinkle (published, thin wall)."""
-    return modulus_mpa * math.pi * inflated_radius_mm(width_mm) ** 3 * ply_mm
-
-
-def axial_buckling_n(
-    length_mm: float,
-    pressure_kpa: float,
-    width_mm: float,
-    ply_mm: float,
-    modulus_mpa: float,
-    shear_mpa: float,
-) -> float:
-    """Return the axial load that buckles a free span with pinned ends (Fichter, published).
-
-    F = (E pi^3 R^4 t P + E G pi^3 R^3 t^2) / (E pi^2 R^2 t + R L^2 P + G t L^2).
-
-    Parameters
-    ----------
-    length_mm
-        Free length L.
-    pressure_kpa, width_mm, ply_mm
-        Gauge pressure, lay-flat lumen width and film thickness.
-    modulus_mpa, shear_mpa
-        Young's modulus E and shear modulus G of the film.
-
-    Examples
-    --------
-    >>> round(axial_buckling_n(300.0, 30.0, 20.0, 0.0375, 30.0, 10.0), 2)
-    0.1
-    """
-    radius_mm, pressure = inflated_radius_mm(width_mm), pressure_kpa * N_MM2_PER_KPA
-    shear_n_mm = pressure * radius_mm + shear_mpa * ply_mm
-    bending_n_mm = modulus_mpa * math.pi**2 * radius_mm**2 * ply_mm
-    return (
-        math.pi * radius_mm * bending_n_mm * shear_n_mm / (bending_n_mm + length_mm**2 * shear_n_mm)
-    )
-
-
-def growth_push_n(pressure_kpa: float, path_kpa: float, width_mm: float) -> float:
-    """Return the force F = (P - P_path) pi R^2 with which a tip that cannot advance pushes.
-
-    Parameters
-    ----------
-    pressure_kpa, path_kpa
-        Gauge pressure, and the pressure that growth to the tip needs.
-    width_mm
-        Lay-flat lumen width.
-    """
-    over_kpa = max(0.0, pressure_kpa - path_kpa)
-    return over_kpa * N_MM2_PER_KPA * lumen_area_mm2(width_mm)

@@ -30,9 +30,10 @@ from vinefab.core.view import (
     Result,
     document,
 )
+from vinefab.growth.engine import Engine
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
-from vinefab.growth.simulator import Engine, grow_on
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import CUT_STOPS, Deployment, Stop
 from vinefab.model.design import Design, UnevenLevel

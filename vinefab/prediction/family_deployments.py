@@ -11,7 +11,7 @@ from vinefab.core.limits import MOST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
 from vinefab.core.validation import whole
-from vinefab.growth.batch import BLOCK, Batch, Launches, TerrainSet
+from vinefab.growth.batch import GROWTHS_PER_CALL, Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -184,7 +184,7 @@ def deploy_family(
         words = f"{done} of {counted(len(deployments), 'deployment')}"
         progress(done / len(deployments), words)
     one_by_one, first = iter(unpressed), 0
-    while some := list(islice(one_by_one, BLOCK)):
+    while some := list(islice(one_by_one, GROWTHS_PER_CALL)):
         columns[first : first + len(some), -2:] = worst_pressures_of(some, design).T
         first += len(some)
     names = prepared.names

@@ -32,15 +32,14 @@ from vinefab.inflation.free import FreeJoint, free_joint
 from vinefab.inflation.pattern import (
     ASSUMED_PRESSURE_KPA,
     MOST_STRAIN,
-    LevelJoint,
     Pattern,
+    PatternJoint,
     pattern_of,
     strain_of,
     stretch_of,
 )
 from vinefab.inflation.pattern_view import pattern_blocks
 from vinefab.inflation.robot import ACROSS, InflatedRobot, inflated_robot, with_short_tail
-from vinefab.inflation.surface import closed_surface
 from vinefab.inflation.tube import tube_stretch
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Material, Standing
@@ -50,7 +49,7 @@ from vinefab.pages.panel import Ink, Page, Panel, Shape, page_of_rows, plan_pane
 from vinefab.pages.plan import page_bytes
 from vinefab.physics.seam import hoop_strain
 from vinefab.prediction.family_deployments import ProgressCallback, no_progress, part_of
-from vinefab.prediction.surface_files import SURFACE_FORMATS
+from vinefab.prediction.surface_files import SURFACE_FORMATS, closed_surface
 
 LEFT_OUT = (
     "contact of branches with each other",
@@ -178,7 +177,7 @@ def _signed_area_mm2(ring: shapely.Polygon) -> float:
     return float((x[:-1] * y[1:] - x[1:] * y[:-1]).sum() / 2.0)
 
 
-def _solvable_words(joint: LevelJoint) -> str:
+def _solvable_words(joint: PatternJoint) -> str:
     """Return why the joint of a level cannot be cut so that it deploys, and what to change."""
     # The triangles' own words say nothing to the designer.
     why = joint.problem.partition(": outline is")[0]

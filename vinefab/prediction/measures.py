@@ -12,7 +12,7 @@ from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import Number, bracketed
-from vinefab.growth.batch import Block
+from vinefab.growth.batch import GrowthBlock
 from vinefab.model.deployment import STUCK_STOPS, Deployment
 from vinefab.model.design import Design
 from vinefab.model.laser import GrowthConstants
@@ -333,7 +333,7 @@ def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
 
 
 def measured_shapes(
-    block: Block, design: Design, contexts: Sequence[MapContext], anchoring: Anchoring
+    block: GrowthBlock, design: Design, contexts: Sequence[MapContext], anchoring: Anchoring
 ) -> Floats:
     """Return all but the last two of `MEASURES`, which are the pressures, a row per growth."""
     coverage = Coverage().evaluate_block(block, contexts)
@@ -350,7 +350,7 @@ def measured_shapes(
     return np.column_stack([*areas, touched_percent(block, contexts), np.array(rows)])
 
 
-def touched_percent(block: Block, contexts: Sequence[MapContext]) -> Floats:
+def touched_percent(block: GrowthBlock, contexts: Sequence[MapContext]) -> Floats:
     """Return the share of their maps' targets that growths touch; NaN where a map has none."""
     if not all(context.targets for context in contexts):
         return np.full(len(block.terrain), np.nan)

@@ -18,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, Ints
-from vinefab.growth.batch import Batch, Block, BlockMapper, Launches, TerrainSet, Workspace
+from vinefab.growth.batch import Batch, BlockMapper, GrowthBlock, Launches, TerrainSet, Workspace
 from vinefab.growth.free_space import beside_walls
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
@@ -191,7 +191,7 @@ class PoseTrial:
         self,
         poses: Floats,
         draws: PoseDraws,
-        work: Callable[[Block], NDArray[Any]],
+        work: Callable[[GrowthBlock], NDArray[Any]],
         count: DeploymentCounter = _count_nothing,
     ) -> NDArray[Any]:
         """Return what ``work`` returns for every growth, shape (n, k) or (n, k, ...)."""
@@ -214,7 +214,7 @@ class PoseTrial:
         """Return a task's score of every pose at every draw, shape (n, k)."""
         contexts = [self.prepared.context]
 
-        def scored(block: Block) -> Floats:
+        def scored(block: GrowthBlock) -> Floats:
             found = outcomes(task, block, contexts).score
             if not np.isfinite(found).all():
                 where = f"a number on {self.prepared.world.name}"

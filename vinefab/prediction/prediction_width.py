@@ -17,7 +17,7 @@ from vinefab.core.statistics import mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.core.view import Data, Number, Picture, Rows, Section
-from vinefab.growth.batch import Batch, Block
+from vinefab.growth.batch import Batch, GrowthBlock
 from vinefab.growth.options import BRANCH_CONTACTS, GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import STUCK_STOPS, Stop
@@ -209,7 +209,7 @@ def _contact_measures(
     contexts = [prepared_map.context for prepared_map in prepared.maps]
     areas = [context.without_targets for context in contexts]
 
-    def measured(block: Block) -> Floats:
+    def measured(block: GrowthBlock) -> Floats:
         coverage = outcomes(Coverage(area="fast"), block, contexts)
         reach = outcomes(Reach(area="fast"), block, areas)
         edges = block.branch[:-1]
@@ -320,7 +320,7 @@ def _pressed(
 ) -> tuple[float, float, float]:
     """Return grown length, stopped branches and deployments without any, in percent."""
 
-    def measured(block: Block) -> Floats:
+    def measured(block: GrowthBlock) -> Floats:
         edges = block.branch[:-1]
         stopped = np.add.reduceat((block.growth.stop == Stop.PRESSURE).astype(np.float64), edges)
         grown = np.add.reduceat(block.growth.grown, edges) / block.planned_mm()

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from vinefab.core.statistics import mean_interval
 from vinefab.core.validation import Floats, Ints
-from vinefab.growth.batch import Block
+from vinefab.growth.batch import GrowthBlock
 from vinefab.model.deployment import Deployment
 from vinefab.prediction.pose_search import (
     DeploymentCounter,
@@ -219,7 +219,7 @@ class TeamSearch:
         )
 
     def _covered_bits(self, poses: Floats, draws: PoseDraws) -> Bits:
-        def packed(block: Block) -> Bits:
+        def packed(block: GrowthBlock) -> Bits:
             return np.packbits(self.cover.covered(block), axis=-1)
 
         return np.asarray(self.trial.each(poses, draws, packed, self.tell))

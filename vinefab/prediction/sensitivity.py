@@ -14,7 +14,7 @@ from vinefab.core.statistics import PAIRED_TAILS, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.core.view import Data, Picture, Rows, Section
-from vinefab.growth.batch import Batch, Block, Launches, Workspace
+from vinefab.growth.batch import Batch, GrowthBlock, Launches, Workspace
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan, Plans
 from vinefab.model.deployment import Deployment, Stop
@@ -180,7 +180,7 @@ class VariantEvaluator:
         contexts = [place.context.without_targets for place in self.prepared.maps]
         unpressed = list[Deployment]()
 
-        def measured(block: Block) -> Floats:
+        def measured(block: GrowthBlock) -> Floats:
             seen = outcomes(Coverage(area="fast"), block, contexts).terms["area"]
             reached = outcomes(Reach(area="fast"), block, contexts).score
             deployments = [block.deployment(index) for index in range(len(block))]

@@ -13,7 +13,14 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, Ints
-from vinefab.growth.batch import BLOCK, Batch, Block, Launches, TerrainSet, Workspace
+from vinefab.growth.batch import (
+    GROWTHS_PER_CALL,
+    Batch,
+    GrowthBlock,
+    Launches,
+    TerrainSet,
+    Workspace,
+)
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.poses import spread_notes
 from vinefab.model.design import MOST_BRANCHES, Design
@@ -517,7 +524,7 @@ class Evaluator:
         def grown(first: int, size: int) -> tuple[TaskOutcomes, Work]:
             watch = Stopwatch()
 
-            def work(block: Block) -> tuple[TaskOutcomes, Work]:
+            def work(block: GrowthBlock) -> tuple[TaskOutcomes, Work]:
                 growth_s = watch.lap_s()
                 scored = outcomes(self.task, block, grounds)
                 return scored, Work(growth_s=growth_s, scoring_s=watch.lap_s())
@@ -599,7 +606,7 @@ def block_sizes(growths: int, workers: int) -> list[int]:
     sizes, left = list[int](), growths
     while left > 0:
         share = math.ceil(left / (SHARE_LEFT * workers))
-        sizes.append(min(max(share, least), BLOCK, left))
+        sizes.append(min(max(share, least), GROWTHS_PER_CALL, left))
         left -= sizes[-1]
     return sizes
 

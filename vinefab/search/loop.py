@@ -20,16 +20,17 @@ from vinefab.search.best_check import BestCheck, rules_broken
 from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Penalty
 from vinefab.search.finalists import choose_finalists, reevaluated, settled
 from vinefab.search.front import minimized
+from vinefab.search.optimizers.evolution import FrontOptimizer
 from vinefab.search.optimizers.islands import (
     ScreeningOptimizer,
     StartingOptimizer,
 )
-from vinefab.search.optimizers.nsga2 import FrontOptimizer
 from vinefab.search.optimizers.optimizer import Optimizer
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
+from vinefab.search.outset import refuse_starts_without_room
 from vinefab.search.parallel.point_evaluator import Begin, PointEvaluator, ThreadEvaluator
 from vinefab.search.record.generations import Finalist, Generation, Progress, RunIdentity
-from vinefab.search.record.result import RunResult, damage_errors, with_origin
+from vinefab.search.record.result import RunResult, damage_errors, design_of_finalist
 from vinefab.search.record.store import Recorder, RunStore
 from vinefab.search.relaxing import without_rules
 from vinefab.search.settings import (
@@ -38,7 +39,6 @@ from vinefab.search.settings import (
     SearchSettings,
     check_objectives,
 )
-from vinefab.search.start_room import refuse_starts_without_room
 from vinefab.search.timing import Ledger
 from vinefab.tasks.evaluate import Conditions
 from vinefab.tasks.targets import task_targets
@@ -206,7 +206,9 @@ class Search:
                 store.finish(finalists, stopped, ledger.split(), repair, notes)
         return RunResult(
             run_id=identity.run_id,
-            best=with_origin(finalists[0], settings, identity.run_id, identity.versions, self.maps),
+            best=design_of_finalist(
+                finalists[0], settings, identity.run_id, identity.versions, self.maps
+            ),
             finalists=finalists,
             history=tuple(history),
             stopped=stopped,

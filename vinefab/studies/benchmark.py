@@ -24,9 +24,10 @@ from vinefab.core.view import Block, Notes, Number, Rows, Value
 from vinefab.growth import kernel
 from vinefab.growth.arrays import Growth, Launch
 from vinefab.growth.batch import Batch, BlockMapper, Launches, TerrainSet
+from vinefab.growth.engine import KERNEL, rules_of
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import KERNEL, grow_on, rules_of
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.poses import draw_poses
@@ -48,7 +49,6 @@ from vinefab.search.settings import (
 )
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
 from vinefab.search.timing import TimeSplit, Work
-from vinefab.studies.shapely_reference import ReferenceBranch, ReferenceWorld, grow_tree, tips_mm
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import PreparedMap, score_designs
 
@@ -345,7 +345,7 @@ def first_growth_s(world: Map, before: str) -> float:
     return float(done.stdout)
 
 
-_SCHEMA = "vinefab/bench-1"
+_SCHEMA = "vinefab/bench-2"
 SIZES = (300, 3_000, 30_000, 300_000)
 MILLION = 1_010_000
 """Rounding and chance leave a little less."""
@@ -383,12 +383,7 @@ class BenchmarkResult:
     search: SearchEvaluation  # the same evaluations by the search's own evaluator
     penalty: PenaltyTimes  # how far designs are from manufacturable
     first_grow_s: dict[str, float]  # time of ``vinefab grow`` on a new computer, by `FIRST_GROWTHS`
-    # reference_branches_per_s, interpreted_branches_per_s: branches grown by the Shapely reference
-    # and by the kernel as the interpreter runs it
-    reference_branches_per_s: float
-    # largest distance between a tip of the reference and that of the kernel
-    reference_error_mm: float
-    interpreted_branches_per_s: float
+    interpreted_branches_per_s: float  # grown by the kernel as the interpreter runs it
     evaluation_over_growth: float  # time of a full evaluation over that of growth alone
     # events_per_branch, ns_per_event: mean number of events, and the time of one
     events_per_branch: float
@@ -408,20 +403,14 @@ class BenchmarkResult:
     searches: dict[str, TimeSplit]
 
     @property
-    def speedup(self) -> float:
-        """How many times faster a branch is than with the Shapely reference."""
-        return self.branches_per_s / self.reference_branches_per_s
-
-    @property
     def over_floor(self) -> float:
         """Time of an event over its floor."""
         return self.ns_per_event / self.floor.ns_per_event
 
     def text(self) -> str:
-        """Return everything as JSON: ``vinefab/bench-1``."""
+        """Return everything as JSON: ``vinefab/bench-2``."""
         content = asdict(self)
         content |= {
-            "speedup": self.speedup,
             "start_ns_per_event": self.ns_per_event,
             "edges": [size.walls for size in self.sizes],
             "ns_per_event": [size.ns_per_event for size in self.sizes],
@@ -460,12 +449,11 @@ def run_benchmark(
     for index, wanted in enumerate(walls):
         progress(0.1 + 0.5 * index / len(walls), f"{wanted} walls")
         sizes.append(_size(wanted))
-    progress(0.6, "references")
+    progress(0.6, "the smallest map")
     batch = batch_on(site.terrain, poses)
     branches, count = len(batch) * len(batch.plans.each[0]), events(batch)
-    reference = _Reference(site.terrain, poses[:25])
-    grown_s, evaluated_s, reference_s = least_each_s(
-        (lambda: events(batch), lambda: _evaluate(site, batch.launches), reference.grow)
+    grown_s, evaluated_s = least_each_s(
+        (lambda: events(batch), lambda: _evaluate(site, batch.launches))
     )
     again = [batch_on(site.terrain, (pose,) * GROWTHS) for pose in poses[:FORESEEN_GROWTHS]]
     foreseen_ns = [_ns_per_event(growths) for growths in again]
@@ -476,8 +464,6 @@ def run_benchmark(
         search=search_evaluation(site.world),
         penalty=penalty_times(),
         first_grow_s={name: first_growth_s(site.world, do) for name, do in FIRST_GROWTHS.items()},
-        reference_branches_per_s=reference.branches / reference_s,
-        reference_error_mm=reference.error_mm(),
         interpreted_branches_per_s=_interpreted(site.terrain, poses[:5]),
         evaluation_over_growth=evaluated_s / grown_s,
         events_per_branch=count / branches,
@@ -509,26 +495,6 @@ def _ns_per_event(batch: Batch) -> float:
 
 def _evaluate(site: PreparedMap, launches: Launches, over: BlockMapper = map) -> None:
     score_designs([tree_of_40()], [site], launches, Coverage(area="fast"), BENCH_GROWTH, over)
-
-
-class _Reference:
-    """The growths of the tree from some poses, by the Shapely reference."""
-
-    def __init__(self, terrain: Terrain, poses: tuple[Pose, ...]) -> None:
-        self._terrain, self._poses = terrain, poses
-        self._course, self._tree = ReferenceWorld(terrain.free_space()), branch_tree(tree_of_40())
-        self.branches = len(poses) * len(self._tree)
-
-    def grow(self) -> list[list[ReferenceBranch]]:
-        return [grow_tree(self._course, self._tree, pose, BENCH_GROWTH) for pose in self._poses]
-
-    def error_mm(self) -> float:
-        """Return how far its tips are from the kernel's at most."""
-        exact = [
-            grow_on(tree_of_40(), self._terrain, pose, BENCH_GROWTH).tips_mm for pose in self._poses
-        ]
-        found = [tips_mm(branches) for branches in self.grow()]
-        return max(float(np.abs(a - b).max()) for a, b in zip(found, exact, strict=True))
 
 
 def _interpreted(terrain: Terrain, poses: tuple[Pose, ...]) -> float:
@@ -620,8 +586,6 @@ def _compared(result: BenchmarkResult) -> Iterator[tuple[Value, ...]]:
     for name, rate, unit, words in (
         ("growth", result.branches_per_s, "branches/s",
          f"{growths_per_s:,.0f} trees/s, {result.events_per_branch:.2f} events a branch"),
-        ("Shapely reference", result.reference_branches_per_s, "branches/s",
-         f"{result.speedup:,.0f} times slower, tips within {result.reference_error_mm:.1e} mm"),
         ("interpreted kernel", result.interpreted_branches_per_s, "branches/s",
          f"{slower:,.0f} times slower"),
         ("full evaluation", result.evaluations_per_s, "trees/s", "scored for coverage, "

@@ -7,15 +7,12 @@ in a run with ``--cluster``.
 """
 
 import heapq
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from vinefab.core.validation import Floats
-from vinefab.pages.colours import INK, LEVEL_COLOURS
-from vinefab.pages.figure import blank, frame, house_style
 from vinefab.search.evaluator import Evaluations
 from vinefab.search.loop import Search
 from vinefab.search.parallel.work_placement import HandingOut, Pace, point_weights
@@ -194,41 +191,3 @@ class Scaling:
     def saturation(self) -> int:
         """The fewest workers with which the search is within 10 % of its highest speed."""
         return WORKERS[int(np.argmax(self.speedups >= 0.9 * self.speedups.max()))]
-
-
-def scaling_rows(results: Sequence[Scaling]) -> list[str]:
-    """Return results as rows of a Markdown table."""
-    heading = f"| search | latency | {' | '.join(map(str, WORKERS))} | saturates at |"
-    rows = [heading, f"|{'---|' * (len(WORKERS) + 3)}"]
-    for result in results:
-        cells = " | ".join(f"{speedup:.1f}" for speedup in result.speedups)
-        latency = f"{1e3 * result.latency_s:g} ms"
-        rows.append(f"| {result.load.name} | {latency} | {cells} | {result.saturation} |")
-    return rows
-
-
-def scaling_figure(results: Sequence[Scaling]) -> Figure:
-    """Return the chart of speed over workers."""
-    colours: Mapping[str, str] = {
-        name: LEVEL_COLOURS[rank % len(LEVEL_COLOURS)]
-        for rank, name in enumerate(dict.fromkeys(result.load.name for result in results))
-    }
-    styles = dict(zip(LATENCIES_S, ("-", "--", ":"), strict=True))
-    with house_style():
-        figure, axes = blank(6.5, 4.2)
-        axes.plot(WORKERS, WORKERS, color=INK, linewidth=0.8)
-        axes.annotate("every worker counts", (16, 16), (6, 26), fontsize=8, color=INK)
-        for result in results:
-            name = result.load.name if result.latency_s == LATENCIES_S[0] else None
-            style, colour = styles[result.latency_s], colours[result.load.name]
-            axes.plot(WORKERS, result.speedups, style, color=colour, label=name)
-        axes.set_xscale("log", base=2)
-        axes.set_yscale("log", base=2)
-        ticks = list(map(str, WORKERS))
-        axes.set_xticks(WORKERS, ticks)
-        axes.set_yticks(WORKERS, ticks)
-        axes.set_xlabel("workers")
-        axes.set_ylabel("speed over one thread (simulated)")
-        axes.legend(fontsize=8, title="latency: solid 0.1, dashed 5, dotted 50 ms")
-        frame(axes)
-    return figure

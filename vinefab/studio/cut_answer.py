@@ -8,7 +8,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.rules.inflation_rules import SENSITIVITY, degrees_text
 from vinefab.inflation.compensation import FlatJoint
-from vinefab.inflation.pattern import LevelJoint, Pattern, pattern_of
+from vinefab.inflation.pattern import Pattern, PatternJoint, pattern_of
 from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.laser import LaserProfile
 from vinefab.pages.plan_svg import outline_svg
@@ -62,7 +62,7 @@ def cut_notes(pattern: Pattern, profile: LaserProfile) -> dict[str, dict[str, st
     return notes
 
 
-def _note(joint: LevelJoint, *, compensated: bool) -> tuple[str, str, str]:
+def _note(joint: PatternJoint, *, compensated: bool) -> tuple[str, str, str]:
     """Return kind, words and more words on one level."""
     if not joint.is_known:
         why = "This joint is not in the table: it is simulated once the design rests."

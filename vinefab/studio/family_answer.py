@@ -18,7 +18,7 @@ from vinefab.core.hashing import fingerprint
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import PAIRED_TAILS, group_means, mean_interval
 from vinefab.core.validation import Floats, number
-from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
+from vinefab.growth.batch import Batch, GrowthBlock, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -331,7 +331,7 @@ def _evaluated(
 ) -> tuple[Floats, list[Deployment]]:
     """Return the score of every growth of a batch, and the growths."""
 
-    def both(block: Block) -> tuple[TaskOutcomes, list[Deployment]]:
+    def both(block: GrowthBlock) -> tuple[TaskOutcomes, list[Deployment]]:
         grown = [block.deployment(index) for index in range(len(block))]
         return outcomes(task, block, contexts), grown
 

@@ -7,8 +7,9 @@ once on every computer, and ends; then the server loads what is on disk.
 import asyncio
 import sys
 
+from vinefab.growth.engine import Engine
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import Engine, grow_on
+from vinefab.growth.simulator import grow_on
 from vinefab.maps.generators.pegs import PegsOptions, pegs_map
 from vinefab.model.design import Build, Design, Level
 from vinefab.tasks.evaluate import PreparedMap

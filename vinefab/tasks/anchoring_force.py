@@ -15,7 +15,7 @@ from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
 from vinefab.core.table import Table
 from vinefab.core.validation import Floats, Ints, number
-from vinefab.growth.batch import Block
+from vinefab.growth.batch import GrowthBlock
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build
 from vinefab.model.score import IDEAL_CASE
@@ -61,7 +61,7 @@ class GrownBatch(NamedTuple):
     grown: Floats
 
     @classmethod
-    def of_block(cls, block: Block) -> "GrownBatch":
+    def of_block(cls, block: GrowthBlock) -> "GrownBatch":
         """Return the growths of a block."""
         trees, growth = block.plans.trees, block.growth
         return cls(
@@ -155,22 +155,6 @@ class Leaves:
         """Return which leaves belong to the growths ``one .. two - 1``."""
         first, last = np.searchsorted(self.growth, [one, two]).tolist()
         return slice(first, last)
-
-
-def path_turn_rad(deployment: Deployment) -> Floats:
-    """Return the sum of absolute turns at contacts from the base to each tip, shape (n,)."""
-    return Turns.of(GrownBatch.of(deployment)).path_rad
-
-
-def tip_gaps_mm(deployment: Deployment, branches: Ints, context: MapContext) -> Floats:
-    """Return the width of free space at the tips of some branches, across each, shape (m,).
-
-    Parameters
-    ----------
-    branches
-        Branches that have grown, shape (m,).
-    """
-    return gaps_mm(deployment.points_mm, deployment.first_point[1:][branches] - 1, context)
 
 
 def gaps_mm(points_mm: Floats, tip: Ints, context: MapContext) -> Floats:
@@ -433,7 +417,7 @@ class Anchoring(Table):
             name, alone = "leaves that came out, each alone (ideal case)", terms["leaves"]
         return {name: alone, "turns at contacts": score - alone}
 
-    def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
+    def evaluate_block(self, block: GrowthBlock, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return amplification and terms for every growth of a block, with the designs' pouches."""
         used, which = np.unique(block.plan, return_inverse=True)
         plans = [block.plans.each[index] for index in used.tolist()]

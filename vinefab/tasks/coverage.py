@@ -11,7 +11,7 @@ from typing_extensions import Doc
 
 from vinefab.core.table import Table
 from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, Ints
-from vinefab.growth.batch import Block
+from vinefab.growth.batch import GrowthBlock
 from vinefab.model.deployment import Deployment
 from vinefab.tasks.covered_cells import CellGrid, Cover, TipCover
 from vinefab.tasks.exact_areas import (
@@ -112,7 +112,7 @@ class Coverage(Table):
             "film": -self.weight_film * terms["film"],
         }
 
-    def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
+    def evaluate_block(self, block: GrowthBlock, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
         is_fast = self.area == "fast"
         if not is_fast and (self.clip != "free" or not are_many(block, contexts)):

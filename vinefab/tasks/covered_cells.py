@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
-from vinefab.growth.batch import Block
+from vinefab.growth.batch import GrowthBlock
 from vinefab.tasks.exact_areas import seen_areas
 from vinefab.tasks.fast_areas import Chains
 from vinefab.tasks.map_context import MapContext
@@ -42,7 +42,7 @@ class Cover(Protocol):
         """What is covered, for people."""
         ...
 
-    def covered(self, block: Block) -> NDArray[np.bool_]:
+    def covered(self, block: GrowthBlock) -> NDArray[np.bool_]:
         """Return which elements each growth of a block covers, shape (j, e)."""
         ...
 
@@ -150,7 +150,7 @@ class BodyCover:
         """What is covered."""
         return f"free space within {self.radius_mm:g} mm of a body"
 
-    def covered(self, block: Block) -> NDArray[np.bool_]:
+    def covered(self, block: GrowthBlock) -> NDArray[np.bool_]:
         """Return which cells each growth comes near to."""
         return self.grid.near(_bodies(block), self.radius_mm)
 
@@ -174,7 +174,7 @@ class TipCover:
         sight = "" if self.edges_mm is None else ", in sight"
         return f"free space within {self.radius_mm:g} mm of a tip{sight}"
 
-    def covered(self, block: Block) -> NDArray[np.bool_]:
+    def covered(self, block: GrowthBlock) -> NDArray[np.bool_]:
         """Return which cells each growth's sensors see."""
         tips_mm, first = block.tips_mm()
         if self.edges_mm is None:
@@ -214,12 +214,12 @@ class TargetCover:
         most = "" if low_mm == high_mm else f" to {high_mm:g}"
         return f"targets within {low_mm:g}{most} mm"
 
-    def covered(self, block: Block) -> NDArray[np.bool_]:
+    def covered(self, block: GrowthBlock) -> NDArray[np.bool_]:
         """Return which targets each growth reaches."""
         return np.asarray(self.away_mm(_bodies(block)) <= self.tolerance_mm)
 
 
-def _bodies(block: Block) -> Chains:
+def _bodies(block: GrowthBlock) -> Chains:
     """Return the bodies of a block's growths."""
     growth = block.growth
     return Chains(growth.points, growth.first_point, block.branch, block.room)

@@ -15,7 +15,7 @@ from typing_extensions import Doc
 from vinefab.core.errors import BadInputError
 from vinefab.core.table import Table
 from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, Ints
-from vinefab.growth.batch import Block
+from vinefab.growth.batch import GrowthBlock
 from vinefab.model.deployment import Deployment
 from vinefab.model.map import Map
 from vinefab.model.target import (
@@ -178,7 +178,7 @@ class Reach(Table):
         touched = terms[TOUCHED] / terms[TARGETS]
         return {"targets touched": touched, "nearness to the others": score - touched}
 
-    def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
+    def evaluate_block(self, block: GrowthBlock, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
         if any(self.goals(context.targets) for context in contexts):
             return concatenated_outcomes(
@@ -204,7 +204,7 @@ class Reach(Table):
         return concatenated_outcomes(parts)
 
     def _of_bodies(
-        self, block: Block, _terrain: int, one: int, two: int, context: MapContext
+        self, block: GrowthBlock, _terrain: int, one: int, two: int, context: MapContext
     ) -> TaskOutcomes:
         """Return what `evaluate` would for the growths ``one .. two - 1``, on one map."""
         growth, branches = block.growth, np.arange(block.branch[one], block.branch[two])
@@ -250,7 +250,7 @@ class Reach(Table):
         return TaskOutcomes(counted.mean(axis=1), terms)
 
 
-def _bodies_of(block: Block, _terrain: int, one: int, two: int) -> tuple[Chains, Floats]:
+def _bodies_of(block: GrowthBlock, _terrain: int, one: int, two: int) -> tuple[Chains, Floats]:
     """Return the bodies of growths ``one .. two - 1`` and their grown lengths."""
     growth, first = block.growth, block.branch[one]
     chains = Chains(

@@ -8,7 +8,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints
-from vinefab.growth.batch import Block
+from vinefab.growth.batch import GrowthBlock
 from vinefab.growth.options import HALF_ANGLE_DEG
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map
@@ -33,7 +33,7 @@ class TaskOutcomes(NamedTuple):
 class Task(Protocol):
     """Scores one deployment; a frozen dataclass whose fields are its parameters.
 
-    A task may also define ``evaluate_block(block: Block, contexts: Sequence[MapContext]) ->
+    A task may also define ``evaluate_block(block: GrowthBlock, contexts: Sequence[MapContext]) ->
     TaskOutcomes``, which returns what `evaluate` would for every growth of a block, but faster;
     `outcomes` uses it where it exists. One that cannot be scored on every map may define
     ``check_map(world: Map, context: MapContext)``, which raises `BadInputError`.
@@ -69,7 +69,7 @@ def check_on_map(task: Task, world: Map, context: MapContext) -> None:
         check(world, context)
 
 
-def outcomes(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
+def outcomes(task: Task, block: GrowthBlock, contexts: Sequence[MapContext]) -> TaskOutcomes:
     """Return a task's score and terms for every growth of a block.
 
     Parameters
@@ -78,7 +78,7 @@ def outcomes(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOu
         One per terrain of the block's launches.
     """
     # Not a protocol check: this runs for every block, and `isinstance` would take longer.
-    at_once: Callable[[Block, Sequence[MapContext]], TaskOutcomes] | None
+    at_once: Callable[[GrowthBlock, Sequence[MapContext]], TaskOutcomes] | None
     at_once = getattr(task, "evaluate_block", None)
     found = one_by_one(task, block, contexts) if at_once is None else at_once(block, contexts)
     angle_rad = block.launches.half_angle_rad
@@ -90,7 +90,7 @@ def outcomes(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOu
     )
 
 
-def one_by_one(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
+def one_by_one(task: Task, block: GrowthBlock, contexts: Sequence[MapContext]) -> TaskOutcomes:
     """Return a task's score and terms for every growth of a block, each from its deployment."""
     terrain = block.terrain.tolist()
     return stacked_outcomes(
@@ -105,7 +105,7 @@ FEW_GROWTHS = 16
 """The exact areas of fewer growths are measured one by one: sooner than code is loaded."""
 
 
-def are_many(block: Block, contexts: Sequence[MapContext]) -> bool:
+def are_many(block: GrowthBlock, contexts: Sequence[MapContext]) -> bool:
     """Tell whether exact areas of a block are worth compiled code, which small maps have."""
     corners = max((len(contexts[index].edges_mm) for index, *_ in block.by_terrain()), default=0)
     return len(block) >= FEW_GROWTHS and corners <= MOST_EDGES_AT_ONCE
@@ -181,7 +181,7 @@ class HeadOnPenalty:
         share = float(_shares(deployment.stop, np.array([0, len(deployment.stop)]))[0])
         return score - self.weight * share, {**terms, "head_on": share}
 
-    def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
+    def evaluate_block(self, block: GrowthBlock, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
         share = _shares(block.growth.stop, block.branch)
         score, terms = outcomes(self.task, block, contexts)
@@ -214,7 +214,7 @@ class TaskWithOthers:
         scores = {name: o.evaluate(deployment, context)[0] for name, o in self.others.items()}
         return score, {**terms, **scores}
 
-    def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
+    def evaluate_block(self, block: GrowthBlock, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
         score, terms = outcomes(self.task, block, contexts)
         scores = {name: outcomes(o, block, contexts).score for name, o in self.others.items()}

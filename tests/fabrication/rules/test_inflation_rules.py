@@ -12,7 +12,7 @@ from vinefab.fabrication.rules.inflation_rules import deployed_capsules, fillet_
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.inflation.compensation import deployed_joint
-from vinefab.inflation.joint import Joint
+from vinefab.inflation.joint import JointShape
 from vinefab.model.design import Design, Pouch, UnevenLevel, Waiver
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
@@ -174,7 +174,9 @@ def test_no_larger_fillet_is_named_where_none_helps(simulated: Subject) -> None:
 
 def test_a_larger_fillet_takes_off_about_what_the_message_says() -> None:
     loads = [
-        deployed_joint(Joint.fan(3, 160.0, width=0.6, fillet=one, hoop_strain=0.01)).crotch_load
+        deployed_joint(
+            JointShape.fan(3, 160.0, width=0.6, fillet=one, hoop_strain=0.01)
+        ).crotch_load
         for one in (0.125, 1.0 / 3.0)
     ]
     assert loads[1] / loads[0] == pytest.approx(fillet_gain(0.125, 1.0 / 3.0), abs=0.1)

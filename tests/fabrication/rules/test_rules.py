@@ -23,8 +23,8 @@ from vinefab.fabrication.rules.subject import (
 )
 from vinefab.fabrication.rules.widths import lap_occupancies, occupancies
 from vinefab.inflation.compensation import FlatJoint
-from vinefab.inflation.joint import Joint
-from vinefab.inflation.pattern import LevelJoint, Pattern
+from vinefab.inflation.joint import JointShape
+from vinefab.inflation.pattern import Pattern, PatternJoint
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Collar, Design, PieceSettings, Pouch
 from vinefab.model.finding import Finding, Severity
@@ -366,15 +366,15 @@ def inflated(*fans: tuple[int, float, float], off_deg: float = 0.0, **figures: o
     names = ("sensitivity", "crotch_load", "passage")
     known = {name: figures.pop(name, 1.0) for name in names}
 
-    def joint(design: Design, place: int) -> LevelJoint:
+    def joint(design: Design, place: int) -> PatternJoint:
         level, build = design.levels[place], design.build
         wanted = tuple(np.degrees(fan_offsets_rad(level)).tolist())
-        flat = Joint(
+        flat = JointShape(
             angles_deg=wanted,
             widths=(build.widths_mm[place + 1] / build.widths_mm[place],) * level.branches,
             fillets=(0.15,) * (level.branches + 1),
         )
-        return LevelJoint(
+        return PatternJoint(
             level=place + 2,
             width_mm=build.widths_mm[place],
             count=1,

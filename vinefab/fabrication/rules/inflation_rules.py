@@ -25,7 +25,7 @@ from vinefab.fabrication.rules.rule import (
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of, spacing
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.inflation.compensation import MESH_DEG, FlatJoint
-from vinefab.inflation.pattern import LevelJoint, Pattern
+from vinefab.inflation.pattern import Pattern, PatternJoint
 from vinefab.model.design import Design
 from vinefab.model.finding import Severity
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
@@ -51,7 +51,7 @@ def _joint_violation(
     )
 
 
-def _simulated(pattern: Pattern) -> Iterator[tuple[LevelJoint, FlatJoint]]:
+def _simulated(pattern: Pattern) -> Iterator[tuple[PatternJoint, FlatJoint]]:
     """Yield every joint that could be simulated; VF-I01 names the others."""
     for joint in pattern.joints:
         if joint.found is not None:
@@ -205,7 +205,7 @@ def check_crotch_load(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
     return RuleApplied(checked=len(pattern.joints), violations=tuple(violations))
 
 
-def _larger_fillet(subject: Subject, joint: LevelJoint, found: FlatJoint) -> tuple[str, ...]:
+def _larger_fillet(subject: Subject, joint: PatternJoint, found: FlatJoint) -> tuple[str, ...]:
     """Return by how much a larger fillet helps, if one that is no wider than the child does."""
     inner = found.flat.fillets[1:-1] or found.flat.fillets
     before = min(inner)

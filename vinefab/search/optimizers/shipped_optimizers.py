@@ -14,7 +14,7 @@ OPTIMIZERS: Registry["Callable[..., OptimizerConfig]"] = Registry(
         "cmaes": "vinefab.search.optimizers.cmaes:CmaConfig",
         "evolution": "vinefab.search.optimizers.evolution:EvolutionConfig",
         "islands": "vinefab.search.optimizers.islands:IslandsConfig",
-        "nsga2": "vinefab.search.optimizers.nsga2:NsgaConfig",
+        "nsga2": "vinefab.search.optimizers.evolution:NsgaConfig",
         "particleswarm": "vinefab.search.optimizers.particleswarm:AdaptiveSwarmConfig",
         "pso": "vinefab.search.optimizers.pso:SwarmConfig",
         "random": "vinefab.search.optimizers.random_search:RandomConfig",

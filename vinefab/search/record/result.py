@@ -76,7 +76,7 @@ def context_of_run(settings: RunSettings, run_id: str, worlds: Sequence[Map]) ->
     )
 
 
-def with_origin(
+def design_of_finalist(
     finalist: Finalist,
     settings: RunSettings,
     run_id: str,
@@ -749,7 +749,7 @@ class RunArchive:
         run_id = self.identity.run_id
         result = RunResult(
             run_id=run_id,
-            best=with_origin(
+            best=design_of_finalist(
                 self.finalists[0], self.settings, run_id, self.identity.versions, self.maps
             ),
             finalists=self.finalists,

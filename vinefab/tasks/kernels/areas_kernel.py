@@ -274,7 +274,7 @@ def reach_areas(points, first_point, branch, room, radius, weight, box, level, m
     Parameters
     ----------
     points, first_point, branch, room
-        Chains of several growths as `vinefab.growth.batch.Block` holds them, mm.
+        Chains of several growths as `vinefab.growth.batch.GrowthBlock` holds them, mm.
     radius
         The distance, mm.
     weight

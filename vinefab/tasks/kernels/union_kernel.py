@@ -1,7 +1,7 @@
 """Compiled area of a union of polygons within a free space.
 
 Like `vinefab.growth.kernel` it imports no module of vinefab but `core.compiling`: the cache of a
-compiled file does not notice changes of another. `vinefab.tasks.union_areas` calls it.
+compiled file does not notice changes of another. `vinefab.tasks.map_context` calls it.
 """
 
 import math

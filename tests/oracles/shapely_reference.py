@@ -1,4 +1,4 @@
-"""The growth model as a user of Shapely would write it: what the benchmark compares with.
+"""The growth model as a user of Shapely would write it.
 
 It follows the same rules as `vinefab.growth.kernel`, for bare centrelines, with the tools at hand:
 an `STRtree` over the walls for rays, one over the corners for what the turning body sweeps, and

@@ -1,0 +1,116 @@
+"""One growth, span by span in plain Python: the oracle that batches of growths are held against.
+
+Which kernel grows the branches is a parameter: the reference of `tests.oracles.growth_reference`,
+or the kernel that ships, as the interpreter runs it.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from tests.oracles.growth_reference import grow_reference_branches
+from vinefab.core.compiling import interpreted
+from vinefab.growth.arrays import (
+    Growth,
+    JobArrays,
+    Launch,
+    Rules,
+    TreeArrays,
+    TreesArrays,
+    WallArrays,
+)
+from vinefab.growth.engine import KERNEL, Settling, rules_of
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plan
+from vinefab.growth.simulator import grow_on
+from vinefab.growth.terrain import Terrain
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design
+from vinefab.model.map import Pose
+
+GrowBranches = Callable[[WallArrays, TreeArrays, Rules, Launch, Growth, int, int], int]
+
+
+def launch_of(terrain: Terrain, pose: Pose) -> Launch:
+    """Return where a trunk starts, as kernels take it."""
+    return Launch(*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
+
+
+def grow_spans(
+    grow_branches: GrowBranches,
+    design: Design,
+    terrain: Terrain,
+    pose: Pose,
+    options: GrowthOptions | None = None,
+) -> Deployment:
+    """Return how a design deploys from a pose, grown by some kernel."""
+    options = options or GrowthOptions()
+    start, plan = launch_of(terrain, pose), Plan.of(design, options)
+    rules = rules_of(options, terrain.tolerance_mm)
+    rules = rules._replace(head_on_half_angle_rad=options.only_half_angle_rad)
+    arrays, growth = plan.arrays(), Growth.empty(len(plan), 6 * len(plan) + 16)
+    reached_mm = 0.0
+    for first, last, radius_mm in zip(plan.edges, plan.edges[1:], plan.radii_mm, strict=False):
+        # Only a body wider than the one that reached the place can lack room there.
+        if radius_mm > reached_mm:
+            bases_mm = np.array([[start.x, start.y]])
+            if first > 0:
+                parent = arrays.parent[first:last]
+                bases_mm = growth.points[growth.first_point[parent + 1] - 1]
+            arrays.fits[first:last] = terrain.have_room(bases_mm, radius_mm)
+        reached_mm, walls, done = radius_mm, terrain.walls(radius_mm), first
+        with np.errstate(all="ignore"):
+            while (done := grow_branches(walls, arrays, rules, start, growth, done, last)) < last:
+                growth = growth.with_room(2 * len(growth.points))
+    _settle(growth, plan, start, terrain, options)
+    return Deployment(
+        tree=plan.tree,
+        pose=pose,
+        points_mm=growth.points[: growth.first_point[-1]].copy(),
+        first_point=growth.first_point,
+        stop=growth.stop,
+        grown_mm=growth.grown,
+        contact_turn_rad=growth.turn,
+    )
+
+
+def _settle(
+    growth: Growth, plan: Plan, start: Launch, terrain: Terrain, options: GrowthOptions
+) -> None:
+    settling, none = Settling.of(options), np.zeros(1, dtype=np.int64)
+    if not settling.is_needed:
+        return
+    jobs = JobArrays(
+        tree=none,
+        page=none,
+        start=np.array([start], dtype=np.float64),
+        half_angle=np.zeros(1),
+        fits=np.ones(len(plan), dtype=np.bool_),
+        branch=np.array([0, len(plan)]),
+        room=np.array([0, len(growth.points)]),
+        done=none,
+        until=np.array([len(plan)]),
+    )
+    tolerance_mm = np.array([terrain.tolerance_mm])
+    trees = TreesArrays.of([plan.arrays()])
+    settling.settle(trees, plan.radius_mm, jobs, growth, tolerance_mm, none, "kernel")
+
+
+def grow_reference(
+    design: Design, terrain: Terrain, pose: Pose, options: GrowthOptions | None = None
+) -> Deployment:
+    """Return how a design deploys from a pose, grown by the reference."""
+    return grow_spans(grow_reference_branches, design, terrain, pose, options)
+
+
+class Grower(NamedTuple):
+    """One of the two simulators under test: of whole designs, and of some branches."""
+
+    grow: Callable[..., Deployment]
+    branches: GrowBranches
+
+
+SHIPPED = Grower(grow_on, interpreted(KERNEL).grow_branches)
+REFERENCE = Grower(grow_reference, grow_reference_branches)

@@ -65,10 +65,11 @@ def bounded(path: Path, read: Callable[P, R], *arguments: P.args, **options: P.k
 def _limit(cpu_s: int) -> None:
     if (cv2 := sys.modules.get("cv2")) is not None:
         cv2.setNumThreads(1)  # a fork has none of the threads that OpenCV would wait for
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[5])
-    held = pages * os.sysconf("SC_PAGE_SIZE")
-    _, most = resource.getrlimit(resource.RLIMIT_DATA)
-    wanted = held + _MORE_BYTES
-    resource.setrlimit(resource.RLIMIT_DATA, (wanted if most < 0 else min(wanted, most), most))
-    resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s + 1))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if sys.platform == "linux":
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[5])
+        held = pages * os.sysconf("SC_PAGE_SIZE")
+        _, most = resource.getrlimit(resource.RLIMIT_DATA)
+        wanted = held + _MORE_BYTES
+        resource.setrlimit(resource.RLIMIT_DATA, (wanted if most < 0 else min(wanted, most), most))
+        resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s + 1))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

@@ -1,96 +1,117 @@
-"""Pages as PDF, through matplotlib: for drawings that are printed."""
+"""Pages as PDF, through reportlab: for drawings that are printed."""
 
 import io
+from functools import cache
+from itertools import groupby
 
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.colors import to_rgba
-from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch, Rectangle
-from matplotlib.path import Path
+from PIL import Image
+from reportlab.lib.colors import HexColor
+from reportlab.lib.utils import ImageReader
+from reportlab.pdfbase.pdfmetrics import registerFont, stringWidth
+from reportlab.pdfbase.ttfonts import TTFont
+from reportlab.pdfgen.canvas import Canvas
+from reportlab.pdfgen.pathobject import PDFPathObject
 
 from vinefab.core.file_mark import ROOMY_GENERATOR
-from vinefab.pages.figure import house_style
+from vinefab.core.validation import Floats
+from vinefab.pages.page_png import font_file
 from vinefab.pages.panel import MIDDLE, OPEN_SIGNS, SIGNS, Ink, Marks, Page, Raster, Shape, Words
+
+_ROUND, _BUTT = 1, 0
 
 
 def page_pdf(page: Page) -> bytes:
     """Return a page as PDF; the same page gives the same bytes."""
-    stream, wide, high = io.BytesIO(), page.width_pt, page.height_pt
-    with house_style():
-        figure = Figure(figsize=(wide / 72.0, high / 72.0))
-        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-        axes.axis("off")
-        rank = 0
-        for layer in page.layers:
-            clip = None
-            if layer.window is not None:
+    stream, high = io.BytesIO(), page.height_pt
+    canvas = Canvas(stream, pagesize=(page.width_pt, high), invariant=1, pageCompression=1)
+    canvas.setCreator(ROOMY_GENERATOR)
+    canvas.setLineJoin(_ROUND)
+    for layer in page.layers:
+        for is_text, group in groupby(layer.primitives, key=lambda one: isinstance(one, Words)):
+            canvas.saveState()
+            if layer.window is not None and not is_text:  # a name may stand over the rim
                 x, y, right, low = layer.window
-                clip = Rectangle((x, y), right - x, low - y, transform=axes.transData)
-            for primitive in layer.primitives:
-                rank += 1
+                window = canvas.beginPath()
+                window.rect(x, high - low, right - x, low - y)
+                canvas.clipPath(window, stroke=0, fill=0)
+            for primitive in group:
                 if isinstance(primitive, Words):
-                    _write(axes, primitive, rank)
-                elif isinstance(primitive, Raster):
-                    x0, y0, x1, y1 = primitive.box
-                    image = axes.imshow(primitive.pixels, extent=(x0, x1, y1, y0), zorder=rank)
-                    image.set_clip_path(clip)
+                    _write(canvas, primitive, high)
                 else:
-                    for path, ink in _paths(primitive):
-                        patch = _patch(path, ink, rank)
-                        axes.add_patch(patch)
-                        patch.set_clip_path(clip)
-        axes.set(xlim=(0.0, wide), ylim=(high, 0.0), aspect="auto")
-        metadata = {"CreationDate": None, "Creator": ROOMY_GENERATOR}
-        figure.savefig(stream, format="pdf", metadata=metadata)
+                    _draw(canvas, primitive, high)
+            canvas.restoreState()
+    canvas.save()
     return stream.getvalue()
 
 
-def _paths(primitive: Shape | Marks) -> list[tuple[Path, Ink]]:
-    """Return a primitive as one path and how it is painted."""
+def _draw(canvas: Canvas, primitive: Shape | Marks | Raster, high: float) -> None:
+    if isinstance(primitive, Raster):
+        x0, y0, x1, y1 = primitive.box
+        pixels = ImageReader(Image.fromarray(primitive.pixels))
+        canvas.drawImage(pixels, x0, high - y1, x1 - x0, y1 - y0, mask="auto")
+        return
+    path = canvas.beginPath()
     if isinstance(primitive, Shape):
-        chains = [chain for chain in primitive.chains if len(chain)]
-        if primitive.closed:
-            chains = [np.vstack([chain, chain[:1]]) for chain in chains]
-        parts = [Path(chain, closed=primitive.closed) for chain in chains]
-    elif primitive.sign == "o":
-        ring = Path.unit_circle()
-        places = primitive.size_pt / 2.0 * np.asarray(ring.vertices)
-        parts = [Path(places + point, ring.codes) for point in primitive.points]
+        for chain in primitive.chains:
+            _chain(path, chain, high, closed=primitive.closed)
     else:
-        corners = primitive.size_pt * SIGNS[primitive.sign]
-        strokes = [np.vstack([corners, corners[:1]])]
-        if primitive.sign in OPEN_SIGNS:
-            strokes = [corners[:2], corners[3:]]
-        parts = [Path(stroke + point) for point in primitive.points for stroke in strokes]
-    return [(Path.make_compound_path(*parts), primitive.ink)] if parts else []
+        for x, y in primitive.points:
+            _sign(path, primitive, (float(x), float(y)), high)
+    _ink(canvas, primitive.ink)
+    canvas.drawPath(path, stroke=int(bool(primitive.ink.line)), fill=int(bool(primitive.ink.fill)))
 
 
-def _patch(path: Path, ink: Ink, rank: int) -> PathPatch:
-    return PathPatch(
-        path,
-        fc=to_rgba(ink.fill, ink.fill_alpha) if ink.fill else "none",
-        ec=to_rgba(ink.line, ink.line_alpha) if ink.line else "none",
-        lw=ink.width_pt if ink.line else 0.0,
-        ls=(0.0, tuple(part / ink.width_pt for part in ink.dash_pt)) if ink.dash_pt else "-",
-        capstyle="butt" if ink.butt or ink.dash_pt else "round",
-        joinstyle="round",
-        zorder=rank,
-    )
+def _sign(path: PDFPathObject, marks: Marks, place: tuple[float, float], high: float) -> None:
+    if marks.sign == "o":
+        path.circle(place[0], high - place[1], marks.size_pt / 2.0)
+        return
+    corners = marks.size_pt * SIGNS[marks.sign] + place
+    if marks.sign in OPEN_SIGNS:
+        for stroke in (corners[:2], corners[3:]):
+            _chain(path, stroke, high, closed=False)
+    else:
+        _chain(path, corners, high, closed=True)
 
 
-def _write(axes: Axes, words: Words, rank: int) -> None:
-    x, y = words.at[0] + words.shift_pt[0], words.at[1] - words.shift_pt[1]
-    low = MIDDLE * words.size_pt
-    axes.text(
-        x + low if words.turned else x,
-        y if words.turned else y + low,
-        words.text,
-        fontsize=words.size_pt,
-        color=words.colour,
-        ha={"start": "left", "middle": "center", "end": "right"}[words.anchor],
-        va="center" if words.turned else "baseline",
-        rotation=90.0 if words.turned else 0.0,
-        fontweight="bold" if words.bold else "normal",
-        zorder=rank,
-    )
+def _chain(path: PDFPathObject, chain: Floats, high: float, *, closed: bool) -> None:
+    if not len(chain):
+        return
+    (x, y), *rest = chain.tolist()
+    path.moveTo(x, high - y)
+    for x, y in rest:
+        path.lineTo(x, high - y)
+    if closed:
+        path.close()
+
+
+def _ink(canvas: Canvas, ink: Ink) -> None:
+    if ink.fill:
+        canvas.setFillColor(HexColor(ink.fill), alpha=ink.fill_alpha)
+    if ink.line:
+        canvas.setStrokeColor(HexColor(ink.line), alpha=ink.line_alpha)
+        canvas.setLineWidth(ink.width_pt)
+        canvas.setDash(list(ink.dash_pt))
+        canvas.setLineCap(_BUTT if ink.butt or ink.dash_pt else _ROUND)
+
+
+def _write(canvas: Canvas, words: Words, high: float) -> None:
+    font = _font(bold=words.bold)
+    wide = stringWidth(words.text, font, words.size_pt)
+    start = {"start": 0.0, "middle": -wide / 2.0, "end": -wide}[words.anchor]
+    canvas.saveState()
+    canvas.translate(words.at[0] + words.shift_pt[0], high - words.at[1] + words.shift_pt[1])
+    canvas.rotate(90.0 if words.turned else 0.0)
+    canvas.setFont(font, words.size_pt)
+    canvas.setFillColor(HexColor(words.colour), alpha=1.0)
+    canvas.drawString(start, -MIDDLE * words.size_pt, words.text)
+    canvas.restoreState()
+
+
+@cache
+def _font(*, bold: bool) -> str:
+    """Return the name of DejaVu Sans in PDF files; of Helvetica where it is not installed."""
+    name, path = f"DejaVu-{'Bold' if bold else 'Sans'}", font_file(bold=bold)
+    if path is None:
+        return "Helvetica-Bold" if bold else "Helvetica"
+    registerFont(TTFont(name, str(path)))
+    return name

@@ -228,13 +228,20 @@ def _lines(
                 draw.ellipse((x - half, y - half, x + half, y + half), fill=colour)
 
 
+def font_file(*, bold: bool) -> Path | None:
+    """Return where DejaVu Sans lies; None if it is not installed.
+
+    It is looked for and not imported: matplotlib comes with it, and takes half a second to load.
+    """
+    found = find_spec("matplotlib")
+    if found is None or not found.origin:
+        return None
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    path = Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / name
+    return path if path.exists() else None
+
+
 @cache
 def _font(size: int, *, bold: bool) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    # Looked for, not imported: matplotlib comes with the font, and takes half a second to load.
-    found = find_spec("matplotlib")
-    if found is not None and found.origin:
-        name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
-        path = Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / name
-        if path.exists():
-            return ImageFont.truetype(str(path), size)
-    return ImageFont.load_default(size)
+    path = font_file(bold=bold)
+    return ImageFont.load_default(size) if path is None else ImageFont.truetype(str(path), size)

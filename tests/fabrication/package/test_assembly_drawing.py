@@ -130,13 +130,14 @@ def test_pieces_that_are_joined_differ_in_colour(cut_at, make_plan, make_fan) ->
         assert all(colours[s.label] != colours[s.inner] for s in partition.sleeves)
 
 
-def test_files_are_a_picture_and_a_page_without_date(robot, parts, recipe) -> None:
+def test_files_are_a_picture_and_a_page_without_the_date_of_today(robot, parts, recipe) -> None:
     files = assembly_files(robot, *parts, recipe)
     assert list(files) == ["assembly.svg", "assembly.pdf"]
     ElementTree.fromstring(files["assembly.svg"])  # noqa: S314
     assert b"<dc:date>" not in files["assembly.svg"]
     assert files["assembly.pdf"].startswith(b"%PDF")
-    assert b"CreationDate" not in files["assembly.pdf"]
+    dates = re.findall(rb"Date \(D:(\d{8})", files["assembly.pdf"])
+    assert set(dates) == {b"20000101"}, "the fixed date of files that are the same each time"
 
 
 PROGRAM = """

@@ -103,7 +103,7 @@ def assembly_files(
         page = mounting_drawing(design)
     else:
         page = assembly_drawing(design, partition, outlines, profile)
-    from vinefab.pages.page_pdf import page_pdf  # noqa: PLC0415  loads matplotlib
+    from vinefab.pages.page_pdf import page_pdf  # noqa: PLC0415  loads reportlab
 
     return {f"{ASSEMBLY_NAME}.svg": page_svg(page), f"{ASSEMBLY_NAME}.pdf": page_pdf(page)}
 

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from vinefab.core.bounded import bounded
 from vinefab.core.errors import BadInputError
 from vinefab.core.registry import Registry
 from vinefab.maps.importers.csv_polygons import import_csv
 from vinefab.maps.importers.geojson_any import import_geojson
 from vinefab.maps.importers.import_options import PHOTO_SUFFIXES, ImportOptions
 from vinefab.maps.importers.ros_map import import_ros
+from vinefab.maps.importers.svg_drawing import import_svg
 from vinefab.model.map import Map
 
 
@@ -30,24 +30,19 @@ class MapImporter:
     suffixes: tuple[str, ...]  # of its files, in lower case with the dot
     read: Callable[[Path, ImportOptions], Map]
     malformed: bytes  # a damaged file, which must be refused
-    loads: tuple[
-        str, ...
-    ] = ()  # slow modules of the reader, loaded when a file of its kind is read
 
 
 def _late(module: str, name: str) -> Callable[[Path, ImportOptions], Map]:
     """Return a reader whose module is loaded once a file of its kind is read."""
 
     def read(path: Path, options: ImportOptions) -> Map:
-        found = import_module(f"{_ROOM}.{module}")
+        found = import_module(f"vinefab.maps.importers.{module}")
         world: Map = getattr(found, name)(path, options)
         return world
 
     return read
 
 
-_ROOM = "vinefab.maps.importers"
-_GIS = (f"{_ROOM}.gis_layers",)
 _read_gis = _late("gis_layers", "import_gis")
 
 
@@ -66,15 +61,13 @@ IMPORTERS: Registry[MapImporter] = Registry(
         ),
         "dxf": MapImporter(
             suffixes=(".dxf",),
-            read=_late("dxf_drawing", "import_dxf"),
+            read=_late("dxf_drawing", "import_dxf"),  # ezdxf takes a second to import
             malformed=b"0\nSECTION\n2\nENTITIES\n0\nLINE\n10\nhere\n0\nENDSEC\n0\nEOF\n",
-            loads=(f"{_ROOM}.dxf_drawing",),
         ),
         "svg": MapImporter(
             suffixes=(".svg",),
-            read=_late("svg_drawing", "import_svg"),
+            read=import_svg,
             malformed=b'<svg xmlns="http://www.w3.org/2000/svg"><path d="M 0 0 L 9 x"/></svg>',
-            loads=(f"{_ROOM}.svg_drawing",),
         ),
         "csv": MapImporter(
             suffixes=(".csv",),
@@ -85,25 +78,17 @@ IMPORTERS: Registry[MapImporter] = Registry(
             suffixes=(".gpkg",),
             read=_read_gis,
             malformed=b"SQLite format 3\0 and no pages",
-            loads=_GIS,
         ),
         "shapefile": MapImporter(
-            suffixes=(".shp",),
-            read=_read_gis,
-            malformed=b"\0\0\x27\x0a and no header",
-            loads=_GIS,
+            suffixes=(".shp",), read=_read_gis, malformed=b"\0\0\x27\x0a and no header"
         ),
         "flatgeobuf": MapImporter(
-            suffixes=(".fgb",),
-            read=_read_gis,
-            malformed=b"fgb\x03fgb\0 and no header",
-            loads=_GIS,
+            suffixes=(".fgb",), read=_read_gis, malformed=b"fgb\x03fgb\0 and no header"
         ),
         "photo": MapImporter(
             suffixes=PHOTO_SUFFIXES,
             read=_late("photo_map", "import_photo"),
             malformed=b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x08\0\0\0\x08\x08\0\0\0\0",
-            loads=(f"{_ROOM}.photo_map",),
         ),
     },
 )
@@ -117,7 +102,7 @@ _CUT = (
 _DEGREES = (
     "it is in degrees: project it in QGIS, or ogr2ogr -t_srs EPSG:32632 (your zone) plan.gpkg FILE"
 )
-_AS_LAYERS = "save it as GeoPackage in QGIS, or ogr2ogr plan.gpkg FILE"
+_GIS = "save it as GeoPackage in QGIS, or ogr2ogr plan.gpkg FILE"
 _PIXELS = "save it as PNG or JPEG"
 _UNPACK = "unpack it, and give the drawing in it"
 _CLOUD = "a cloud of points is no plan: make an occupancy grid of it (a ROS map: .yaml and .pgm)"
@@ -130,7 +115,7 @@ _ADVICE = {
     "ply las laz pcd e57 bt ot": _CLOUD,
     "kml kmz gpx": _DEGREES,
     "shx dbf prj cpg": "give the .shp that lies beside it",
-    "gml tab mif gdb sqlite geojsonl geojsons topojson osm": _AS_LAYERS,
+    "gml tab mif gdb sqlite geojsonl geojsons topojson osm": _GIS,
     "qgz qgs": "a project: export its layer (Export, Save Features As, GeoPackage)",
     "th th2 thconfig lox": "export it in Therion: export map -format esri (or dxf), import that",
     "svx 3d": "export the passages in Survex's aven as Shapefile, DXF or SVG",
@@ -176,8 +161,7 @@ def import_map(source: Path, options: ImportOptions) -> Map:
         If no importer knows the suffix, an option means nothing for the format, or the content
         is no map; the message says where in the file.
     UnreadableFileError
-        If the file is missing, damaged or of another format than its suffix says, or takes too
-        much time or memory to read (`bounded`).
+        If the file is missing, damaged or of another format than its suffix says.
     """
     known = import_suffixes()
     suffix = source.suffix.lower()
@@ -187,12 +171,6 @@ def import_map(source: Path, options: ImportOptions) -> Map:
         )
     if options.photo is not None and suffix not in PHOTO_SUFFIXES:
         options.photo.refuse(source)
-    for module in known[suffix].loads:
-        import_module(module)
-    return bounded(source, _imported, source, options)
-
-
-def _imported(source: Path, options: ImportOptions) -> Map:
     # Sizes near the limits of floats are refused, or found equal, by what is done with them.
     with np.errstate(all="ignore"):
-        return import_suffixes()[source.suffix.lower()].read(source, options)
+        return known[suffix].read(source, options)

@@ -26,10 +26,10 @@ from vinefab.pages.html import Live, page
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import deployment_plan
 from vinefab.search.evaluator import INVALID_FITNESS
-from vinefab.search.manufacturability import ManufacturabilityPenalty
+from vinefab.search.manufacturability import ManufacturabilityPenalty, run_profile
 from vinefab.search.record.generations import Generation, Progress, curve_of
 from vinefab.search.record.result import size_words
-from vinefab.search.run import first_map, run_profile
+from vinefab.search.run import first_map
 from vinefab.search.settings import RunSettings, run_task
 from vinefab.search.space import Space
 from vinefab.tasks.targets import touched_targets

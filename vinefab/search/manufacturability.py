@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, values_hidden
 from vinefab.fabrication.checking import check_design, subject_of
 from vinefab.fabrication.job.passes import bare_sheet_mm
 from vinefab.fabrication.outline.layout import flat_layout
@@ -33,12 +33,14 @@ from vinefab.fabrication.rules.tree_and_base import CLAMP, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import MOST_BRANCHES, Design
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import Finding
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import branch_tree
 from vinefab.physics.growth_pressure import planned_growth_kpa
 from vinefab.search.penalty_batch import BatchPenalty, PenaltyRules
-from vinefab.search.settings import RunSettings
+from vinefab.search.settings import EvaluationSettings, RunSettings
 from vinefab.search.space import Bounds, Space
 
 MOST_TABLED = 400
@@ -46,6 +48,12 @@ MOST_TABLED = 400
 
 _VINE_MM = 200.0
 """Length of the vine for rules that do not depend on length."""
+
+
+def run_profile(evaluation: EvaluationSettings) -> LaserProfile:
+    """Return the recipe that the designs of a run are checked with."""
+    with values_hidden():
+        return read_profile(evaluation.recipe or DEFAULT_RECIPE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

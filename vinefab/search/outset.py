@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 import shapely
 
-from vinefab.core.errors import BadInputError, values_hidden
+from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.fabrication.rules.laser_rules import BED
 from vinefab.fabrication.rules.spacing import RotatedSpan
@@ -18,11 +18,16 @@ from vinefab.fabrication.rules.tree_and_base import CLAMP
 from vinefab.fabrication.rules.widths import PACKING
 from vinefab.growth.simulator import grow_on
 from vinefab.model.design import DEFAULT_TRUNK_WIDTH_MM, Design, Level
-from vinefab.model.files.profile_toml import profile_files, read_profile
+from vinefab.model.files.profile_toml import profile_files
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Pose
 from vinefab.search.evaluator import Evaluator
-from vinefab.search.manufacturability import ManufacturabilityPenalty, SpaceQuery, film_in_trunk
+from vinefab.search.manufacturability import (
+    ManufacturabilityPenalty,
+    SpaceQuery,
+    film_in_trunk,
+    run_profile,
+)
 from vinefab.search.settings import RunSettings
 from vinefab.tasks.evaluate import Conditions, PreparedMap
 from vinefab.tasks.targets import task_targets
@@ -56,11 +61,9 @@ def with_trunk_for_film(settings: RunSettings) -> RunSettings:
     """
     if not settings.evaluation.fabricable or _WIDTHS & settings.build.model_fields_set:
         return settings
-    recipe = settings.evaluation.recipe or DEFAULT_RECIPE
-    profile_files(recipe)  # a name that is unknown is told; what stands in its files is not
-    with values_hidden():
-        profile = read_profile(recipe)
-    query = SpaceQuery.of(settings, profile, (math.inf, math.inf))
+    # A name that is unknown is told; what stands in its files is not.
+    profile_files(settings.evaluation.recipe or DEFAULT_RECIPE)
+    query = SpaceQuery.of(settings, run_profile(settings.evaluation), (math.inf, math.inf))
     tree = middle_tree(query)
     wide_mm = DEFAULT_TRUNK_WIDTH_MM
     if tree is not None and tree.levels:

@@ -11,7 +11,6 @@ from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.rng import child
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.run_context import RunRecipe
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import LaserProfile
@@ -23,13 +22,13 @@ from vinefab.search.manufacturability import (
     ManufacturabilityPenalty,
     SpaceQuery,
     refuse_infeasible_space,
+    run_profile,
 )
 from vinefab.search.parallel.point_evaluator import PointEvaluator, ThreadEvaluator
 from vinefab.search.record.generations import Progress, RunIdentity
 from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult, resumed_limits
 from vinefab.search.record.store import RunStore
 from vinefab.search.settings import (
-    EvaluationSettings,
     MapSettings,
     RunLimits,
     RunSettings,
@@ -112,12 +111,6 @@ def recipe_of(settings: RunSettings) -> RunRecipe | None:
     if not (evaluation.fabricable or evaluation.recipe):
         return None
     return RunRecipe.of(evaluation.recipe or DEFAULT_RECIPE)
-
-
-def run_profile(evaluation: EvaluationSettings) -> LaserProfile:
-    """Return the recipe that the designs of a run are checked with."""
-    with values_hidden():
-        return read_profile(evaluation.recipe or DEFAULT_RECIPE)
 
 
 def violations_of(

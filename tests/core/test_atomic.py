@@ -1,6 +1,8 @@
 import io
 import os
 import stat
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -312,3 +314,18 @@ def test_a_file_is_no_folder_and_is_kept(tmp_path, deeper, force):
     with pytest.raises(CannotWriteError, match="it is a file; name a folder"):
         write_text(tmp_path / f"mine.toml{deeper}" / "a.txt", "", force=force)
     assert (tmp_path / "mine.toml").read_text() == "five years of work"
+
+
+def test_lists_of_files_are_utf8_in_any_locale(tmp_path):
+    out = tmp_path / "out"
+    program = (
+        "from pathlib import Path\n"
+        "from vinefab.core.atomic import is_filled_in, write_folder\n"
+        f"out, files = Path({str(out)!r}), {{'\u0159ez.csv': b'1'}}\n"
+        "write_folder(out, files, 'MANIFEST.sha256')\n"
+        "assert not is_filled_in(out / '\u0159ez.csv', files)\n"
+    )
+    # What leaves the encoding to the locale is an error then.
+    strict = ("-X", "warn_default_encoding", "-W", "error::EncodingWarning:vinefab.core.atomic")
+    subprocess.run([sys.executable, *strict, "-c", program], check=True)
+    assert "  \u0159ez.csv\n" in (out / "MANIFEST.sha256").read_text(encoding="utf-8")

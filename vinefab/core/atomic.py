@@ -301,7 +301,7 @@ def is_filled_in(path: Path, files: Mapping[str, bytes], *, force: bool = False)
     if force or not path.is_file() or not manifest.is_file():
         return False
     with _system_errors(path):
-        before = digests_in(manifest.read_text())
+        before = digests_in(manifest.read_text(encoding="utf-8"))
         if before.get(path.name) == sha256_of_file(path):
             return False
     if before != {name: sha256_of(data) for name, data in files.items()}:
@@ -314,7 +314,7 @@ def _add_manifest(folder: Path) -> None:
     if not manifest.exists():
         paths = sorted(path for path in folder.rglob("*") if path.is_file())
         digests = {path.relative_to(folder).as_posix(): sha256_of_file(path) for path in paths}
-        manifest.write_text(manifest_text(digests))
+        manifest.write_bytes(manifest_text(digests).encode(errors="surrogateescape"))
 
 
 def _ends(path: Path) -> bytes:

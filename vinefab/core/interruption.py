@@ -16,9 +16,11 @@ from dataclasses import dataclass
 from types import FrameType
 
 REQUESTS = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+    if hasattr(signal, name)
 )
-"""What asks a command to end; SIGHUP exists on POSIX systems only."""
+"""Signals that ask a command to end: a closed terminal sends SIGHUP, on Windows SIGBREAK."""
 
 _FROM_TERMINAL = tuple(request for request in REQUESTS if request is not signal.SIGTERM)
 """What a terminal sends to all processes of a command; SIGTERM is how its own end them."""

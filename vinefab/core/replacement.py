@@ -171,7 +171,7 @@ def _write_mark(folder: Path, staging: Path, names: list[str], owned: Owned) -> 
     listed += [(sha256_of_file(staging / NEW / name), name) for name in names]
     text = _ADVICE + "".join(f"{digest}  {name}\n" for digest, name in listed)
     mark = staging / INCOMPLETE_NAME
-    with mark.open("w", encoding="utf-8") as stream:
+    with mark.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(text)
         stream.flush()
         os.fsync(stream.fileno())

@@ -877,7 +877,7 @@ WRONG = {
     ),
     "photo options twice": (
         lambda out: vf.maps.import_(out / "a.jpg", marker_mm=3, photo={"height_mm": 2}),
-        "marker_mm is 3; allowed: not beside photo",
+        "marker_mm is 3; allowed: not together with photo",
     ),
     "one corner": (
         lambda out: vf.observe(_photo(out.parent), PEGS, VINE, corners_px=3), "corners_px is 3"

@@ -206,7 +206,7 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
         (
             "[build]\nwidths_mm = [9]\ntrunk_width_mm = 9",
             "build.trunk_width_mm",
-            "not beside build.widths_mm",
+            "not together with build.widths_mm",
         ),
         ("[space]\nlength_mm = [200, 100]", "space.length_mm", "in order"),
         ("[space]\nlength_mm = [1, 2, 3]", "space.length_mm", "range"),
@@ -410,16 +410,16 @@ def test_a_pose_in_words_is_recorded_as_its_table_is(tmp_path: Path) -> None:
         ("{line = [[20, 20]]}", "maps.start.line", "two or more points"),
         ("{line = [[nan, 20], [3, 4]]}", "maps.start.line[1][1]", "a finite number"),
         ("{line = [[1e99, 20], [3, 4]]}", "maps.start.line", "-1e+07 to"),
-        ('{area = [[0, 0], [9, 9]], side = "left"}', "maps.start.area", "not beside"),
+        ('{area = [[0, 0], [9, 9]], side = "left"}', "maps.start.area", "not together"),
         ("{area = [[0, 0], [9, 9], [9, 0], [0, 9]]}", "maps.start.area", "valid"),
-        ('{side = "left", x_mm = 3}', "maps.start.x_mm", "not beside side"),
+        ('{side = "left", x_mm = 3}', "maps.start.x_mm", "not together with side"),
         ('{side = "left", inset_mm = -3}', "maps.start.inset_mm", "greater than or equal to 0"),
         (
             '{side = "left", spread_heading_deg = 400}',
             "maps.start.spread_heading_deg",
             "equal to 360",
         ),
-        ("{x_mm = 3, y_mm = 4, heading_deg = 9, inset_mm = 3}", "maps.start.inset_mm", "beside"),
+        ("{x_mm = 3, y_mm = 4, heading_deg = 9, inset_mm = 3}", "maps.start.inset_mm", "together"),
         ('{sid = "left"}', "maps.start.sid", "did you mean 'side'"),
     ],
 )

@@ -326,7 +326,7 @@ def test_a_file_of_100_mb_is_refused_without_reading_it(desk, folder):
     [
         ("mine.txt", BadInputError, r"ending in \.toml"),
         ("no/mine.toml", CannotWriteError, "folder does not exist"),
-        ("folder.toml", CannotWriteError, "no plain file"),
+        ("folder.toml", CannotWriteError, "not a plain file"),
     ],
 )
 def test_places_that_cannot_be_written_are_refused(desk, folder, path, kind, says):

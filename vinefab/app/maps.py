@@ -351,7 +351,7 @@ def _photo_options(options: dict[str, Any]) -> PhotoOptions | None:
     flat = {name: options.pop(name) for name in list(options) if name in known}
     given = options.pop("photo", None)
     if flat and given is not None:
-        raise BadInputError(next(iter(flat)), next(iter(flat.values())), "not beside photo")
+        raise BadInputError(next(iter(flat)), next(iter(flat.values())), "not together with photo")
     if given is None or isinstance(given, PhotoOptions):
         return PhotoOptions(**flat) if flat else given
     if not isinstance(given, Mapping):

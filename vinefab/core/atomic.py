@@ -1,4 +1,4 @@
-"""Writing so that a file is either wholly old or wholly new, and nobody else's file is lost."""
+"""Atomic writing: a file is wholly old or wholly new, and no foreign file is lost."""
 
 import os
 import re
@@ -74,7 +74,7 @@ def _check_writable(path: Path, *, force: bool) -> None:
         if path.is_dir():
             raise CannotWriteError(path, "it is a folder")
         if _is_there(path) and not path.is_file():
-            raise CannotWriteError(path, "it is no plain file; --json - writes to the output")
+            raise CannotWriteError(path, "not a plain file; --json - writes to the output")
         if is_protected(path):
             raise CannotWriteError(path, PROTECTED)
         if path.exists() and not force:
@@ -90,7 +90,7 @@ def _check_writable(path: Path, *, force: bool) -> None:
 def write_bytes(
     path: Path, data: bytes, *, force: bool = False, sealed: bool = True, private: bool = False
 ) -> Path:
-    """Write a file in one step: a temporary name beside it, then a rename.
+    """Write a file in one step: a temporary name in its folder, then a rename.
 
     A link is followed, and the permissions of a file that is replaced are kept. What vinefab wrote
     itself is overwritten by the same kind of file only: a picture does not replace a map. Where
@@ -101,7 +101,7 @@ def write_bytes(
     force
         Overwrite whatever is there.
     sealed
-        Whether the digest is put into the mark (`file_mark`): not for what a person edits.
+        Whether the digest is put into the mark (`file_mark`): not in a file that a person edits.
     private
         Whether only the user may read it.
     """
@@ -155,7 +155,7 @@ def new_folder(path: Path, mark: str, *, force: bool = False) -> Iterator[Path]:
 
     A folder that vinefab filled before with the same kind of content gets the new files in place
     of the old ones; everything in it that is not in its manifest stays where it is. Any other
-    folder that is not empty needs ``force``, and keeps what is in it as well. If the block or
+    folder that is not empty needs ``force``, and keeps its other files as well. If the block or
     what follows it raises, nothing has changed (`replacement.replace_files`).
     """
     ensure_own_folder(path, mark, force=force)
@@ -274,7 +274,7 @@ def ensure_own_folder(path: Path, mark: str, *, force: bool = False) -> None:
     with _system_errors(path):
         here = Path.cwd()
         if Path(os.path.realpath(path)) in (here, *here.parents):
-            raise CannotWriteError(path, "it holds the current folder; name a folder of its own")
+            raise CannotWriteError(path, "it holds the current folder; name another folder")
         _nearest_folder(path)
         if not _is_there(path) or force:
             return
@@ -326,7 +326,7 @@ def _ends(path: Path) -> bytes:
 
 
 def _kind(content: bytes) -> bytes:
-    """Return what a file is: the schema that it names, or how it begins."""
+    """Return the kind of a file: the schema that it names, or its first bytes."""
     schema = _SCHEMA.search(content[:_LOOK_BYTES])
     return schema.group(1) if schema else content[:5]
 

@@ -31,8 +31,8 @@ _INTERPRETED = " (interpreted)"
 def compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba dispatcher
     """Compile a function, without the interpreter lock, keeping the code on disk if possible.
 
-    The cache lies beside the function's file or, if that folder is read-only, in the user's cache
-    folder. If neither is writable, every process compiles anew.
+    The cache lies in the file's folder or, if that is read-only, in the user's cache folder. If
+    neither is writable, every process compiles anew.
     """
     if _is_interpreted(function):
         return function
@@ -85,7 +85,7 @@ def imported_later(
     Parameters
     ----------
     within
-        What the import must happen in, whoever uses the module first.
+        Context of the import, in whichever thread it happens.
     """
     return _Later(name, within)
 
@@ -107,8 +107,8 @@ def interpreted(name: str) -> ModuleType:
 def rebindable(name: str) -> dict[str, Any]:
     """Return the names of a module as `interpreted` gives it, to be replaced one by one.
 
-    Its functions are new ones, which find each other under these names: whoever replaces one sees
-    every call of it, and changes nothing for others.
+    Its functions are new ones, which find each other under these names: replacing one catches
+    every call of it, and changes nothing elsewhere.
     """
     source = vars(interpreted(name))
     names: dict[str, Any] = dict(source)

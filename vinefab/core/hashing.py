@@ -45,10 +45,9 @@ def manifest_text(digests: Mapping[str, str]) -> str:
 
 
 def is_manifest_as_written(text: str) -> bool:
-    """Tell whether vinefab wrote a manifest and nobody changed it since.
+    """Tell whether a manifest is as vinefab wrote it.
 
-    Of a manifest without a digest of its own lines, as earlier versions wrote it, only the first
-    is known.
+    A manifest without a digest of its lines, as earlier versions wrote it, counts as unchanged.
     """
     mark, _, rest = text.partition("\n")
     own, _, lines = rest.partition("\n")

@@ -59,7 +59,7 @@ def stop_requests() -> Iterator[StopRequest]:
         nonlocal first_s
         request.number = request.number or number
         first_s = min(first_s, time.monotonic())
-        # Compiled modules print a traceback of what interrupts them while they are loaded.
+        # Compiled modules print a traceback of an interrupt while they are loaded.
         if _loads_module(frame) and time.monotonic() - first_s < _LOADING_S:
             _repeat_soon(number)
         else:

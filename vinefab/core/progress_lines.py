@@ -72,7 +72,7 @@ def _watched_stream() -> TextIO | None:
 
 def _renew_line(state: "_State", is_over: threading.Event, stream: TextIO) -> None:
     pause_s, width = SHOWN_AFTER_S, 0
-    with suppress(OSError, ValueError):  # nobody reads it any more
+    with suppress(OSError, ValueError):  # its reader is gone
         while not is_over.wait(pause_s):
             line = visible(state.line())
             stream.write(f"\r{line:<{width}}")
@@ -86,7 +86,7 @@ def _renew_line(state: "_State", is_over: threading.Event, stream: TextIO) -> No
 def _write_lines(state: "_State", is_over: threading.Event) -> None:
     pause_s = FIRST_S
     while not is_over.wait(pause_s):
-        with suppress(OSError, ValueError):  # nobody reads it any more
+        with suppress(OSError, ValueError):  # its reader is gone
             if sys.stderr is not None:  # as with 2>&- in a shell
                 sys.stderr.write(f"{state.line()}\n")
                 sys.stderr.flush()
@@ -130,7 +130,7 @@ class _State:
 
 
 def duration_text(seconds: float) -> str:
-    """Return a duration in words, rounded.
+    """Return a rounded duration as text.
 
     Examples
     --------

@@ -132,9 +132,9 @@ class Registry(Mapping[str, T], Generic[T]):
 
 @contextmanager
 def _foreign_code(plugin: str, passing: type[BaseException] = KeyboardInterrupt) -> Iterator[None]:
-    """Make an error of ours of whatever a plug-in raises, also of what ends a program.
+    """Turn every exception of a plug-in, SystemExit included, into an error of ours.
 
-    The user's interrupt and want of memory pass, and what else is named.
+    KeyboardInterrupt, MemoryError and the ``passing`` ones pass.
     """
     try:
         with redirect_stdout(sys.stderr):

@@ -39,7 +39,7 @@ Owned = dict[str, set[str]]
 
 
 def is_protected(path: Path) -> bool:
-    """Tell whether a file is there that nobody, or not this user, may write."""
+    """Tell whether a file is there that this user may not write."""
     if not path.exists():
         return False
     return not path.stat().st_mode & 0o222 or not os.access(path, os.W_OK)
@@ -59,7 +59,7 @@ def is_incomplete(folder: Path) -> bool:
 
 
 def moved_aside(folder: Path) -> list[Path]:
-    """Return hidden folders beside one in which earlier versions left old files when killed."""
+    """Return the hidden folders next to one, in which killed earlier versions left old files."""
     return sorted(path for path in folder.parent.glob(f".{folder.name}.old.*") if path.is_dir())
 
 
@@ -93,7 +93,7 @@ def replace_files(folder: Path, staging: Path, *, force: bool) -> None:
             _put_in_place(folder, staging, name, undo)
     except BaseException:
         for step in reversed(undo):
-            step()  # if one fails, the mark and what it is about stay for the next run
+            step()  # if one fails, the mark and its files stay for the next run
         _forget(folder, staging)
         raise
     _forget(folder, staging)
@@ -106,7 +106,7 @@ def _new_names(new: Path) -> list[str]:
 
 
 def _owned(folder: Path) -> Owned:
-    """Return what the manifest, and the mark of a run that was killed, say of a folder."""
+    """Return the files that the manifest, and the mark of a killed run, list."""
     owned: Owned = {}
     for path in (folder / MANIFEST_NAME, folder / INCOMPLETE_NAME):
         if not path.is_file() or OWN_MARK not in path.read_bytes()[:200]:

@@ -93,7 +93,7 @@ class Table(BaseModel, metaclass=_TableType):
 
     @classmethod
     def before(cls) -> dict[str, Any]:
-        """Return what records without later fields mean by it, where that is not the default."""
+        """Return the values that records without later fields mean, where not the default."""
         marked = ((name, mark) for name, one in cls.model_fields.items() for mark in one.metadata)
         return {name: mark.value for name, mark in marked if isinstance(mark, LaterThan)}
 
@@ -156,7 +156,7 @@ _KINDS_OF_FILES = {
 
 
 def _other_kind(given: object, allowed: str) -> str:
-    """Return what a file of another kind or version is, behind a semicolon, or nothing."""
+    """Return a hint on a file of another kind or version, behind a semicolon, or nothing."""
     found = re.fullmatch(r"vinefab/([a-z]+)-(\d{1,4})", given) if isinstance(given, str) else None
     if found is None:
         return ""
@@ -186,10 +186,10 @@ class DeclaredKey:
 
 
 def declared_keys(table: type[BaseModel]) -> Iterator[DeclaredKey]:
-    """Yield what a table declares of its keys, in their order.
+    """Yield the declared keys of a table, in their order.
 
     Of an optional number or a list of numbers these are the limits and the unit of the numbers. A
-    field with ``Field(exclude=True)`` is no key of files.
+    field with ``Field(exclude=True)`` is not a key of files.
     """
     for name, field in table.model_fields.items():
         if field.exclude:

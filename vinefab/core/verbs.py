@@ -54,7 +54,7 @@ _UNIT_AT_THE_END = re.compile(r"-(mm|deg|px)$")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kind:
-    """How a value is typed in a shell, and what is allowed on both doors."""
+    """How a value is typed in a shell, and its allowed values in shell and Python."""
 
     metavar: str = ""
     read: Callable[[str], Any] | None = None  # one text as a value
@@ -179,7 +179,7 @@ class Option:
         return self.base(text) if self.base in (int, float) else text
 
     def value(self, texts: list[str]) -> Any:  # noqa: ANN401  of the option's own type
-        """Return what was typed, once or several times, as the parameter's value."""
+        """Return typed texts, one or several, as the parameter's value."""
         try:
             values = [self.read(text) for text in texts]
             if self.kind.gather is not None:
@@ -189,7 +189,7 @@ class Option:
         return tuple(values) if self.kind.several or self.starred else values[-1]
 
     def words(self, value: Any) -> list[str]:  # noqa: ANN401  of the option's own type
-        """Return what to type for a value."""
+        """Return the words to type for a value."""
         if self.base is bool:
             return [self.flag if value else f"--no-{self.flag[2:]}"]
         if self.kind.words is not None:
@@ -257,7 +257,7 @@ def text_of(value: object) -> str:
 
 
 def registered_names(where: str) -> Callable[[], Iterable[str]]:
-    """Return what lists the parts of a registry, ``module:NAME``, with those of plug-ins."""
+    """Return a function that lists a registry, ``module:NAME``, plug-ins included."""
 
     def listed() -> Iterable[str]:
         module, _, name = where.partition(":")
@@ -398,7 +398,7 @@ def numbers_from(text: str, count: int = 0) -> tuple[float, ...]:
 
 
 def numbers_kind(hint: Any) -> Kind:  # noqa: ANN401  an annotation
-    """Return how a tuple of numbers is typed: ``400,300``."""
+    """Return the kind of a tuple of numbers: ``400,300``."""
     tuples = [one for one in (hint, *get_args(hint)) if get_origin(one) is tuple]
     parts = get_args(tuples[0]) if tuples else ()
     if parts and all(one in (int, float) for one in parts):
@@ -416,7 +416,7 @@ def numbers_kind(hint: Any) -> Kind:  # noqa: ANN401  an annotation
 
 
 def parameter_words(thing: Any) -> dict[str, str]:  # noqa: ANN401  a class or a function
-    """Return what docstrings say of each parameter, of a class those of its bases too."""
+    """Return the docstrings' text on each parameter; a class inherits those of its bases."""
     found: dict[str, str] = {}
     for one in reversed(getattr(thing, "__mro__", (thing,))):
         block = _section(inspect.getdoc(one) or "", "Parameters")
@@ -447,7 +447,7 @@ def _with_parameters(function: Callable[..., Any]) -> str | None:
 
 
 def described(function: Callable[..., Any]) -> tuple[str, str]:
-    """Return what the docstring of a function says above its sections: first line, and the rest."""
+    """Return a docstring without its sections: first line, and the rest."""
     text = re.split(r"\n\w+\n-{3,}\n", inspect.getdoc(function) or "", maxsplit=1)[0]
     first, _, rest = text.partition("\n\n")
     return " ".join(first.split()), rest.strip()
@@ -469,7 +469,7 @@ def _section(text: str, title: str) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shell:
-    """The command line that calls a verb: how it shows what goes on."""
+    """The command line that calls a verb: its output and its progress bar."""
 
     command: str  # the words of the command: ``map info``
     say: Callable[[str], None]
@@ -486,7 +486,7 @@ class Call:
     shell: Shell | None = None
 
     def text(self, **changes: object) -> str:
-        """Return what to type for the same again: a command line, or a line of Python.
+        """Return the call as text: a command line, or a line of Python.
 
         Parameters
         ----------
@@ -618,7 +618,7 @@ def _as_parameters(words: str) -> str:
 
 
 def note(text: str, *, only_in_shell: bool = False) -> None:
-    """Tell the caller something that is no error: a line in a shell, a warning in Python."""
+    """Tell the caller more than the result: a line in a shell, a warning in Python."""
     shell = SHELL.get()
     if shell is not None:
         shell.say(text)
@@ -633,7 +633,7 @@ def wrote(path: str | PathLike[str], words: str = "") -> None:
 
 @contextmanager
 def told(title: str, given: object) -> Iterator[Tell]:
-    """Return what to tell progress to: the function passed, or a line for whoever watches."""
+    """Return the function that takes progress: the one passed, or one that prints a line."""
     shell = SHELL.get()
     if callable(given):
         yield given

@@ -1,10 +1,10 @@
-"""Results as blocks: one class says what a result holds, every medium shows it in its own way.
+"""Results as blocks: one class holds a result, every medium has a renderer.
 
 A result yields its `view`: the answer, facts, tables, pictures, findings and notes. Renderers know
 blocks and no feature: `lines` (terminal) and `document` (JSON) are here, pages and notebooks in
 `vinefab.pages.html`, the studio's form is `plain_blocks`. A number that is added to the view of a
 result stands in all of them. A folded block stands whole in JSON and print, is opened on demand on
-a page and in a notebook. A terminal shows what is not folded, and no sections.
+a page and in a notebook. A terminal leaves out folded blocks and sections.
 """
 
 import json
@@ -188,7 +188,7 @@ class Picture:
 
     image: bytes | Callable[[], bytes]  # a complete SVG document or PNG file, or what draws it
     caption: str  # what is to be seen, with the standing of the numbers in it
-    file: str = ""  # its name where it is saved, without ending; a run has it beside its page
+    file: str = ""  # its name where it is saved, without ending; a run has it next to its page
 
     @property
     def drawn(self) -> bytes:
@@ -197,7 +197,7 @@ class Picture:
 
     @property
     def file_name(self) -> str:
-        """Its file beside the page, with its ending."""
+        """Its file next to the page, with its ending."""
         return f"{self.file}.{'png' if self.drawn.startswith(PNG) else 'svg'}"
 
 
@@ -269,7 +269,7 @@ class Origin:
 
     command: str  # what to type
     inputs: Mapping[str, str]  # fingerprints of the contents that went in, by name
-    versions: Mapping[str, str]  # versions of what computed it
+    versions: Mapping[str, str]  # versions of the programs that computed it
 
     @property
     def section(self) -> Section:
@@ -324,7 +324,7 @@ class Result:
 
     @property
     def details(self) -> tuple[str, ...]:
-        """The summary with what ``--verbose`` adds."""
+        """The summary and the lines that ``--verbose`` adds."""
         return self.summary
 
     def json_text(self) -> str:
@@ -452,7 +452,7 @@ _NUMBER = re.compile(r"^(-|[-+]?[\d.,]+(e[-+]?\d+)?( ?%)?)?$")
 
 
 def document(blocks: Iterable[Block]) -> dict[str, Any]:
-    """Return what of blocks stands in JSON, by the keys that they give."""
+    """Return the JSON of blocks, by their keys."""
     found: dict[str, Any] = {}
     for block in blocks:
         match block:
@@ -489,7 +489,7 @@ def _objects(table: Rows) -> list[dict[str, Any]]:
 
 
 def _put(found: dict[str, Any], key: str, value: object) -> None:
-    """Put a value at a key with dots between its levels; the ends of an interval beside a mean."""
+    """Put a value at a key with dots between its levels; the ends of an interval next to a mean."""
     *levels, last = key.split(".")
     for level in levels:
         found = found.setdefault(level, {})

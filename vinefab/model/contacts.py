@@ -23,7 +23,7 @@ _COUNT = Interval(ge=1, le=10**6)
 
 
 class MeasuredNumber(Table):
-    """A number with its 95 % interval and what it was measured from; its unit is in its name."""
+    """A number with its 95 % interval and its sample; its unit is in its name."""
 
     low: Annotated[float, _ANY, Doc("of the 95 % interval")]
     high: Annotated[float, _ANY, Doc("of the 95 % interval")]
@@ -55,7 +55,7 @@ class MeasuredNumber(Table):
         return self.high <= most
 
     def text(self, unit: str = "") -> str:
-        """Return where it comes from: ``12 contacts on 4 photos, 95 % interval 3 to 7 deg``."""
+        """Return its source: ``12 contacts on 4 photos, 95 % interval 3 to 7 deg``."""
         ends = {
             "both": f"95 % interval {self.low:g} to {self.high:g}",
             "upper": f"at most {self.high:g}",

@@ -1,7 +1,7 @@
 """Corner markers: squares that a rig and a drawing carry, and by which a photo is rectified.
 
 They are ArUco markers of the dictionary 4x4_50, the first four, one outside each corner of the
-box of a map's bounds. This module knows where they lie and what they look like; ``rig`` makes
+box of a map's bounds. This module has their places and their look; ``rig`` makes
 them, ``photos`` finds them.
 """
 

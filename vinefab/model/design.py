@@ -136,7 +136,7 @@ class Level(Table):
     @model_validator(mode="before")
     @classmethod
     def _of_python(cls, given: Any) -> Any:  # noqa: ANN401  of any caller
-        # A file has names of its own: there ``length_mm`` is refused, and these with it.
+        # Files have other names: they refuse ``length_mm``, and these with it.
         if not isinstance(given, dict) or "length_mm" not in given:
             return given
         for name, key, factor, read in _OTHER_UNITS:
@@ -405,12 +405,14 @@ class Build(Table):
     def _fits(self) -> Self:
         given = self.model_fields_set
         if "fillet_mm" in given and self.fillet_ratio is not None:
-            raise BadInputError("fillet_ratio", self.fillet_ratio, "not beside build.fillet_mm")
+            raise BadInputError(
+                "fillet_ratio", self.fillet_ratio, "not together with build.fillet_mm"
+            )
         if "widths_mm" not in given:
             return self
         for name in ("trunk_width_mm", "width_ratio"):
             if getattr(self, name) is not None:
-                raise BadInputError(name, getattr(self, name), "not beside build.widths_mm")
+                raise BadInputError(name, getattr(self, name), "not together with build.widths_mm")
         if "fillet_mm" not in given:
             ratio = DEFAULT_FILLET_RATIO if self.fillet_ratio is None else self.fillet_ratio
             follows = {

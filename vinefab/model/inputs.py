@@ -144,7 +144,7 @@ def _numbers_words(value: Any) -> list[str]:  # noqa: ANN401  a number or severa
 
 
 def several_numbers(metavar: str) -> Kind:
-    """Return how several numbers are typed: ``50,84,176``."""
+    """Return the kind of several numbers: ``50,84,176``."""
     return Kind(metavar=metavar, read=numbers_from, words=_numbers_words, hyphen=True)
 
 
@@ -177,7 +177,7 @@ def _target_words(given: Any) -> list[str]:  # noqa: ANN401  judged one by one
 
 
 def written(*endings: str) -> Kind:
-    """Return what stands for a file to write, of one of some kinds."""
+    """Return the kind of a file to write, with one of some endings."""
     return Kind(metavar="FILE", writes="file", ends=endings)
 
 
@@ -282,7 +282,7 @@ def as_path(key: str, given: object, allowed: str = "a path") -> Path:
 
 
 def name_or_path(key: str, given: object, allowed: str, kind: str = "") -> str | Path:
-    """Return what a file is looked up by, or raise BadInputError for anything else.
+    """Return a name or a path, or raise BadInputError for anything else.
 
     Parameters
     ----------
@@ -384,7 +384,7 @@ def as_several(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
 
 
 def _is_one(given: object) -> bool:
-    """Tell whether something is one thing: a declared table gives its fields, but is no list."""
+    """Tell whether this is a single thing; a declared table is one, although it iterates."""
     is_table = hasattr(type(given), "model_fields")
     return is_table or isinstance(given, str | PathLike) or not isinstance(given, Iterable)
 
@@ -412,7 +412,9 @@ def as_growth(given: object, **shortcuts: object) -> Mapping[str, Any]:
         if value is None:
             continue
         if name in options and options[name] != value:
-            raise BadInputError(name, value, f"not beside another one in growth, {options[name]!r}")
+            raise BadInputError(
+                name, value, f"not together with another one in growth, {options[name]!r}"
+            )
         options[name] = value
     if isinstance(options.get("contacts"), str | PathLike):
         from vinefab.model.files.contacts_toml import read_contacts
@@ -422,7 +424,7 @@ def as_growth(given: object, **shortcuts: object) -> Mapping[str, Any]:
 
 
 def as_tuple(key: str, given: object, allowed: str) -> tuple[Any, ...]:
-    """Return several values, or raise BadInputError for what is one thing."""
+    """Return several values, or raise BadInputError for a single one."""
     if isinstance(given, str) or not isinstance(given, Iterable):
         raise BadInputError(key, given, allowed)
     return tuple(given)

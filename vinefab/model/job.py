@@ -59,7 +59,7 @@ class LaserPath:
     of
         Name of its design; empty for none.
     variant
-        A short name for settings of its own; empty for those of the recipe. Paths of one
+        A short name of other settings; empty for those of the recipe. Paths of one
         operation and variant share a layer.
     settings
         Settings of the variant, if any.
@@ -101,12 +101,12 @@ class Job:
     paths
         In process order: mark, weld, weldcut, cut; then what is not machined.
     facts
-        Facts recorded beside the paths: offsets applied, recipe, rotation; plain values.
+        Facts recorded with the paths: offsets applied, recipe, rotation; plain values.
     tiles
         For a sheet larger than the machine's bed: the jobs to run instead, one after the other on
         the same film.
     sheets
-        For a robot in pieces: the jobs to run instead, each on a film of its own; the job itself
+        For a robot in pieces: the jobs to run instead, each on its film; the job itself
         shows them side by side.
     """
 

@@ -151,7 +151,7 @@ CLOSING_GAIN = (0.0, 3.0)
 """Least and greatest closing gain of joints."""
 
 SEAM_KEYS = ("burst_kpa", "burst_width_mm", "survived_kpa", "survived_width_mm")
-"""Fields of a material that say what is known of its seam."""
+"""Fields of a material on its seam."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,7 +160,7 @@ class SeamTest:
 
     pressure_kpa: Quantity  # gauge pressure in a tube
     width_mm: Quantity  # its lay-flat width
-    burst: bool  # there; one that survived stands more, nobody knows how much
+    burst: bool  # there; one that survived stands more, it is unknown how much
 
     @property
     def is_measured_limit(self) -> bool:
@@ -169,7 +169,7 @@ class SeamTest:
         return self.burst and standings == {Standing.MEASURED}
 
     def words(self) -> str:
-        """Return the test in words.
+        """Return the test as text.
 
         >>> assumed = {"standing": Standing.ASSUMED, "source": "a guess"}
         >>> pressure, width = Quantity(value=70.0, **assumed), Quantity(value=20.0, **assumed)
@@ -293,7 +293,7 @@ class Measured(Table):
     ] = None
 
     def replaced_in(self, material: Material) -> Material:
-        """Return a material with these values in place of its own."""
+        """Return a material with these values."""
         found: dict[str, Quantity | None] = {**quantities(self)}
         seam = {name: found.pop(name) for name in SEAM_KEYS if name in found}
         if seam:
@@ -600,7 +600,7 @@ class LapBond(Table):
         return strength is not None and strength.standing is Standing.MEASURED
 
     def words(self) -> str:
-        """Return the bond in words.
+        """Return the bond as text.
 
         >>> assumed = {"standing": Standing.ASSUMED, "source": "a guess"}
         >>> band, load = Quantity(value=5.0, **assumed), Quantity(value=0.4, **assumed)
@@ -664,7 +664,7 @@ class Recipe(Table):
         return {"weld": SealerSettings(**dict(self.sealer)), **found}
 
     def __repr_args__(self) -> Iterable[tuple[str, Any]]:
-        """Yield what predictions of a robot in one piece use: reports keep a fingerprint of it."""
+        """Yield the values that predictions of a robot in one piece use, for fingerprints."""
         yield from ((name, getattr(self, name)) for name in ("name", "title", "status", "source"))
         yield "operations", self.by_operation
         yield "growth", {} if self.growth is None else quantities(self.growth)
@@ -688,7 +688,7 @@ class LaserProfile:
     recipe: Recipe
 
     def settings(self, operation: str) -> OperationSettings:
-        """Return how one operation is run.
+        """Return the settings of one operation.
 
         Raises
         ------

@@ -21,7 +21,7 @@ STANDARD_DEVIATION = 0.5
 
 
 def composite_text(kind: str, reference_deviation: float = STANDARD_DEVIATION) -> str:
-    """Return how a composite is made of scores, where its name does not say it."""
+    """Return the formula of a composite, where its name does not say it."""
     if kind != "min_deviation":
         return ""
     rest = 1.0 - MEAN_SHARE
@@ -65,7 +65,7 @@ _MANY = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Failures:
-    """In how many deployments a robot does nothing of what it was asked for (simulated)."""
+    """Deployments in which a robot fails at all of its task (simulated)."""
 
     failed: int
     deployments: int

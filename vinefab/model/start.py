@@ -183,7 +183,7 @@ def refuse_jagged(key: str, polygon: Polygon, allowed: str = _SIMPLER) -> None:
 
 
 def check_polygon(key: str, polygon: Polygon) -> None:
-    """Refuse what is no valid polygon of finite size."""
+    """Refuse all but a valid polygon of finite size."""
     if not isinstance(polygon, BaseGeometry):
         raise BadInputError(key, polygon, "a Polygon: shapely.box(0, 0, 500, 400)")
     if polygon.is_empty or polygon.geom_type != "Polygon":

@@ -1,4 +1,4 @@
-"""Starts as people say them: a pose, a side, a line or an area; and what of it is free on a map.
+"""Starts as people say them: a pose, a side, a line or an area; and its free part on a map.
 
 The words of ``--start``, of ``start`` in run files and of ``Map.with_start``::
 
@@ -98,7 +98,7 @@ class StartPlace:
             raise BadInputError("start.side", self.side, allowed)
         if self.inset_mm is not None:
             if self.side is None:
-                raise BadInputError("start.inset_mm", self.inset_mm, "a side beside it")
+                raise BadInputError("start.inset_mm", self.inset_mm, "together with a side")
             number("start.inset_mm", self.inset_mm, 0.0, LARGEST_MM, "mm")
         middle = Pose(x_mm=0.0, y_mm=0.0, heading_rad=self.heading_rad or 0.0)
         Start(
@@ -117,7 +117,7 @@ class StartPlace:
 
     @property
     def text(self) -> str:
-        """The place in words, as `start_from` reads them but for holes of an area."""
+        """The place as text that `start_from` reads, without holes of an area."""
         parts = [f"{self.side} side" if self.area is None else _shape_text(self.area)]
         if self.inset_mm is not None:
             parts.append(f"inset {self.inset_mm:.12g}")
@@ -201,7 +201,9 @@ class StartTable(Table):
         if not places:
             return self._pose()
         if len(places) > 1:
-            raise BadInputError(places[1], getattr(self, places[1]), "not beside another one")
+            raise BadInputError(
+                places[1], getattr(self, places[1]), "not together with another one"
+            )
         self.only_without("x_mm", "y_mm", "spread_x_mm", "spread_y_mm", at=places[0])
         points = self.line if places[0] == "line" else self.area
         if points is not None and len(points) < 2:
@@ -244,7 +246,7 @@ class StartTable(Table):
         """Refuse keys that mean nothing there."""
         for name in names:
             if getattr(self, name) is not None:
-                raise BadInputError(name, getattr(self, name), f"not beside {at}")
+                raise BadInputError(name, getattr(self, name), f"not together with {at}")
 
 
 def start_given(given: object, key: str = "start") -> Start | StartPlace:
@@ -257,7 +259,7 @@ def start_given(given: object, key: str = "start") -> Start | StartPlace:
         x_mm, y_mm, heading_deg = given
         return Start(pose=Pose.of((x_mm, y_mm, heading_deg)))
     if not isinstance(given, str):
-        raise BadInputError(key, given, f"(x_mm, y_mm, heading_deg), or in words {START_WAYS}")
+        raise BadInputError(key, given, f"(x_mm, y_mm, heading_deg), or {START_WAYS}")
     return start_from(given, key)
 
 
@@ -333,7 +335,7 @@ class _Said:
         return word
 
     def wrong(self, allowed: str) -> BadInputError:
-        """Return the error that says what is allowed."""
+        """Return the error with the allowed values."""
         return BadInputError(self.key, self.text, allowed)
 
     def pose(self) -> Start:
@@ -377,7 +379,7 @@ class _Said:
         """Refuse words and ranges that mean nothing here."""
         for word in self.numbers:
             if word not in names:
-                raise self.wrong(f"no {word} beside {names[0]}")
+                raise self.wrong(f"no {word} together with {names[0]}")
         for word in self.either_way:
             if word not in either:
                 raise self.wrong(f"+-SPREAD behind {' or '.join(either)} only")
@@ -414,7 +416,7 @@ def _box(x_min: float, y_min: float, x_max: float, y_max: float) -> Polygon:
 
 
 def _shape_text(area: LineString | Polygon) -> str:
-    """Return a line, or the outline of a polygon, in words."""
+    """Return a line, or the outline of a polygon, as text."""
     if area == _box(*area.bounds):
         x_min, y_min, x_max, y_max = area.bounds
         return f"area {x_min:.12g},{y_min:.12g} {x_max:.12g},{y_max:.12g}"
@@ -483,7 +485,7 @@ def start_words(start: Start) -> str:
 
 
 def with_starts(world: "Map", given: Iterable[Start | StartPlace], key: str = "start") -> "Map":
-    """Return a map with other starts in place of its own.
+    """Return a map with other starts.
 
     Parameters
     ----------

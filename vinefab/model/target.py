@@ -106,7 +106,7 @@ def targets_given(given: object, key: str = "") -> tuple[Target, ...]:
     Raises
     ------
     BadInputError
-        If one is no target, or two have one name.
+        If one is not a target, or two have one name.
 
     Examples
     --------
@@ -345,7 +345,7 @@ class TargetsResult(Result):
     def touched(
         cls, deployments: "Iterable[tuple[Deployment, Sequence[Target]]]", *, tips: bool = False
     ) -> "TargetsResult | None":
-        """Return which targets deployments touch; None where none has any.
+        """Return the targets that deployments touch; None where none has any.
 
         Targets of one name count as one.
 
@@ -455,7 +455,7 @@ class TargetsResult(Result):
         yield from self.below
 
     def answer(self, score: str = "") -> Answer:
-        """Return the headline as the result in one sentence, with the score beside it."""
+        """Return the headline as the result in one sentence, with the score."""
         return Answer(f"{self.headline}{f'; {score}' if score else ''} (simulated)", self.tone)
 
     @property

@@ -496,7 +496,7 @@ def _refuse_together(file: RunFile) -> None:
         raise BadInputError("space.most_branches", space.most_branches, "a valid integer")
     if "widths_mm" in build.model_fields_set:
         if "trunk_width_mm" in build.model_fields_set:
-            allowed = "not beside build.widths_mm"
+            allowed = "not together with build.widths_mm"
             raise BadInputError("build.trunk_width_mm", build.trunk_width_mm, allowed)
         if not build.widths_mm:
             raise BadInputError("build.widths_mm", [], "at least the trunk's width")

@@ -381,7 +381,7 @@ class Desk:
         if not path.parent.is_dir():
             raise CannotWriteError(self.shown(path), "its folder does not exist")
         if os.path.lexists(path) and not path.is_file():
-            raise CannotWriteError(self.shown(path), "it is no plain file")
+            raise CannotWriteError(self.shown(path), "not a plain file")
         if is_protected(path):
             raise CannotWriteError(self.shown(path), PROTECTED)
         return path

@@ -103,7 +103,11 @@ BAD = {
     "text for a number": ("length = 90.0", 'length = "90"', "level[1].length is '90'"),
     "missing trunk": ("[trunk]\nlength = 120", "", "trunk is missing"),
     "other schema": ("design-1", "design-9", "schema is 'vinefab/design-9'"),
-    "two ways at once": ("[build]", "[build]\nwidth_ratio = 0.5", "not beside build.widths_mm"),
+    "two ways at once": (
+        "[build]",
+        "[build]\nwidth_ratio = 0.5",
+        "not together with build.widths_mm",
+    ),
     "waiver without reason": ('"tested on the bench"', '" "', "waive[1].reason is ' '"),
     "unknown mounting": ("[build]", '[build]\nmounting = "folded"', "'tail_inverted' or 'turned'"),
     "pouch of no shape": ('"round"', '"heart"', "'round' or 'rectangle'"),

@@ -288,10 +288,10 @@ BAD_STARTS = [
     (start_of("LineString", [[5, 5], [5, 5]]), r"\[3\].geometry .*between different points"),
     (start_of("LineString", [[5, 5], [5, "a"]]), r"features\[3\] is .*numbers"),
     (start_of("Polygon", [[[5, 5], [9, 9], [9, 5], [5, 9]]]), r"features\[3\] is 'Self-inter"),
-    (start_of("LineString", LINE, side="left"), r"\[3\].properties.side is 'left'; .*no geometry"),
+    (start_of("LineString", LINE, side="left"), r"\[3\].properties.side is 'left'; .*not both"),
     (start_of("LineString", LINE, spread_x_mm=3), r"spread_x_mm is 3.0; allowed: 0 for a line"),
     (start_of("LineString", LINE, clearance_mm=-1), r"\[3\].properties.clearance_mm is -1"),
-    (start_of("LineString", LINE, inset_mm=1), r"\[3\].properties.inset_mm .*a side beside it"),
+    (start_of("LineString", LINE, inset_mm=1), r"\[3\].properties.inset_mm .*together with a side"),
     (start_of("LineString", LINE), r"features\[3\] is 'line 5,5 5,95'; .*15 mm from walls"),
     (start_of("Polygon", [BLOCK]), r"features\[3\] is 'area 40,40 60,60'; .*meets free space"),
     (start_of("LineString", [[-9, 0], [-9, 9]]), r"features\[3\] is .*meets free space"),
@@ -301,7 +301,7 @@ BAD_STARTS = [
     ),
     (
         start_of("Point", [5, 5], heading_deg=0, inset_mm=5),
-        r"inset_mm is 5.0; allowed: not beside a",
+        r"inset_mm is 5.0; allowed: not together with a",
     ),
     (
         start_of("Point", [5, 5], side="lefft"),

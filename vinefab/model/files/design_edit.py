@@ -49,7 +49,7 @@ def edited_text(text: str, design: Design, source: str | Path) -> str:
 
     Comments, order, spacing and every value that is the same stay as they stand; comments of what
     was removed become lines of their own. Lengths that no number of the file gives exactly, as its
-    scale is no power of two, are off by at most one unit in the last place.
+    scale is not a power of two, are off by at most one unit in the last place.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def edited_text(text: str, design: Design, source: str | Path) -> str:
     Raises
     ------
     VinefabError
-        If the text is no design file, or tomlkit cannot change it in place.
+        If the text is not a design file, or tomlkit cannot change it in place.
     """
     bom = "\ufeff" if text.startswith("\ufeff") else ""
     body = text.removeprefix(bom)
@@ -147,7 +147,7 @@ def _in_units_of_file(design: Design, scale: float) -> dict[str, Any]:
 
 
 def _build_changes(table: Mapping[str, Any], old: Build, new: Build) -> dict[str, Any]:
-    """Return what differs in ``[build]``; what follows from other values stays while it does."""
+    """Return the changes of ``[build]``; values that follow from others stay while they do."""
     changes: dict[str, Any] = {}
     ratios = {name: table.get(name) for name in ("trunk_width_mm", "width_ratio")}
     depth, widths_mm = len(new.widths_mm), table.get("widths_mm")
@@ -329,7 +329,7 @@ class _EditedFile:
 
 
 def _takes_lines(table: Any) -> bool:  # noqa: ANN401  tomlkit's
-    """Tell whether lines can be put below the last value of a table: it has a header of its own."""
+    """Tell whether lines can be put below the last value of a table: it has a header."""
     if not isinstance(table, Table) or table.is_super_table():
         return False
     if any(key is not None and key.is_dotted() for key, _ in table.value.body):

@@ -31,7 +31,7 @@ _DECIMALS = 6
 
 
 def geojson_document(path: Path) -> Any:  # noqa: ANN401  JSON
-    """Return what a file holds as JSON."""
+    """Return the JSON document in a file."""
     text = read_text(path, _LARGEST_BYTES)
     try:
         return json.loads(text)
@@ -56,7 +56,7 @@ def _features(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
 
 
 def feature_key(index: int) -> str:
-    """Return what messages call a feature; they count from 1."""
+    """Return the name of a feature in messages, counted from 1."""
     return f"features[{index + 1}]"
 
 
@@ -160,7 +160,7 @@ class _About(Table):
 _Content = tuple[
     Polygon, list[Polygon], list[tuple[str, Start | StartPlace]], list[tuple[str, Target]]
 ]
-"""Bounds, obstacles, and starts and targets, each with what messages call it."""
+"""Bounds, obstacles, and starts and targets, each with its name in messages."""
 
 
 def read_map(path: Path, made: "type[Map]") -> "Map":
@@ -179,7 +179,7 @@ def read_map(path: Path, made: "type[Map]") -> "Map":
     UnreadableFileError
         If the file is missing, not UTF-8 or not JSON.
     BadInputError
-        If it is no map; the message names the feature and the position.
+        If it is not a map; the message names the feature and the position.
     """
     document, features = _features(path)
     try:
@@ -371,7 +371,7 @@ def _start(key: str, feature: dict[str, Any]) -> Start | StartPlace:
 
 
 def _start_area(key: str, feature: dict[str, Any]) -> LineString | Polygon | None:
-    """Return the line or polygon of a start; None for a point, or no geometry beside a side."""
+    """Return the line or polygon of a start; None for a point, or a side without geometry."""
     if feature.get("geometry") is None and "side" in feature["properties"]:
         return None
     kind, coordinates = _geometry(key, feature)
@@ -392,7 +392,7 @@ def _start_place(table: StartTable, area: LineString | Polygon | None) -> Start 
         if getattr(table, name):
             raise BadInputError(name, getattr(table, name), "0 for a line or an area")
     if table.side is not None and area is not None:
-        raise BadInputError("side", table.side, "no geometry beside it, or no side")
+        raise BadInputError("side", table.side, "a side or a geometry, not both")
     place = table.place(area)
     if area is None or place.heading_rad is None or table.x_mm is None or table.y_mm is None:
         return place

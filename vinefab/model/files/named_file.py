@@ -37,7 +37,7 @@ def path_inside(
     Raises
     ------
     BadInputError
-        If it leads elsewhere, or is no path.
+        If it leads elsewhere, or is not a path.
     """
     try:
         path = path_given(key, given)

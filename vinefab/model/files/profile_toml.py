@@ -21,7 +21,7 @@ def read_profile(recipe: str | Path) -> LaserProfile:
     ----------
     recipe
         Path of a recipe file, or the name of one of the user's own or a shipped one. Its machine
-        and material are searched in ``../machines`` and ``../materials`` beside it, in its own
+        and material are searched in ``../machines`` and ``../materials`` next to it, in its own
         folder, then by name.
         Measured values of the film (table ``[measured]``) replace the material's.
     """

@@ -1,7 +1,7 @@
 """The context of a design: keys of ``[origin]`` in which the run that found it is remembered.
 
 Small values stand there themselves: task, growth options, fingerprints of the training maps. The
-recipe is a copy beside the design file, with its digest.
+recipe is a copy next to the design file, with its digest.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,7 +29,7 @@ from vinefab.model.target import TOLERANCE_MM, Target, targets_given
 
 RECORD = "the record of the run"
 COPY_FOLDER = "recipe_of_run"
-"""Folder of the copy, beside the design file."""
+"""Folder of the copy, next to the design file."""
 
 PLACES = ("targets", "target_mm")
 """Parameters of tasks that are places on the maps of a run."""
@@ -68,7 +68,7 @@ class RunContext(Table):
 
     @classmethod
     def of(cls, design: Design) -> Self:
-        """Return what a design remembers; empty for one that no run has made.
+        """Return the memory of a design; empty for one that no run has made.
 
         Raises
         ------
@@ -137,7 +137,7 @@ class RunContext(Table):
         ]
 
     def seen_words(self, worlds: Iterable[Map]) -> str:
-        """Return how many of some maps the run trained on; empty where that is not known."""
+        """Return the number of maps that the run trained on; empty where it is unknown."""
         seen = self.trained_on(worlds)
         if not seen:
             return ""

@@ -35,7 +35,7 @@ DEFAULT_PRINTER = "generic_220"
 def shipped_root() -> Path:
     """Return the folder with ``designs`` and ``laser_profiles``.
 
-    An installed package carries them inside; a checkout has them beside the package.
+    An installed package carries them inside; a checkout has them next to the package.
     """
     package = Path(__file__).resolve().parents[2]
     inside = package / "_shipped"

@@ -73,7 +73,7 @@ _DIGEST = re.compile(r" \[[0-9a-f]{16}\]")
 
 
 def _beginning(kind: str, text: str) -> str:
-    """Return the line that says what a file began as: of a map its second, without the digest."""
+    """Return the line with a file's origin: of a map its second, without the digest."""
     lines = text.splitlines()[:2]
     return _DIGEST.sub("", lines[-1]) if kind == "map" and lines else "".join(lines[:1])
 
@@ -119,7 +119,7 @@ _EXAMPLE_ENDINGS = (
     ".toml", ".py", ".sbatch", ".ipynb", ".md", ".dxf", ".jpg", ".png", ".gpkg", ".yaml",
 )  # fmt: skip
 _PICTURES_FOLDER = "pictures"
-"""A folder of what the README shows; it is not copied."""
+"""Folder of the README's pictures; it is not copied."""
 
 
 def shipped_examples() -> dict[str, Path]:
@@ -156,7 +156,7 @@ _TEXTS = (".toml", ".py", ".sbatch", ".md")
 
 
 def about_example(path: Path) -> str:
-    """Return a file's heading or first sentence, behind a colon; nothing of what is no text."""
+    """Return a text file's heading or first sentence, behind a colon; else nothing."""
     if path.suffix not in _TEXTS:
         return ""
     lines = [line for line in read_text(path).splitlines() if not line.startswith("#!")]
@@ -166,5 +166,5 @@ def about_example(path: Path) -> str:
 
 
 def _is_there(path: Path, shipped: Path) -> bool:
-    """Tell whether a copy lies there that nobody has changed."""
+    """Tell whether an unchanged copy lies there."""
     return path.is_file() and path.read_bytes() == shipped.read_bytes()

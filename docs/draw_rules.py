@@ -31,8 +31,7 @@ from rule_subjects import (
     with_paths,
 )
 
-from vinefab.fabrication.rules.catalog import RULES
-from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.catalog import RULES, run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Collar, PieceSettings, Pouch
 from vinefab.model.finding import Finding

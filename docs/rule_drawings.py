@@ -10,14 +10,18 @@ from rule_subjects import CROSSING, block, open_block, pieced, profile
 from shapely.affinity import scale as scaled_shape
 
 from vinefab.fabrication.calibration.coupons import coupon_pieces
-from vinefab.fabrication.job.sleeve import STRAIGHT_BEFORE_MM, sleeve_size
+from vinefab.fabrication.job.passes import STRAIGHT_BEFORE_MM, sleeve_size
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
 from vinefab.fabrication.rules.catalog import RULES
-from vinefab.fabrication.rules.inflation_rules import deployed_capsules
-from vinefab.fabrication.rules.joints import level_joints
-from vinefab.fabrication.rules.pressure_limits import pressure_gauge, safe_pressure_kpa, widest
+from vinefab.fabrication.rules.clearance_rules import level_joints
+from vinefab.fabrication.rules.pressure_rules import (
+    deployed_capsules,
+    pressure_gauge,
+    safe_pressure_kpa,
+    widest,
+)
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.fabrication.rules.widths import lap_occupancies, occupancies
+from vinefab.fabrication.rules.tree_rules import lap_occupancies, occupancies
 from vinefab.inflation.pattern import Pattern, pattern_of
 from vinefab.model.job import Operation
 from vinefab.model.laser import RecipeStatus

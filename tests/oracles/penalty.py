@@ -7,16 +7,32 @@ from itertools import pairwise
 from tests.oracles.quick_cuts import PieceLimits, quick_cuts
 from vinefab.fabrication.job.passes import bare_sheet_mm, taken_mm
 from vinefab.fabrication.outline.ends import pouch_takes_mm
-from vinefab.fabrication.outline.gap import largest_fillet_mm, largest_turn_rad, straight_begins_mm
-from vinefab.fabrication.outline.joint import level_lengths_mm, level_tapers_rad
+from vinefab.fabrication.outline.joint import (
+    largest_fillet_mm,
+    largest_turn_rad,
+    level_lengths_mm,
+    level_tapers_rad,
+    straight_begins_mm,
+)
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits
-from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
-from vinefab.fabrication.rules.inflation_rules import BODIES, contact_mm
-from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps, gap_angles_rad
+from vinefab.fabrication.rules.clearance_rules import (
+    ANGLE,
+    CLEARANCE,
+    CROTCH,
+    bare_gaps,
+    gap_angles_rad,
+    least_gap_mm,
+)
 from vinefab.fabrication.rules.laser_rules import PATHS
-from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, most_growth_kpa
+from vinefab.fabrication.rules.pressure_rules import (
+    BODIES,
+    WINDOW,
+    GrowthConstantsRange,
+    contact_mm,
+    most_growth_kpa,
+)
 from vinefab.fabrication.rules.rule import MOST_OF_ONE, LimitChanges, Rule, relative_excess
 from vinefab.fabrication.rules.spacing import (
     capsules_of,
@@ -24,7 +40,7 @@ from vinefab.fabrication.rules.spacing import (
     pair_depths,
     spacing,
 )
-from vinefab.fabrication.rules.widths import PACKING, occupancies
+from vinefab.fabrication.rules.tree_rules import PACKING, occupancies
 from vinefab.inflation.law import quick_pattern
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile

@@ -12,13 +12,21 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from vinefab.fabrication.job.passes import reach_mm, taken_mm
-from vinefab.fabrication.job.sleeve import STRAIGHT_BEFORE_MM, SleeveSize, sleeve_size
+from vinefab.fabrication.job.passes import (
+    STRAIGHT_BEFORE_MM,
+    SleeveSize,
+    reach_mm,
+    sleeve_size,
+    taken_mm,
+)
 from vinefab.fabrication.outline.ends import pouch_takes_mm
-from vinefab.fabrication.outline.gap import largest_fillet_mm, straight_begins_mm
-from vinefab.fabrication.outline.joint import level_lengths_mm
+from vinefab.fabrication.outline.joint import (
+    largest_fillet_mm,
+    level_lengths_mm,
+    straight_begins_mm,
+)
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
-from vinefab.fabrication.pieces.bodies import (
+from vinefab.fabrication.pieces.partition import (
     BodyKind,
     StraightSides,
     beside_mm,
@@ -26,7 +34,7 @@ from vinefab.fabrication.pieces.bodies import (
     sleeve_sides,
     sleeves_of,
 )
-from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
+from vinefab.fabrication.rules.clearance_rules import CLEARANCE, least_gap_mm
 from vinefab.fabrication.rules.piece_rules import LAP_PACKING, fullest_laps, widest_cut_mm
 from vinefab.fabrication.rules.rule import LimitChanges, relative_excess
 from vinefab.fabrication.rules.spacing import Capsules, RotatedSpan, pair_depths, spacing

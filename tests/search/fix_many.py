@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vinefab.core.rng import child
-from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.profile_toml import read_profile

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.fabrication.rules.joints import bare_gaps, level_joints
-from vinefab.fabrication.rules.pressure_limits import worst_growths
-from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.catalog import run_checks
+from vinefab.fabrication.rules.clearance_rules import bare_gaps, level_joints
+from vinefab.fabrication.rules.pressure_rules import worst_growths
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design, Pouch
 from vinefab.model.laser import LaserProfile

@@ -6,7 +6,7 @@ import pytest
 
 from tests.search.target_cases import SPACE, cases, thick_film
 from vinefab.fabrication.checking import subject_of
-from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.model.design import Design, Level
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.search.loop import Search

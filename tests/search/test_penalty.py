@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from vinefab.core.rng import child
+from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.rule import LimitChanges
-from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design, Level, default_fillets_mm
 from vinefab.model.files.profile_toml import read_profile

@@ -8,13 +8,17 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import ReadBackError
 from vinefab.core.plain_text import counted
-from vinefab.fabrication.findings_picture import findings_picture
+from vinefab.fabrication.findings_picture import annotated_job, findings_picture
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.pieces.partition import in_pieces, pieces_of
-from vinefab.fabrication.rules.annotation import annotated_job
-from vinefab.fabrication.rules.catalog import FLAT_RULES, RULES, concerns
+from vinefab.fabrication.rules.catalog import (
+    FLAT_RULES,
+    RULES,
+    concerns,
+    merged_reports,
+    run_checks,
+)
 from vinefab.fabrication.rules.rule import LimitChanges
-from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Corridor, MapCorridors, RigFacts, Subject
 from vinefab.inflation.pattern import Pattern, cut_design, pattern_of
 from vinefab.maps.passages import narrow_passages

@@ -1,11 +1,14 @@
-"""A picture of a check: the robot, every finding at its place, and a list of them below.
+"""Drawings of a check: a page with the robot and its findings, and a job for DXF files.
 
 The page is laid out in points before anything is drawn, so that no number, marker or leader lies on
-another. Findings that stand too close together share one number tag.
+another. Findings that stand too close together share one number tag. In the job everything lies on
+layers that are never cut: a design that breaks a rule must not become a file that can be run.
 """
 
+import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 import shapely
@@ -13,12 +16,15 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
+from vinefab.fabrication.job.marks import lettered, text_width_mm
 from vinefab.fabrication.job.passes import body_paths
+from vinefab.fabrication.job.placement import LayoutPlacement, marker_lines
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding, Severity
-from vinefab.model.job import LaserPath, Operation
+from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, RecipeStatus
+from vinefab.model.outline import Contour, Part
 from vinefab.pages.colours import INK, SOFT
 from vinefab.pages.label_places import Labels, boxes_around, spots_around
 from vinefab.pages.panel import (
@@ -466,3 +472,114 @@ def _draw_list(panel: Panel, page: FindingsPage) -> None:
 def _who(branches: Sequence[str]) -> str:
     more = f" +{len(branches) - 3}" if len(branches) > 3 else ""
     return ", ".join(branches[:3]) + more
+
+
+MOST_MARKED = 60
+"""Most findings drawn, errors first; the legend counts the rest."""
+
+_TEXT_MM = 5.0
+_SIGN_MM = 4.0
+_LINE_MM = 9.0
+_LEADER_MM = (12.0, 20.0, 30.0, 42.0, 56.0, 72.0, 90.0, 110.0)
+_CORNERS = {Severity.ERROR: 0, Severity.WARNING: 3, Severity.INFO: 4}
+"""An error's marker is a circle, a warning's a triangle, a note's a square."""
+
+
+def annotated_job(job: Job, findings: Sequence[Finding]) -> Job:
+    """Return a drawing of a job with its findings: numbered markers, and a legend above the bed."""
+    ranks = list(Severity)
+    open_ = [finding for finding in findings if not finding.waived]
+    chosen = sorted(open_, key=lambda finding: ranks.index(finding.severity))[:MOST_MARKED]
+    outline = [replace(path, operation=Operation.REG) for path in job.paths]
+    legend = numbered(chosen) or ["no findings"]
+    if len(open_) > len(chosen):
+        legend.append(f"and {len(open_) - len(chosen)} more that are not drawn")
+    height_mm = job.sheet_height_mm + _LINE_MM * (len(legend) + 1)
+    doc = [*_markers(job, chosen), *_written(legend, job, height_mm)]
+    paths = [LaserPath(operation=Operation.DOC, contour=one, label=label) for label, one in doc]
+    widest_mm = max((text_width_mm(line, _TEXT_MM) for line in legend), default=0.0)
+    return replace(
+        job,
+        sheet_width_mm=max(job.sheet_width_mm, widest_mm + 2.0 * _LINE_MM),
+        sheet_height_mm=height_mm,
+        paths=(*outline, *paths),
+    )
+
+
+def numbered(findings: Sequence[Finding]) -> list[str]:
+    """Return the legend's lines: number, severity, rule, branches and values of each finding."""
+    lines = []
+    for number, one in enumerate(findings, start=1):
+        line = f"{number} {one.severity} {one.rule} {' '.join(one.branches[:4])}"
+        if one.measures:
+            line += f": {one.measures.replace(',', '')}"
+        lines.append(line)
+    return lines
+
+
+def _written(legend: Sequence[str], job: Job, height_mm: float) -> Iterator[tuple[str, Contour]]:
+    """Yield the legend's strokes, line by line from the top, above the bed's frame."""
+    frame = np.array([[0.0, 0.0], [job.sheet_width_mm, 0.0]])
+    top = np.array([0.0, job.sheet_height_mm])
+    corners = np.concatenate([frame, frame[::-1] + top])
+    yield "bed", Contour.polyline(corners, closed=True)
+    for number, line in enumerate(legend, start=1):
+        for stroke in lettered(line, (_LINE_MM, height_mm - number * _LINE_MM), _TEXT_MM):
+            yield f"legend: {line}", stroke
+
+
+def _markers(job: Job, chosen: Sequence[Finding]) -> Iterator[tuple[str, Contour]]:
+    """Yield every finding's marker geometry, sign, leader and number."""
+    placed = LayoutPlacement.of(job)
+    taken: list[shapely.Geometry] = [
+        shapely.LineString(path.contour.flattened_mm(0.5))
+        for path in job.paths
+        if path.operation in (Operation.WELD, Operation.WELDCUT)
+    ]
+    for number, finding in enumerate(chosen, start=1):
+        if finding.x_mm is None or finding.y_mm is None:
+            continue
+        label = f"{number} {finding.rule.removeprefix('VF-')}"
+        for points in marker_lines(finding.marker_wkt):
+            yield label, Contour.polyline(placed.on_sheet(points), closed=False)
+        at = placed.on_sheet(np.array([[finding.x_mm, finding.y_mm]]))[0]
+        yield label, _sign(at, finding.severity)
+        corner, leader, box = _free_place(at, label, taken)
+        taken.append(box)
+        yield label, Contour.polyline(leader, closed=False)
+        for stroke in lettered(label, corner, _TEXT_MM):
+            yield label, stroke
+
+
+def _sign(at: Floats, severity: Severity) -> Contour:
+    corners = _CORNERS[severity]
+    if not corners:
+        ends = at + np.array([[_SIGN_MM, 0.0], [-_SIGN_MM, 0.0]])
+        parts, branches = (Part.OTHER,) * 2, ("",) * 2
+        return Contour(
+            points_mm=ends, bulges=np.ones(2), parts=parts, branches=branches, closed=True
+        )
+    angles = np.pi / 2 + np.arange(corners) * 2.0 * np.pi / corners
+    around = np.column_stack([np.cos(angles), np.sin(angles)])
+    return Contour.polyline(at + _SIGN_MM * around, closed=True)
+
+
+def _free_place(
+    at: Floats, label: str, taken: Sequence[shapely.Geometry]
+) -> tuple[tuple[float, float], Floats, shapely.Geometry]:
+    """Return the corner, leader and box of the least obstructed place for a label."""
+
+    def hidden(place: tuple[tuple[float, float], Floats, shapely.Geometry]) -> int:
+        # Text on a line can still be read, text on text cannot.
+        met = [one for one in taken if shapely.intersects(place[2], one)]
+        return sum(1 if shapely.get_dimensions(one) == 1 else 10 for one in met)
+
+    places, wide_mm = [], text_width_mm(label, _TEXT_MM)
+    for far_mm, turn in product(_LEADER_MM, range(12)):  # the nearest ones first
+        angle = math.pi / 6 * (turn + 0.5)
+        along = np.array([math.cos(angle), math.sin(angle)])
+        x, y = (at + far_mm * along).tolist()
+        left = x if along[0] > 0.0 else x - wide_mm
+        box = shapely.box(left - 1.0, y - 1.0, left + wide_mm, y + _TEXT_MM + 1.0)
+        places.append(((left, y), np.array([at + _SIGN_MM * along, (x, y)]), box))
+    return min(places, key=hidden)

@@ -14,7 +14,7 @@ import scipy  # its parts load at their first use
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints
 from vinefab.fabrication.outline.ends import round_tip
-from vinefab.fabrication.outline.gap import LEFT, RIGHT, Core, JointBranch, solve_gap
+from vinefab.fabrication.outline.joint import LEFT, RIGHT, Core, JointBranch, solve_gap
 from vinefab.fabrication.outline.stroke import LocalFrame, Pen, Point, placed, polar
 from vinefab.inflation.membrane import Bools, Membrane
 from vinefab.inflation.mesh import LEAST_ANGLE_DEG, SheetMesh, StraightSide, followed

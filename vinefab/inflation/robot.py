@@ -13,8 +13,7 @@ import shapely
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.outline.exactness import outline_parts
+from vinefab.fabrication.outline.body_outline import body_outline, outline_parts
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
 from vinefab.inflation.joint import JointShape, axis_of
 from vinefab.inflation.mesh import StraightSide

@@ -9,8 +9,8 @@ from vinefab.core.statistics import PAIRED_TAILS, group_means, mean_interval
 from vinefab.core.view import NO_INTERVAL, Block, Notes, Picture, Result
 from vinefab.fabrication.checking import Deployed, subject_of
 from vinefab.fabrication.job.laser_job import MOST_CUT_BRANCHES
+from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.rule import LimitChanges
-from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.model.design import Design
 from vinefab.model.files.run_context import RunContext
 from vinefab.model.finding import CheckReport

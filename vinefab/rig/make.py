@@ -8,8 +8,8 @@ import shapely
 from vinefab.core.errors import BadInputError, ReadBackError
 from vinefab.core.hashing import sha256_of
 from vinefab.fabrication.checking import corridors_in
+from vinefab.fabrication.rules.catalog import run_rig_checks
 from vinefab.fabrication.rules.rig_rules import RigSubject
-from vinefab.fabrication.rules.run_rules import run_rig_checks
 from vinefab.fabrication.rules.subject import MapCorridors, RigFacts, RigPartFacts
 from vinefab.model.design import Design
 from vinefab.model.map import Map

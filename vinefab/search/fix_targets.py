@@ -10,9 +10,15 @@ from vinefab.core.units import deg
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import bare_sheet_mm, taken_mm
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
-from vinefab.fabrication.rules.clearance import CLEARANCE, POUCH, least_gap_mm
-from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET
-from vinefab.fabrication.rules.pressure_limits import (
+from vinefab.fabrication.rules.clearance_rules import (
+    ANGLE,
+    CLEARANCE,
+    CROTCH,
+    FILLET,
+    POUCH,
+    least_gap_mm,
+)
+from vinefab.fabrication.rules.pressure_rules import (
     BURST,
     WINDOW,
     GrowthConstantsRange,
@@ -20,8 +26,14 @@ from vinefab.fabrication.rules.pressure_limits import (
     safe_pressure_kpa,
 )
 from vinefab.fabrication.rules.rule import LimitChanges, Limits, Rule, relative_excess
-from vinefab.fabrication.rules.tree_and_base import CLAMP, MOUTH, TAIL
-from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
+from vinefab.fabrication.rules.tree_rules import (
+    CLAMP,
+    LEAST_WIDTH,
+    MOUTH,
+    PACKING,
+    TAIL,
+    WIDTH_RATIO,
+)
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import child_lengths_mm, widest_turn_rad

@@ -15,11 +15,10 @@ from vinefab.core.errors import BadInputError, values_hidden
 from vinefab.fabrication.checking import check_design, subject_of
 from vinefab.fabrication.job.passes import bare_sheet_mm
 from vinefab.fabrication.outline.layout import flat_layout
-from vinefab.fabrication.rules.catalog import by_rule, changed_limits
-from vinefab.fabrication.rules.clearance import POUCH
-from vinefab.fabrication.rules.joints import ANGLE, CROTCH
+from vinefab.fabrication.rules.catalog import by_rule, changed_limits, run_checks
+from vinefab.fabrication.rules.clearance_rules import ANGLE, CROTCH, POUCH
 from vinefab.fabrication.rules.laser_rules import BED, PLY
-from vinefab.fabrication.rules.pressure_limits import (
+from vinefab.fabrication.rules.pressure_rules import (
     BURST,
     RATING,
     WINDOW,
@@ -27,10 +26,15 @@ from vinefab.fabrication.rules.pressure_limits import (
     most_growth_kpa,
 )
 from vinefab.fabrication.rules.rule import ROUNDING, LimitChanges, Rule
-from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.spacing import capsules_of, excess_mm
-from vinefab.fabrication.rules.tree_and_base import CLAMP, TAIL
-from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
+from vinefab.fabrication.rules.tree_rules import (
+    CLAMP,
+    LEAST_WIDTH,
+    PACKING,
+    TAIL,
+    WIDTH_RATIO,
+    occupancies,
+)
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.files.profile_toml import read_profile

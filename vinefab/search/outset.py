@@ -14,8 +14,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.fabrication.rules.laser_rules import BED
 from vinefab.fabrication.rules.spacing import RotatedSpan
-from vinefab.fabrication.rules.tree_and_base import CLAMP
-from vinefab.fabrication.rules.widths import PACKING
+from vinefab.fabrication.rules.tree_rules import CLAMP, PACKING
 from vinefab.growth.simulator import grow_on
 from vinefab.model.design import DEFAULT_TRUNK_WIDTH_MM, Design, Level
 from vinefab.model.files.profile_toml import profile_files

@@ -12,27 +12,32 @@ import numpy as np
 
 from vinefab.core.compiling import imported_later
 from vinefab.core.validation import Floats, Ints
-from vinefab.fabrication.job.passes import reach_mm, seal_offset_mm, taken_mm
-from vinefab.fabrication.job.sleeve import (
+from vinefab.fabrication.job.passes import (
     BLEND_RATIO,
     STRAIGHT_AFTER_MM,
     STRAIGHT_BEFORE_MM,
+    reach_mm,
+    seal_offset_mm,
     sleeve_size,
+    taken_mm,
 )
 from vinefab.fabrication.outline.ends import pouch_takes_mm
-from vinefab.fabrication.outline.gap import STEEPEST
+from vinefab.fabrication.outline.joint import STEEPEST
 from vinefab.fabrication.outline.layout import flat_layout, level_fillets_mm
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM, Point
-from vinefab.fabrication.pieces.bodies import beside_mm, sleeve_sides
-from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
-from vinefab.fabrication.rules.inflation_rules import BODIES
-from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET
+from vinefab.fabrication.pieces.partition import beside_mm, sleeve_sides
+from vinefab.fabrication.rules.clearance_rules import ANGLE, CLEARANCE, CROTCH, FILLET, least_gap_mm
 from vinefab.fabrication.rules.laser_rules import PATHS
 from vinefab.fabrication.rules.piece_rules import LAP_PACKING, widest_cut_mm
-from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, most_growth_kpa
+from vinefab.fabrication.rules.pressure_rules import (
+    BODIES,
+    WINDOW,
+    GrowthConstantsRange,
+    most_growth_kpa,
+)
 from vinefab.fabrication.rules.rule import MOST_OF_ONE, LimitChanges, Limits, Rule
 from vinefab.fabrication.rules.spacing import TURNS, pouch_capsules, tail_capsules
-from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
+from vinefab.fabrication.rules.tree_rules import LEAST_WIDTH, PACKING, WIDTH_RATIO
 from vinefab.inflation.law import (
     FANS,
     LEAST_LENGTH,

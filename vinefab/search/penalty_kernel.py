@@ -800,7 +800,7 @@ def _find_straight_sides(designs, d, tables, limits, scratch, cutting):
 def _largest_fillet(angle, one, two, reach):
     """Return the radius whose fillet comes to a distance from the joint, negative if none does.
 
-    As `vinefab.fabrication.outline.gap.largest_fillet_mm`.
+    As `vinefab.fabrication.outline.joint.largest_fillet_mm`.
     """
     sin, cos = math.sin(angle), math.cos(angle)
     if angle >= math.pi - 1e-6:
@@ -966,7 +966,7 @@ def _left(designs, d, capsules, pairs, tables, limits, scratch, cutting):
 def _overfull(designs, d, tables, limits, scratch, cutting):
     """Return by how much film with the laps of the cuts overfills lumens, as VF-J04.
 
-    As `vinefab.fabrication.rules.widths.lap_occupancies`, the fullest branch of each level.
+    As `vinefab.fabrication.rules.tree_rules.lap_occupancies`, the fullest branch of each level.
     """
     base, depth, below = designs.first[d], designs.depth[d], cutting.below
     build = designs.build[d]

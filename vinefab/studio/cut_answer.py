@@ -6,7 +6,7 @@ from typing import Any
 
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.rules.inflation_rules import SENSITIVITY, degrees_text
+from vinefab.fabrication.rules.pressure_rules import SENSITIVITY, degrees_text
 from vinefab.inflation.compensation import FlatJoint
 from vinefab.inflation.pattern import Pattern, PatternJoint, pattern_of
 from vinefab.model.design import Design, UnevenLevel

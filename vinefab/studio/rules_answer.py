@@ -10,6 +10,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
 from vinefab.fabrication.checking import Deployed, checked_design, map_corridors
+from vinefab.fabrication.job.placement import LayoutPlacement
 from vinefab.fabrication.package.bom import BomLine, bill_of_materials, joint_lines
 from vinefab.fabrication.package.sheet_svg import (
     SEVERITY_SIGNS,
@@ -19,9 +20,8 @@ from vinefab.fabrication.package.sheet_svg import (
     sheet_box_mm,
     sheet_svg,
 )
-from vinefab.fabrication.rules.annotation import LayoutPlacement
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
-from vinefab.fabrication.rules.pressure_limits import WINDOW, WorstBranch, pressure_gauge
+from vinefab.fabrication.rules.pressure_rules import WINDOW, WorstBranch, pressure_gauge
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain

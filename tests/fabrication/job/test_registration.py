@@ -9,10 +9,9 @@ import shapely
 
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.passes import GUIDE, WEB_MM
-from vinefab.fabrication.job.registration import HOLES, PIN_HOLE
-from vinefab.fabrication.job.tile_jobs import LEAST_APART_MM, TARGET
+from vinefab.fabrication.job.tiling import HOLES, LEAST_APART_MM, PIN_HOLE, TARGET
 from vinefab.fabrication.package.prepare import prepare
-from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design
 from vinefab.model.files.profile_toml import read_profile

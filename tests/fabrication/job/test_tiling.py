@@ -10,7 +10,7 @@ from shapely import LineString, Point, Polygon
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.passes import weldcut_offset_mm
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.fabrication.job.tile_jobs import VERIFICATION, VERIFY
+from vinefab.fabrication.job.tiling import VERIFICATION, VERIFY
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.model.job import Operation
 from vinefab.model.outline import Part

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vinefab.fabrication.outline.gap import (
+from vinefab.fabrication.outline.joint import (
     Core,
     Strip,
     crotch_reach_mm,

@@ -7,13 +7,13 @@ import pytest
 import shapely
 
 from vinefab.fabrication.checking import checked_design
+from vinefab.fabrication.job.placement import SheetPlaces
 from vinefab.fabrication.package.sheet_svg import (
     SEVERITY_SIGNS,
     placed_findings,
     sheet_box_mm,
     sheet_svg,
 )
-from vinefab.fabrication.rules.annotation import SheetPlaces
 from vinefab.fabrication.rules.rule import mark_branches
 from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile

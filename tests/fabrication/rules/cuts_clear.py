@@ -23,7 +23,7 @@ from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
 from vinefab.fabrication.job.passes import WEB_MM, in_one_pass, taken_mm
 from vinefab.fabrication.job.placement import SheetOptions
 from vinefab.fabrication.outline.layout import flat_layout
-from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.spacing import capsules_of, spacing
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design, Level

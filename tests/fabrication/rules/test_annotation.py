@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import shapely
 
-from vinefab.fabrication.rules.annotation import MOST_MARKED, LayoutPlacement, annotated_job
-from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.findings_picture import MOST_MARKED, annotated_job
+from vinefab.fabrication.job.placement import LayoutPlacement
+from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
 from vinefab.model.job import Operation

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Collar, Design
 from vinefab.model.finding import Finding, Severity

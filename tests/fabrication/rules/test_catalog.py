@@ -5,9 +5,8 @@ from dataclasses import replace
 import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
-from vinefab.fabrication.rules.catalog import RULES, changed_limits
+from vinefab.fabrication.rules.catalog import RULES, changed_limits, run_checks
 from vinefab.fabrication.rules.rule import Rule
-from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile

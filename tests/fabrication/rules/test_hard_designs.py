@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vinefab.core.rng import child
-from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.model.finding import Finding

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from vinefab.fabrication.checking import check_design, subject_of
-from vinefab.fabrication.rules.inflation_rules import deployed_capsules, fillet_gain
-from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.catalog import run_checks
+from vinefab.fabrication.rules.pressure_rules import deployed_capsules, fillet_gain
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.inflation.compensation import deployed_joint
 from vinefab.inflation.joint import JointShape

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vinefab.fabrication.rules.pressure_limits import worst_growths
-from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.catalog import run_checks
+from vinefab.fabrication.rules.pressure_rules import worst_growths
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design

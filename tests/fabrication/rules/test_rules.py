@@ -11,9 +11,8 @@ from shapely import box
 from vinefab.fabrication.checking import map_corridors
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
-from vinefab.fabrication.rules.catalog import RULES
+from vinefab.fabrication.rules.catalog import RULES, run_checks
 from vinefab.fabrication.rules.rule import Limits, RuleNotApplicable
-from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import (
     Corridor,
     MapCorridors,
@@ -21,7 +20,7 @@ from vinefab.fabrication.rules.subject import (
     RigPartFacts,
     Subject,
 )
-from vinefab.fabrication.rules.widths import lap_occupancies, occupancies
+from vinefab.fabrication.rules.tree_rules import lap_occupancies, occupancies
 from vinefab.inflation.compensation import FlatJoint
 from vinefab.inflation.joint import JointShape
 from vinefab.inflation.pattern import Pattern, PatternJoint

@@ -6,8 +6,7 @@ import pytest
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.fabrication import checking
 from vinefab.fabrication.checking import check_design
-from vinefab.fabrication.rules.catalog import RULES, SLEEVE_RULES
-from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
+from vinefab.fabrication.rules.catalog import RULES, SLEEVE_RULES, merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design, PieceSettings, Waiver
 from vinefab.model.files.shipped import names

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vinefab.core.units import rad
-from vinefab.fabrication.rules.run_rules import checks_text
+from vinefab.fabrication.rules.catalog import checks_text
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.results_json import deployment_text

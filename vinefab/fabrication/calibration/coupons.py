@@ -13,12 +13,10 @@ from shapely import box
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.laser_job import laser_job
+from vinefab.fabrication.job.laser_job import laser_job, recipe_facts
 from vinefab.fabrication.job.marks import fold_ticks, lettered
-from vinefab.fabrication.job.passes import body_paths, weldcut_offset_mm
-from vinefab.fabrication.job.piece_jobs import recipe_facts
-from vinefab.fabrication.job.registration import registration
-from vinefab.fabrication.job.sleeve import sleeve_size
+from vinefab.fabrication.job.passes import body_paths, sleeve_size, weldcut_offset_mm
+from vinefab.fabrication.job.tiling import registration
 from vinefab.fabrication.outline.body_outline import WHOLE_ROBOT, PieceEnds
 from vinefab.fabrication.outline.ends import OpenEnd
 from vinefab.model.design import Build, Design, Level, PieceSettings, Pouch, UnevenLevel

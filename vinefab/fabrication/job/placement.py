@@ -1,4 +1,4 @@
-"""Placement on the bed: rotation of one robot, and nesting of several.
+"""Placement on the bed: rotation of one robot, nesting of several, and places on the sheet.
 
 Nesting works on a grid: a robot covers the cells that it comes near, and a place is free where none
 of its cells is taken. The correlation of the two grids gives all free places at once. Robots may
@@ -6,8 +6,10 @@ interlock, which boxes around them would not allow.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import scipy  # its parts load at their first use
@@ -17,8 +19,9 @@ from numpy.typing import NDArray
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, whole
 from vinefab.fabrication.job.passes import BodyPaths
+from vinefab.fabrication.outline.layout import FlatLayout
 from vinefab.model.design import Design
-from vinefab.model.job import LaserPath
+from vinefab.model.job import Job, LaserPath
 from vinefab.model.outline import Contour
 
 PROCESSES = ("auto", "weldcut", "weld+cut")
@@ -457,3 +460,159 @@ def _shape(contours: tuple[Contour, ...]) -> shapely.Polygon:
     body = shapely.Polygon(contours[0].flattened_mm(0.05))
     around = body if body.is_valid else body.convex_hull
     return shapely.union_all([around, *lines]).buffer(0.06, quad_segs=4)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayoutPlacement:
+    """Where the flat layout lies on the sheet: a rotation about the origin, then a shift."""
+
+    angle_rad: float
+    dx_mm: float
+    dy_mm: float
+
+    @classmethod
+    def of(cls, job: Job) -> "LayoutPlacement":
+        """Return the placement recorded in a job's facts."""
+        turn_deg, dx, dy = (
+            float(str(job.facts[name])) for name in ("rotation_deg", "shift_x_mm", "shift_y_mm")
+        )
+        return cls(angle_rad=math.radians(turn_deg), dx_mm=dx, dy_mm=dy)
+
+    def on_sheet(self, points_mm: Floats) -> Floats:
+        """Return points of the flat layout as they lie on the sheet, shape (k, 2)."""
+        cos, sin = math.cos(self.angle_rad), math.sin(self.angle_rad)
+        turned = points_mm @ np.array([[cos, sin], [-sin, cos]])
+        return np.asarray(turned + np.array([self.dx_mm, self.dy_mm]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _CutBranch:
+    """A branch that two pieces share."""
+
+    inner: LayoutPlacement
+    outer: LayoutPlacement
+    at_mm: float  # the middle of the lap along the branch: what lies farther is on the outer piece
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SheetPlaces:
+    """Where places of the flat layout lie on the sheet, also those of a robot in pieces."""
+
+    layout: FlatLayout
+    whole: LayoutPlacement | None  # of a robot in one piece
+    uncut: Mapping[int, LayoutPlacement]  # of a robot in pieces: where each uncut branch lies
+    cut: Mapping[int, _CutBranch]
+    axes: Mapping[tuple[float, ...], int]  # branches by the ends of their axes
+
+    @classmethod
+    def of(cls, job: Job, layout: FlatLayout) -> "SheetPlaces":
+        """Return the places that a job's facts record; of several copies those of the first."""
+        pieces = fact_rows(job, "pieces")
+        if not job.sheets:
+            return cls(layout=layout, whole=LayoutPlacement.of(job), uncut={}, cut={}, axes={})
+        row = {name: number for number, name in enumerate(layout.tree.ids)}
+        first = [piece for piece in pieces if piece["copy"] == 1]
+        # The sheets stand side by side.
+        wide_mm = job.sheets[0].sheet_width_mm
+        placed = {
+            piece["label"]: LayoutPlacement(
+                angle_rad=math.radians(piece["transform"]["rotation_deg"]),
+                dx_mm=piece["transform"]["shift_x_mm"] + (int(piece["sheet"]) - 1) * wide_mm,
+                dy_mm=piece["transform"]["shift_y_mm"],
+            )
+            for piece in first
+        }
+        home = {row[name]: placed[one["label"]] for one in first for name in one["branches"]}
+        cut = {
+            row[joint["branch"]]: _CutBranch(
+                inner=placed[joint["inner"]],
+                outer=placed[joint["label"]],
+                at_mm=(joint["socket_rim_mm"] + joint["plug_rim_mm"]) / 2.0,
+            )
+            for joint in fact_rows(job, "joints")
+        }
+        ends = np.stack([layout.start_mm, layout.end_mm], axis=1)
+        axes = {_rounded(two): number for number, two in enumerate(ends)}
+        return cls(layout=layout, whole=None, uncut=home, cut=cut, axes=axes)
+
+    def point(self, at_mm: tuple[float, float], branches: Sequence[int] = ()) -> Floats:
+        """Return where a place lies on the sheet, shape (2,).
+
+        Parameters
+        ----------
+        branches
+            Indices of the branches that it may lie on, where pieces lie apart; all by default.
+        """
+        at = np.array([at_mm])
+        return self._placement(at[0], branches).on_sheet(at).ravel()
+
+    def lines(self, marker_wkt: str, branches: Sequence[int] = ()) -> list[Floats]:
+        """Return the lines of a marker's geometry on the sheet, shape (k, 2) each."""
+        found = []
+        for line in marker_lines(marker_wkt):
+            for ends in pairwise(line):
+                found += self._segment(np.array(ends), branches)
+        return found
+
+    def _segment(self, ends_mm: Floats, branches: Sequence[int]) -> list[Floats]:
+        """Return a straight line on the sheet: in two parts if it runs along a branch that is cut.
+
+        A line that is the axis of no branch is drawn on the piece of its middle.
+        """
+        if self.whole:
+            return [self.whole.on_sheet(ends_mm)]
+        row = self.axes.get(_rounded(ends_mm))
+        if row is None:
+            row = self._branch(ends_mm.mean(axis=0), branches)
+        cut = self.cut.get(row)
+        if cut is None:
+            return [self.uncut[row].on_sheet(ends_mm)]
+        first, last = (self._along_mm(row, end) - cut.at_mm for end in ends_mm)
+        if first * last >= 0.0:
+            return [(cut.inner if first + last < 0.0 else cut.outer).on_sheet(ends_mm)]
+        between = ends_mm[0] + first / (first - last) * (ends_mm[1] - ends_mm[0])
+        halves = (np.array([ends_mm[0], between]), np.array([between, ends_mm[1]]))
+        sides = (cut.inner, cut.outer) if first < 0.0 else (cut.outer, cut.inner)
+        return [side.on_sheet(half) for side, half in zip(sides, halves, strict=True)]
+
+    def _placement(self, at_mm: Floats, branches: Sequence[int]) -> LayoutPlacement:
+        if self.whole:
+            return self.whole
+        row = self._branch(at_mm, branches)
+        cut = self.cut.get(row)
+        if cut is None:
+            return self.uncut[row]
+        return cut.inner if self._along_mm(row, at_mm) < cut.at_mm else cut.outer
+
+    def _along_mm(self, row: int, at_mm: Floats) -> float:
+        heading = float(self.layout.heading_rad[row])
+        away = at_mm - self.layout.start_mm[row]
+        return float(away[0] * math.cos(heading) + away[1] * math.sin(heading))
+
+    def _branch(self, at_mm: Floats, branches: Sequence[int]) -> int:
+        """Return the branch whose axis is nearest to a place."""
+        rows = np.array(branches or range(len(self.layout.start_mm)), dtype=np.int64)
+        start, whole = self.layout.start_mm[rows], self.layout.end_mm[rows]
+        run = whole - start
+        share = np.sum((at_mm - start) * run, axis=1) / np.maximum(np.sum(run**2, axis=1), 1e-12)
+        near = start + np.clip(share, 0.0, 1.0)[:, None] * run
+        return int(rows[np.hypot(*(near - at_mm).T).argmin()])
+
+
+def _rounded(ends_mm: Floats) -> tuple[float, ...]:
+    """Return the ends of a line as markers write them."""
+    return tuple(np.round(ends_mm, 3).ravel().tolist())
+
+
+def fact_rows(job: Job, name: str) -> list[Any]:
+    """Return a list in the facts of a job, empty if it has none."""
+    rows = job.facts.get(name, ())
+    return rows if isinstance(rows, list) else []
+
+
+def marker_lines(marker_wkt: str) -> list[Floats]:
+    """Return the lines of a marker's geometry, shape (k, 2) each; a point has none."""
+    if not marker_wkt:
+        return []
+    parts = shapely.get_parts(shapely.from_wkt(marker_wkt))
+    return [shapely.get_coordinates(part) for part in parts if part.length > 0.0]

@@ -2,5 +2,5 @@
 
 Other rooms use `body_outline.body_outline` (the outline of a design at an offset, with the reasons
 why it may not be exact) and `layout.flat_layout` (where every branch lies on the sheet). The rules
-also use `exactness.ProblemKind` and the geometry of `joint`, `gap` and `ends`.
+also use `body_outline.ProblemKind` and the geometry of `joint` and `ends`.
 """

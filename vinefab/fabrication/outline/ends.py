@@ -11,8 +11,7 @@ the planned length.
 import math
 from dataclasses import dataclass
 
-from vinefab.fabrication.outline.gap import Neck, neck, neck_length_mm
-from vinefab.fabrication.outline.joint import level_tapers_rad
+from vinefab.fabrication.outline.joint import Neck, level_tapers_rad, neck, neck_length_mm
 from vinefab.fabrication.outline.layout import level_fillets_mm
 from vinefab.fabrication.outline.stroke import (
     LEAST_CUT_MM,

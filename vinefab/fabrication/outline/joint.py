@@ -1,26 +1,488 @@
-"""The joints of a design: every branch of a level sprouts alike, or every n-th child does.
+"""The joints of a design: the outline through each gap, with its largest fillet.
 
-Branches of one level that taper from the same width to the same width over different lengths lean
-differently: then there is one kind of joint for each child of a fan.
+In the joint's frame the joint is the origin and the parent's heading is +x. The core is the parent
+with a rounded end: a disc of its half width R and, behind it, two sides. The outline comes along
+the parent's right side, around the disc and back along its left side. The sides of an even parent
+are y = -R and y = R; those of a tapered one touch the disc a little further ahead and lean by the
+tilt. Behind a child that bends backwards the parent's side shows again.
+
+A fillet of radius r is a ball that rolls in the gap between two children, down the left side of
+the first and down the right side of the second, until it rests on the core. Where the first would
+rest behind the second, it never reaches the core: it rests on both children.
+
+Every branch of a level sprouts alike. Branches that taper over different lengths lean differently:
+then there is one kind of joint for each child of a fan.
 """
 
 import math
 from dataclasses import dataclass
 from itertools import pairwise
 
-from vinefab.fabrication.outline.gap import (
-    LEFT,
-    RIGHT,
-    Core,
-    Gap,
-    JointBranch,
-    Strip,
-    largest_fillet_mm,
-    solve_gap,
-    taper_rad,
+from vinefab.fabrication.outline.stroke import (
+    LEAST_SEGMENT_MM,
+    Point,
+    StrokeRun,
+    StrokeSegment,
+    arc,
+    polar,
+    turned,
 )
 from vinefab.model.design import Design, Level
+from vinefab.model.outline import Part
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
+
+LEFT, RIGHT = 1, -1
+"""Sides of a strip, seen along its direction away from the joint, and of the core."""
+
+
+STEEPEST = 0.99
+"""Sine of the largest angle by which the sides of a tapered branch may lean."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Strip:
+    """One side of a branch as its joint sees it.
+
+    A tapered branch is the hull of two discs: its sides touch the disc at the joint and lean
+    against its axis. Seen from the joint, such a side is the side of an even strip of the disc's
+    half width whose axis leans as the side does.
+    """
+
+    angle_rad: float  # direction of the side away from the joint, relative to the parent's heading
+    half_mm: float  # its distance from the joint
+    length_mm: float  # its planned length
+    owner: int  # 0 for the parent, 1, 2, ... for the children
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointBranch:
+    """One branch as its joint sees it."""
+
+    angle_rad: float  # direction of its axis away from the joint, relative to the parent's heading
+    half_mm: float  # half its width at the joint
+    length_mm: float  # its planned length
+    owner: int  # 0 for the parent, 1, 2, ... for the children
+    # Angle by which its sides lean towards its axis, away from the joint; negative for a parent
+    # that is narrower here than at its base.
+    narrowing_rad: float = 0.0
+
+    def side(self, side: int) -> Strip:
+        """Return its left or right side."""
+        return Strip(
+            angle_rad=self.angle_rad - side * self.narrowing_rad,
+            half_mm=self.half_mm,
+            length_mm=self.length_mm,
+            owner=self.owner,
+        )
+
+
+def taper_rad(base_half_mm: float, end_half_mm: float, length_mm: float) -> float:
+    """Return the angle by which a branch's sides lean towards its axis: 0 for an even one.
+
+    The hull of two discs of radii a and b, a length l apart, has sides that lean by
+    asin((a - b) / l); discs that hide each other have none, and give what is left of a right angle.
+    Such a branch is a named problem.
+    """
+    sin = (base_half_mm - end_half_mm) / length_mm
+    return math.asin(max(-STEEPEST, min(STEEPEST, sin)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gap:
+    """The outline between two neighbours."""
+
+    first: Strip
+    second: Strip
+    run: StrokeRun  # in the joint's frame
+    first_used_mm: float  # how far from the joint the straight side of the first begins
+    second_used_mm: float  # and that of the second
+    radius_mm: float  # fillet radius drawn
+    reach_mm: float  # distance from the joint to the nearest point of the outline in the gap
+    # Deviation from the exact shape: above 0 only where an arc too short to draw became a corner.
+    error_mm: float = 0.0
+
+    @property
+    def angle_rad(self) -> float:
+        """Angle from the first strip to the second, 0 to 2 pi."""
+        return self.second.angle_rad - self.first.angle_rad
+
+
+def crotch_reach_mm(angle_rad: float, first_half_mm: float, second_half_mm: float) -> float:
+    """Return how far from the joint the lines of two sides cross; infinite if they never do."""
+    sin, cos = math.sin(angle_rad), math.cos(angle_rad)
+    if sin < 1e-9:
+        return math.inf
+    a, b = first_half_mm, second_half_mm
+    return math.sqrt(a * a + b * b + 2.0 * a * b * cos) / sin
+
+
+def largest_fillet_mm(angle_rad: float, halves_mm: Point, reach_mm: float) -> float:
+    """Return the radius whose fillet comes to ``reach_mm`` from the joint, negative if none does.
+
+    For strips of one width w this is (reach sin(a/2) - w/2) / (1 - sin(a/2)).
+    """
+    sin, cos = math.sin(angle_rad), math.cos(angle_rad)
+    if angle_rad >= math.pi - 1e-6:
+        return math.inf
+    a, b = halves_mm
+    # At an obtuse angle a wide strip hides where the sides' lines cross: that is behind the joint.
+    ahead = min(b + a * cos, a + b * cos) >= 0.0
+    if sin < 1e-9 or (ahead and crotch_reach_mm(angle_rad, a, b) > reach_mm):
+        return -1.0
+    square = (1.0 + cos) / (1.0 - cos)
+    half_linear = (a + b) / (1.0 - cos) - reach_mm
+    constant = (a * a + b * b + 2.0 * a * b * cos) / (sin * sin) - reach_mm * reach_mm
+    root = math.sqrt(max(0.0, half_linear**2 - square * constant))
+    return (root - half_linear) / square
+
+
+@dataclass(frozen=True, slots=True)
+class Neck:
+    """Where a straight side meets a disc that bulges out of it."""
+
+    used_mm: float  # distance along the side from the disc's centre to where the side ends
+    angle_rad: float  # angle, from the strip's axis, at which the disc begins
+    radius_mm: float  # fillet radius, 0 for a bare corner or where side and disc are tangent
+
+    @property
+    def turn_rad(self) -> float:
+        """Angle through which the fillet turns, not negative."""
+        return math.pi / 2 - self.angle_rad
+
+
+def neck_length_mm(half_mm: float, disc_mm: float, radius_mm: float) -> float:
+    """Return how far from a disc's centre a side at ``half_mm`` from the axis meets its fillet."""
+    # The product keeps its zero exact when side and disc are tangent; a difference of squares
+    # would leave 1e-7 mm of fillet behind.
+    return math.sqrt(max(0.0, (disc_mm - half_mm) * (disc_mm + half_mm + 2.0 * radius_mm)))
+
+
+def straight_begins_mm(
+    angle_rad: float, halves_mm: Point, radius_mm: float, disc_mm: float = 0.0
+) -> Point:
+    """Return how far from the joint the straight sides of two neighbours begin."""
+    disc = max(disc_mm, *halves_mm)
+    one, two = (half + radius_mm for half in halves_mm)
+    hidden = sum(math.asin(reach / (disc + radius_mm)) for reach in (one, two))
+    if hidden <= angle_rad:
+        first, second = (neck_length_mm(half, disc, radius_mm) for half in halves_mm)
+        return first, second
+    sin, cos = math.sin(angle_rad), math.cos(angle_rad)
+    if sin < 1e-9:
+        return math.inf, math.inf
+    return max(0.0, (two + one * cos) / sin), max(0.0, (one + two * cos) / sin)
+
+
+def largest_turn_rad(angle_rad: float, halves_mm: Point, radius_mm: float, disc_mm: float) -> float:
+    """Return the largest angle that a fillet between two even neighbours turns through."""
+    hidden = [math.asin((half + radius_mm) / (disc_mm + radius_mm)) for half in halves_mm]
+    return math.pi / 2.0 - min(hidden) if sum(hidden) <= angle_rad else math.pi - angle_rad
+
+
+def neck(half_mm: float, disc_mm: float, radius_mm: float) -> Neck:
+    """Return how a side at ``half_mm`` from the axis meets a disc, with a fillet.
+
+    A fillet shorter than the shortest segment becomes a corner.
+    """
+    used = neck_length_mm(half_mm, disc_mm, radius_mm)
+    found = Neck(used, math.atan2(half_mm + radius_mm, used), radius_mm)
+    if radius_mm > 0.0 and radius_mm * found.turn_rad < LEAST_SEGMENT_MM:
+        return neck(half_mm, disc_mm, 0.0)
+    return found
+
+
+DISC = 0
+"""The core's rounded end."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Core:
+    """A parent with a rounded end."""
+
+    radius_mm: float  # radius of its end
+    tilt_rad: float = 0.0  # angle by which its sides lean towards its axis, along its heading
+
+    @property
+    def side_rad(self) -> float:
+        """Direction out of the left side; the right side's is its negative."""
+        return math.pi / 2 - self.tilt_rad
+
+    def corner_mm(self, zone: int) -> Point:
+        """Return where a side touches the disc."""
+        return polar(self.radius_mm, zone * self.side_rad)
+
+    def depth_mm(self, point: Point) -> float:
+        """Return how far inside a point lies, negative outside."""
+        x, y = turned((point[0], abs(point[1])), self.tilt_rad)
+        return self.radius_mm - (math.hypot(x, y) if x > 0.0 else y)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contact:
+    """Where a ball that rolls down one side of a child rests on the core."""
+
+    side: int  # `LEFT` or `RIGHT` side of the child
+    used_mm: float  # how far from the joint, along the child, the child's straight side ends
+    side_mm: Point  # the end of the child's straight side
+    core_mm: Point  # the point of the core that the ball touches
+    zone: int  # where that is: on the `LEFT` or `RIGHT` side of the parent, or on the `DISC`
+    normal_rad: float  # direction out of the core at that point
+    radius_mm: float  # the ball's radius, 0 for a bare corner
+    turn_rad: float  # angle that the outline turns clockwise around the ball, not negative
+    # Distance of the point ahead of where the parent's side touches the disc, along that side; 0 on
+    # the disc.
+    along_mm: float
+    # Distance of the point around the core: 0 where its right side touches the disc, rising
+    # counter-clockwise.
+    position_mm: float
+
+    @property
+    def bulge(self) -> float:
+        """Bulge of the fillet around the ball."""
+        return -math.tan(self.turn_rad / 4.0)
+
+
+def contact(
+    strip: Strip, side: int, core: Core, radius_mm: float, *, tolerance_mm: float
+) -> Contact:
+    """Return where a ball that rolls down a child's side rests on the core.
+
+    Parameters
+    ----------
+    tolerance_mm
+        Where the disc ends and the parent's side begins, a ball that would touch the disc less
+        than this ahead of it counts as touching the side.
+    """
+    found = neck(strip.half_mm, core.radius_mm, radius_mm)
+    normal = strip.angle_rad + side * found.angle_rad
+    zone = LEFT if normal > 0.0 else RIGHT
+    past = min(abs(normal) - core.side_rad, math.pi / 2)
+    leans = zone * math.sin(strip.angle_rad + zone * core.tilt_rad)
+    if -core.radius_mm * math.sin(past) < tolerance_mm and leans > 1e-9:
+        return _on_parent((strip, side, zone), core, radius_mm)
+    return Contact(
+        side=side,
+        used_mm=found.used_mm,
+        side_mm=turned((found.used_mm, side * strip.half_mm), strip.angle_rad),
+        core_mm=polar(core.radius_mm, normal),
+        zone=DISC,
+        normal_rad=normal,
+        radius_mm=found.radius_mm,
+        turn_rad=found.turn_rad,
+        along_mm=0.0,
+        position_mm=(normal + core.side_rad) * core.radius_mm,
+    )
+
+
+def _on_parent(child: tuple[Strip, int, int], core: Core, radius_mm: float) -> Contact:
+    """Return where the ball rests on one of the parent's straight sides.
+
+    Worked out in a frame that is turned so that this side of the parent runs along x.
+    """
+    strip, side, zone = child
+    back = -zone * core.tilt_rad
+    angle = strip.angle_rad - back
+    sin, cos = math.sin(angle), math.cos(angle)
+    radius = radius_mm
+    # In front of the child it closes the angle between child and parent, behind the child the
+    # rest of the half turn.
+    turn = math.remainder(zone * angle, math.tau)
+    turn = turn if side == zone else math.pi - turn
+    if radius * turn < LEAST_SEGMENT_MM:
+        radius = 0.0
+    used = (zone * (core.radius_mm + radius) - side * (strip.half_mm + radius) * cos) / sin
+    # Almost parallel to the parent they never part: a named problem, drawn where the child ends.
+    used = min(used, 2.0 * strip.length_mm + core.radius_mm)
+    x = turned((used, side * (strip.half_mm + radius)), angle)[0]
+    around = 2.0 * core.side_rad * core.radius_mm
+    return Contact(
+        side=side,
+        used_mm=used,
+        side_mm=turned((used, side * strip.half_mm), strip.angle_rad),
+        core_mm=turned((x, zone * core.radius_mm), back),
+        zone=zone,
+        normal_rad=zone * core.side_rad,
+        radius_mm=radius,
+        turn_rad=turn,
+        along_mm=x,
+        position_mm=x if zone == RIGHT else around - x,
+    )
+
+
+PARENT = 0
+"""Owner number of the parent."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Given:
+    """The core, and the fillet radius asked for."""
+
+    core: Core
+    fillet_mm: float
+
+
+def solve_gap(first: Strip, second: Strip, core: Core, fillet_mm: float) -> Gap:
+    """Return the walk between two neighbours at a joint.
+
+    Between two fillets the core shows for at least the shortest segment, or not at all. Where it
+    would show for less, one ball that rests on both sides presses into it: no radius is bent to
+    make it fit, and the gap says how far off that is.
+    """
+    given = _Given(core=core, fillet_mm=fillet_mm)
+    one, two = _contacts(first, second, given)
+    # Too little of the parent's end would show between the two.
+    hidden = (
+        one is not None and two is not None and two.position_mm - one.position_mm < LEAST_SEGMENT_MM
+    )
+    if hidden:
+        return _between_children(first, second, given)
+    return _past_core((first, second), (one, two), given)
+
+
+def _contacts(first: Strip, second: Strip, given: _Given) -> tuple[Contact | None, Contact | None]:
+    """Return where the ball rests on the core at both ends of the gap; None for the parent.
+
+    Where the way begins or ends on the parent's side, no arc may follow that is too short: then a
+    ball just past the disc's end counts as resting on the side too. The error is of second order.
+    """
+
+    def rest(strip: Strip, side: int, tolerance_mm: float) -> Contact | None:
+        if strip.owner == PARENT:
+            return None
+        return contact(strip, side, given.core, given.fillet_mm, tolerance_mm=tolerance_mm)
+
+    one, two = (
+        rest(strip, side, -LEAST_SEGMENT_MM) for strip, side in ((first, LEFT), (second, RIGHT))
+    )
+    if one is None or one.zone == RIGHT:
+        two = rest(second, RIGHT, LEAST_SEGMENT_MM)
+    if two is None or two.zone == LEFT:
+        one = rest(first, LEFT, LEAST_SEGMENT_MM)
+    return one, two
+
+
+def _past_core(
+    strips: tuple[Strip, Strip], contacts: tuple[Contact | None, Contact | None], given: _Given
+) -> Gap:
+    """Return the walk along one side, along the core and along the other side."""
+    one, two = contacts
+    core = _along_core(one, two, given.core)
+    start, pieces = core.start_mm, list(core.pieces)
+    if one is not None:
+        start = one.side_mm
+        pieces = [*_fillet(one, one.core_mm, strips[0].owner), *pieces]
+    if two is not None:
+        pieces += _fillet(two, two.side_mm, strips[1].owner)
+    ends = [end for end in contacts if end is not None]
+    return Gap(
+        first=strips[0],
+        second=strips[1],
+        run=StrokeRun(start, tuple(pieces)),
+        first_used_mm=_used_mm(one, two),
+        second_used_mm=_used_mm(two, one),
+        radius_mm=min(end.radius_mm for end in ends),
+        reach_mm=_reach_mm(one, two, given.core.radius_mm),
+        error_mm=max(_lost_mm(given.fillet_mm - end.radius_mm, end.turn_rad) for end in ends),
+    )
+
+
+def _fillet(end: Contact, to: Point, owner: int) -> list[StrokeSegment]:
+    if end.radius_mm * end.turn_rad == 0.0:
+        return []
+    return [StrokeSegment(to, end.bulge, Part.FILLET, owner)]
+
+
+def _along_core(one: Contact | None, two: Contact | None, core: Core) -> StrokeRun:
+    """Return the walk along the core between two contacts, or from or to the parent's sides."""
+    begins = RIGHT if one is None else one.zone
+    ends = LEFT if two is None else two.zone
+    if begins == RIGHT and ends == RIGHT and two is not None:
+        start = two.core_mm if one is None else one.core_mm
+        return StrokeRun(start, (StrokeSegment(two.core_mm, 0.0, Part.SIDE, PARENT),))
+    if begins == LEFT and one is not None:
+        to = one.core_mm if two is None else two.core_mm
+        return StrokeRun(one.core_mm, (StrokeSegment(to, 0.0, Part.SIDE, PARENT),))
+    corner = core.corner_mm(RIGHT)
+    start = corner if one is None else one.core_mm
+    on_disc = one.core_mm if one is not None and begins == DISC else corner
+    from_rad = one.normal_rad if one is not None and begins == DISC else -core.side_rad
+    to_rad = two.normal_rad if two is not None and ends == DISC else core.side_rad
+    pieces = [StrokeSegment(corner, 0.0, Part.SIDE, PARENT)] if begins == RIGHT else []
+    pieces += arc((0.0, 0.0), on_disc, to_rad - from_rad, Part.JOINT, PARENT)
+    if two is not None and ends == LEFT:
+        pieces += [StrokeSegment(two.core_mm, 0.0, Part.SIDE, PARENT)]
+    return StrokeRun(start, tuple(pieces))
+
+
+def _used_mm(own: Contact | None, other: Contact | None) -> float:
+    """Return how much of one neighbour's straight side the gap takes; None is the parent."""
+    if own is not None:
+        return own.used_mm
+    if other is None or other.zone == DISC:
+        return 0.0
+    return max(0.0, -other.along_mm)
+
+
+def _reach_mm(one: Contact | None, two: Contact | None, core_mm: float) -> float:
+    """Return how near to the joint the outline comes in a gap that shows the core."""
+    begins = RIGHT if one is None else one.zone
+    ends = LEFT if two is None else two.zone
+    if begins != ends or begins == DISC:
+        return core_mm
+    # Only one of the parent's sides shows: its nearest point is an end of the way, or, beside the
+    # parent, the crotch's own nearest point.
+    nearest = two if begins == RIGHT else one
+    if nearest is None:
+        return core_mm
+    if one is not None and two is not None:
+        return math.hypot(*nearest.core_mm)
+    center = math.hypot(nearest.along_mm, core_mm + nearest.radius_mm)
+    return max(core_mm, center - nearest.radius_mm)
+
+
+def _lost_mm(radius_mm: float, turn_rad: float) -> float:
+    """Return how deep a corner is that stands for a fillet of some radius and turn."""
+    return radius_mm * (1.0 / max(math.cos(turn_rad / 2), 1e-3) - 1.0)
+
+
+def _between_children(first: Strip, second: Strip, given: _Given) -> Gap:
+    """Return the walk from one side straight to the other, around a ball that rests on both."""
+    gap = second.angle_rad - first.angle_rad
+    turn = math.pi - gap
+    radius = given.fillet_mm if given.fillet_mm * turn >= LEAST_SEGMENT_MM else 0.0
+    one, two = _rests_mm(first, second, radius)
+    start = turned((one, first.half_mm), first.angle_rad)
+    end = turned((two, -second.half_mm), second.angle_rad)
+    pieces: tuple[StrokeSegment, ...] = ()
+    if radius > 0.0:
+        pieces = (StrokeSegment(end, -math.tan(turn / 4), Part.FILLET, first.owner),)
+    center = turned((one, first.half_mm + radius), first.angle_rad)
+    away = math.hypot(*center)
+    near = 1.0 - radius / away
+    depth = given.core.depth_mm((center[0] * near, center[1] * near))
+    return Gap(
+        first=first,
+        second=second,
+        run=StrokeRun(start, pieces),
+        first_used_mm=one,
+        second_used_mm=two,
+        radius_mm=radius,
+        reach_mm=away - radius,
+        error_mm=max(depth, _lost_mm(given.fillet_mm - radius, turn), 0.0),
+    )
+
+
+def _rests_mm(first: Strip, second: Strip, radius_mm: float) -> Point:
+    """Return how far along each side a ball between them rests; never far beyond their ends."""
+    gap = second.angle_rad - first.angle_rad
+    sin, cos = math.sin(gap), math.cos(gap)
+    one, two = first.half_mm + radius_mm, second.half_mm + radius_mm
+    # Neighbours that (almost) coincide never part: a named problem, drawn where they end.
+    longest = 2.0 * max(first.length_mm, second.length_mm)
+    if sin < 1e-9:
+        return longest, longest
+    return min((two + one * cos) / sin, longest), min((one + two * cos) / sin, longest)
+
 
 DEEPEST_CORNER_MM = 1.5
 """A corner in place of a small fillet lies at most this much deeper in its crotch (assumed).

@@ -45,8 +45,14 @@ from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
 from vinefab.fabrication.pieces.exploded import piece_lumens
 from vinefab.fabrication.pieces.partition import in_pieces, pieces_of
 from vinefab.fabrication.rules.as_built import READBACK
-from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES, concerns
-from vinefab.fabrication.rules.run_rules import checks_text, merged_reports, run_checks
+from vinefab.fabrication.rules.catalog import (
+    RULES,
+    SHEET_RULES,
+    checks_text,
+    concerns,
+    merged_reports,
+    run_checks,
+)
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.inflation.pattern import Pattern, cut_design, pattern_of
 from vinefab.model.deployment import Deployment
@@ -211,7 +217,7 @@ class PackageContent:
     design: Design
     profile: LaserProfile
     job: Job
-    checks: str  # text of checks.json (`vinefab.fabrication.rules.run_rules.checks_text`)
+    checks: str  # text of checks.json (`vinefab.fabrication.rules.catalog.checks_text`)
     preview: bytes  # the sheet, PNG
     report: bytes  # the report, HTML
     animation: bytes = b""  # the laser's path in motion, SVG; empty for none

@@ -25,8 +25,7 @@ from vinefab.fabrication.formats.laser_drawing import (
 )
 from vinefab.fabrication.formats.laser_formats import LASER_FORMATS, sheet_folder, tile_stem
 from vinefab.fabrication.job.passes import WEB_MM, cut_offset_mm, weld_offset_mm
-from vinefab.fabrication.job.registration import HOLES, PIN_HOLE
-from vinefab.fabrication.job.tile_jobs import TARGET, VERIFY
+from vinefab.fabrication.job.tiling import HOLES, PIN_HOLE, TARGET, VERIFY
 from vinefab.fabrication.package import piece_joining
 from vinefab.fabrication.package.bom import film_piece_mm, robot_count
 from vinefab.fabrication.package.mounting import face_words

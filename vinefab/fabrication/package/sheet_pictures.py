@@ -13,7 +13,7 @@ from vinefab.core.validation import Floats
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.package.machine_time import PathPass, schedule
-from vinefab.fabrication.rules.inflation_rules import deployed_capsules
+from vinefab.fabrication.rules.pressure_rules import deployed_capsules
 from vinefab.inflation.pattern import Pattern
 from vinefab.inflation.robot import with_short_tail
 from vinefab.model.finding import Finding, Severity

@@ -11,9 +11,8 @@ from html import escape
 import numpy as np
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.placement import piece_name
+from vinefab.fabrication.job.placement import SheetPlaces, fact_rows, piece_name
 from vinefab.fabrication.outline.layout import FlatLayout
-from vinefab.fabrication.rules.annotation import SheetPlaces, fact_rows
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.pages.plan_svg import contour_path

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.sleeve import piece_ends
+from vinefab.fabrication.job.passes import piece_ends
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import FlatLayout
 from vinefab.model.design import Design

@@ -8,7 +8,7 @@ import shapely
 
 from vinefab.core.plain_text import counted
 from vinefab.fabrication.job.passes import bodies_of_paths, closes
-from vinefab.fabrication.outline.gap import taper_rad
+from vinefab.fabrication.outline.joint import taper_rad
 from vinefab.fabrication.outline.stroke import Point
 from vinefab.fabrication.rules.rule import (
     Limits,

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from vinefab.core.plain_text import agreeing, counted
-from vinefab.fabrication.job.piece_marks import PLUG, SOCKET, joint_mark, piece_mark
+from vinefab.fabrication.job.marks import PLUG, SOCKET, joint_mark, piece_mark
 from vinefab.fabrication.job.placement import piece_name
 from vinefab.fabrication.rules.rule import (
     ROUNDING,
@@ -19,7 +19,7 @@ from vinefab.fabrication.rules.rule import (
     mark_branches,
 )
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.fabrication.rules.widths import lap_occupancies, passages_of
+from vinefab.fabrication.rules.tree_rules import lap_occupancies, passages_of
 from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.finding import Severity
 from vinefab.model.job import Operation

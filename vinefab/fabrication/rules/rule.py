@@ -10,7 +10,7 @@ import shapely
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import LARGEST_MM, number
 from vinefab.core.view import Answer, Block, Data, Fact, Facts, Notes, Result
-from vinefab.fabrication.outline.exactness import ProblemKind
+from vinefab.fabrication.outline.body_outline import ProblemKind
 from vinefab.fabrication.outline.layout import FlatLayout
 from vinefab.fabrication.outline.stroke import Point
 from vinefab.fabrication.rules.subject import Subject

@@ -14,6 +14,7 @@ from vinefab.core.atomic import (
     ensure_own_folder,
     ensure_writable,
     is_ours,
+    lock_folder,
     new_folder,
     write_folder,
     write_text,
@@ -329,3 +330,32 @@ def test_lists_of_files_are_utf8_in_any_locale(tmp_path):
     strict = ("-X", "warn_default_encoding", "-W", "error::EncodingWarning:vinefab.core.atomic")
     subprocess.run([sys.executable, *strict, "-c", program], check=True)
     assert "  \u0159ez.csv\n" in (out / "MANIFEST.sha256").read_text(encoding="utf-8")
+
+
+HOLDER = """
+import sys
+from pathlib import Path
+from vinefab.core.atomic import lock_folder
+handle = lock_folder(Path(sys.argv[1]), "taken")
+print("held", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_folder_is_held_until_its_process_dies_and_nothing_is_left(tmp_path):
+    other = subprocess.Popen(
+        [sys.executable, "-c", HOLDER, tmp_path], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    assert other.stdout.readline() == b"held\n"
+    with pytest.raises(CannotWriteError, match="taken"):
+        lock_folder(tmp_path, "taken")
+    other.kill()
+    other.communicate()
+    handle = lock_folder(tmp_path, "taken")
+    assert handle is not None
+    os.close(handle)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_is_not_there_is_no_matter_here(tmp_path):
+    assert lock_folder(tmp_path / "none", "taken") is None

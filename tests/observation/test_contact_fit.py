@@ -12,8 +12,8 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
+from vinefab.model.contacts import read_contacts
 from vinefab.model.design import Design
-from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.map import Pose
 from vinefab.observation.contact_fit import fit_files
 from vinefab.observation.threshold_fit import fit_threshold

@@ -19,10 +19,10 @@ from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError
 from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
+from vinefab.model.contacts import read_contacts
 from vinefab.model.corner_marker import corner_markers
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.map import Map, Pose, Start
 from vinefab.observation.beside_prediction import distance_mm
 from vinefab.observation.observe_photo import observe_photo

@@ -18,7 +18,7 @@ from vinefab.core.rng import child
 from vinefab.core.view import Origin
 from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
-from vinefab.model.files.contacts_toml import contacts_of
+from vinefab.model.contacts import contacts_of
 from vinefab.model.map import Pose, Start
 from vinefab.model.tree import branch_tree
 from vinefab.prediction.aiming import (

@@ -461,7 +461,7 @@ def calibrate(
 
     from vinefab.fabrication.calibration.coupon_results import read_results
     from vinefab.fabrication.calibration.fit_recipe import calibrated_recipe, fitted_recipe
-    from vinefab.model.files.contacts_toml import contacts_with
+    from vinefab.model.contacts import contacts_with
     from vinefab.model.files.profile_toml import read_profile
 
     path, table = as_path("out", out), as_path("results", results)

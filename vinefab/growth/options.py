@@ -14,9 +14,8 @@ from vinefab.core.errors import BadInputError, UnknownNameError, located, neares
 from vinefab.core.table import LATER, LaterThan, Slider, Table, declared_keys
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number
-from vinefab.model.contacts import MeasuredContacts, MeasuredNumber
+from vinefab.model.contacts import MeasuredContacts, MeasuredNumber, contacts_of
 from vinefab.model.design import ORIGIN_GROWTH, Design, UnevenLevel
-from vinefab.model.files.contacts_toml import contacts_of
 from vinefab.physics.growth_pressure import FITTED_DIAMETER_MM
 from vinefab.physics.tube import inflated_radius_mm
 

@@ -1,6 +1,6 @@
 """The final state of a growth: every branch's shape and why it stopped."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from os import PathLike
@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
+from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
+from vinefab.core.units import deg
 from vinefab.core.validation import Floats, Ints
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
@@ -190,3 +192,54 @@ class Deployment:
         """Show the robot on its map in a notebook, or alone where the map is not known."""
         drawn: str | None = front_door().svg_of(self)
         return drawn
+
+
+def deployment_text(
+    deployment: Deployment,
+    design_name: str,
+    map_name: str,
+    metrics: Mapping[str, object],
+    history: Sequence[Mapping[str, object]] | None = None,
+    more: Mapping[str, object] | None = None,
+) -> str:
+    """Return a deployment as JSON: lengths in mm, angles in degrees.
+
+    Parameters
+    ----------
+    history
+        Earlier shapes, plain values; left out when None.
+    more
+        Further keys with plain values.
+    """
+    content = {
+        "design": design_name,
+        "map": map_name,
+        "pose": deployment.pose.content,
+        "branches": branches_content(deployment),
+        "metrics": dict(metrics),
+        **(more or {}),
+    }
+    if history is not None:
+        content["history"] = list(history)
+    return json_text("vinefab/deployment-1", content)
+
+
+def branches_content(deployment: Deployment) -> list[dict[str, object]]:
+    """Return the branches of a deployment as in our JSON files."""
+    tree = deployment.tree
+    ids = tree.ids
+    return [
+        {
+            "id": name,
+            "parent": None if tree.parent[index] < 0 else ids[tree.parent[index]],
+            "level": int(tree.level[index]),
+            "points_mm": deployment.chain_mm(index).tolist(),
+            "planned_mm": float(tree.length_mm[index]),
+            "grown_mm": float(deployment.grown_mm[index]),
+            "stop": Stop(int(deployment.stop[index])).label,
+            "contact_turn_deg": deg(float(deployment.contact_turn_rad[index])),
+            "joint_deg": deg(float(tree.offset_rad[index])),
+            "contacts_mm": deployment.contacts_mm(index).tolist(),
+        }
+        for index, name in enumerate(ids)
+    ]

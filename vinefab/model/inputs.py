@@ -417,7 +417,7 @@ def as_growth(given: object, **shortcuts: object) -> Mapping[str, Any]:
             )
         options[name] = value
     if isinstance(options.get("contacts"), str | PathLike):
-        from vinefab.model.files.contacts_toml import read_contacts
+        from vinefab.model.contacts import read_contacts
 
         options["contacts"] = read_contacts(options["contacts"])
     return options

@@ -27,8 +27,8 @@ from vinefab.model.contacts import (
     MeasuredContacts,
     MeasuredNumber,
     Side,
+    contacts_text,
 )
-from vinefab.model.files.contacts_toml import contacts_text
 from vinefab.observation.observed_contacts import ObservedPhoto, read_observations
 from vinefab.observation.threshold_fit import (
     ThresholdFit,

@@ -35,9 +35,8 @@ from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
-from vinefab.model.deployment import CUT_STOPS, Deployment, Stop
+from vinefab.model.deployment import CUT_STOPS, Deployment, Stop, branches_content, deployment_text
 from vinefab.model.design import Design, UnevenLevel
-from vinefab.model.files.results_json import branches_content, deployment_text
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
 from vinefab.model.target import TargetsResult, out_of_reach

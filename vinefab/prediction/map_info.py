@@ -32,7 +32,6 @@ from vinefab.core.view import (
 from vinefab.growth.free_space import MANY_NOTCHES, NOTCH_SHARE, shrunk_piecewise
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.passages import Passage, narrow_passages
-from vinefab.model.files.results_json import pose_content
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose
 from vinefab.model.rings import without_notches
@@ -282,7 +281,7 @@ class MapInfo(Result):
             rows=tuple(room.cells for room in self.starts),
             key="starts",
             keys=("", "clearance_mm", "widest_body_mm"),
-            data=tuple(pose_content(room.pose) for room in self.starts),
+            data=tuple(room.pose.content for room in self.starts),
         )
         if not self.starts:
             yield Text("the map has no start: the room for robots is not computed")

@@ -15,8 +15,7 @@ from vinefab.core.errors import UnreadableFileError
 from vinefab.core.jsontext import GENERATOR, json_text, rounded
 from vinefab.core.table import TablePart, validated
 from vinefab.fabrication.rules.subject import RigFacts, RigPartFacts
-from vinefab.model.files.named_file import path_inside
-from vinefab.model.files.shipped import read_bytes, read_text
+from vinefab.model.files.shipped import path_inside, read_bytes, read_text
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import FileName

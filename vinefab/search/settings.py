@@ -23,9 +23,9 @@ from vinefab.core.table import LATER, Table, validated
 from vinefab.core.validation import SMALLEST
 from vinefab.growth.options import GrowthOptions, measured_values
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.contacts import read_contacts
 from vinefab.model.design import Design
 from vinefab.model.files import toml
-from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.files.shipped import locate, names, user_names
 from vinefab.model.laser import OperationSettings, Recipe
 from vinefab.model.map import Start

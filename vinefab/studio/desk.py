@@ -31,7 +31,6 @@ from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import Design, design_of
 from vinefab.model.files.design_edit import edited_text
 from vinefab.model.files.design_toml import design_content, design_text
-from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.run_context import ChosenRecipe, RunContext
 from vinefab.model.files.shipped import (
@@ -39,6 +38,7 @@ from vinefab.model.files.shipped import (
     existing_file,
     locate,
     names,
+    path_inside,
     read_bytes,
     shipped_root,
     user_names,

@@ -27,7 +27,7 @@ from vinefab.core.view import plain_blocks
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.map_geojson import map_text
-from vinefab.model.files.named_file import path_inside
+from vinefab.model.files.shipped import path_inside
 from vinefab.model.laser import RecipeStatus
 from vinefab.model.map import Map, Start
 from vinefab.studio.edited_map import PAGE

@@ -17,7 +17,7 @@ from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
-from vinefab.model.files.named_file import path_inside
+from vinefab.model.files.shipped import path_inside
 from vinefab.model.score import Score
 from vinefab.search.costs import COSTS
 from vinefab.search.evaluator import INVALID_FITNESS

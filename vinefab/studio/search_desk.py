@@ -33,7 +33,7 @@ from vinefab.core.interruption import STOP_WITH_INPUT
 from vinefab.core.plain_text import visible
 from vinefab.core.validation import check_plain
 from vinefab.model.files.design_toml import design_content
-from vinefab.model.files.named_file import path_inside
+from vinefab.model.files.shipped import path_inside
 from vinefab.search.outset import with_trunk_for_film
 from vinefab.search.record.generations import first_difference
 from vinefab.search.record.result import RECORD_FILE, RecordTail, RunArchive

@@ -28,8 +28,7 @@ from vinefab.core.jsontext import GENERATOR, plain
 from vinefab.core.validation import check_plain
 from vinefab.core.version import __version__
 from vinefab.model.files.map_geojson import map_text
-from vinefab.model.files.named_file import path_inside
-from vinefab.model.files.shipped import read_bytes, read_text
+from vinefab.model.files.shipped import path_inside, read_bytes, read_text
 from vinefab.model.map import Map
 from vinefab.pages.plan_svg import legend_rows
 from vinefab.studio.design_form import design_form, growth_form

@@ -11,8 +11,8 @@ from vinefab.fabrication.calibration.coupon_results import read_results
 from vinefab.fabrication.calibration.coupons import JOINT_KPA, joint_designs
 from vinefab.fabrication.calibration.fit_recipe import children_out
 from vinefab.growth.options import GrowthOptions, growth_text, measured_values
+from vinefab.model.contacts import read_contacts
 from vinefab.model.design import Design
-from vinefab.model.files.contacts_toml import read_contacts
 
 HEADER = "measure,setting,value,unit,uncertainty\n"
 HALF_ANGLE = """schema = "vinefab/contacts-1"

@@ -12,9 +12,8 @@ import tomli_w
 
 import vinefab
 from vinefab.core.errors import VinefabError
-from vinefab.model.contacts import ContactsFile
+from vinefab.model.contacts import ContactsFile, read_contacts
 from vinefab.model.design import Design
-from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.files.profile_toml import (
     read_machine,
     read_material,

@@ -5,9 +5,8 @@ import pytest
 
 from vinefab.core.units import rad
 from vinefab.fabrication.rules.catalog import checks_text
-from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.deployment import Deployment, Stop, deployment_text
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.files.results_json import deployment_text
 from vinefab.model.finding import CheckReport, Finding, RuleRun, RuleSkipped, Severity
 from vinefab.model.map import Pose
 from vinefab.model.score import Evaluation, Score

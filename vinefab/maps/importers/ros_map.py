@@ -24,8 +24,7 @@ from vinefab.maps.cleanup.raster import (
     raster_map,
 )
 from vinefab.maps.importers.import_options import ImportOptions
-from vinefab.model.files.named_file import path_inside
-from vinefab.model.files.shipped import read_bytes, read_text
+from vinefab.model.files.shipped import path_inside, read_bytes, read_text
 from vinefab.model.map import Map
 
 _DEEP = ("I", "I;16", "I;16B", "I;16L")

@@ -6,8 +6,7 @@ from typing import Any, TypeVar
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.table import validated
-from vinefab.model.files.named_file import is_inside
-from vinefab.model.files.shipped import file_named, locate, names, user_names
+from vinefab.model.files.shipped import file_named, is_inside, locate, names, user_names
 from vinefab.model.files.toml import read_toml
 from vinefab.model.laser import LaserProfile, Machine, Material, Recipe
 

@@ -19,9 +19,8 @@ from vinefab.core.hashing import fingerprint
 from vinefab.core.plain_text import counted
 from vinefab.core.table import Table, validated
 from vinefab.model.design import Design
-from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.profile_toml import profile_files, read_profile
-from vinefab.model.files.shipped import DEFAULT_RECIPE, file_named, locate, read_text
+from vinefab.model.files.shipped import DEFAULT_RECIPE, file_named, locate, path_inside, read_text
 from vinefab.model.files.toml import read_toml
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map

@@ -15,10 +15,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vinefab.core.atomic import folder_to_fill
+from vinefab.core.atomic import folder_to_fill, lock_folder
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.core.jsontext import GENERATOR
-from vinefab.core.lock import lock_folder
 from vinefab.model.map import Map
 from vinefab.search.record.elsewhere import read_prediction
 from vinefab.search.record.generations import Extension, Finalist, Generation, Progress, RunIdentity

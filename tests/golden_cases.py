@@ -320,8 +320,8 @@ show("fit", vf.fit_observations(["grown_1.jpg.json", "grown_2.jpg.json"]))""",
     "python_coupon": """import vinefab as vf
 show("coupon", vf.coupon(out="coupons"))""",
     "studio": """import tomllib
-from vinefab.studio.panels import answer_of
-from vinefab.studio.warming import load_kernel
+from vinefab.studio.executors import answer_of
+from vinefab.studio.live_answers import load_kernel
 load_kernel()
 design = tomllib.loads(open("broken.toml").read())
 source = {"environment": "grid", "seed": 3, "options": {"columns": 3, "rows": 3}}

@@ -16,7 +16,7 @@ def never_served(monkeypatch, tmp_path):
     def served(*_):
         pytest.fail("the server was started")
 
-    monkeypatch.setattr("vinefab.studio.serve._until_stopped", served)
+    monkeypatch.setattr("vinefab.studio.server._until_stopped", served)
 
 
 def refused(capsys, *words):

@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import vinefab as vf
 from tests.studio.conftest import running_studio
-from vinefab.studio.app import PAGE_FOLDER
+from vinefab.studio.sessions import PAGE_FOLDER
 
 MOVES = 150
 HZ = 60.0

@@ -15,8 +15,8 @@ from vinefab.inflation.robot import with_short_tail
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.tree import fan_offsets_rad
-from vinefab.studio.cut_answer import cut_notes
-from vinefab.studio.panels import answer_of
+from vinefab.studio.executors import answer_of
+from vinefab.studio.pattern_answers import cut_notes
 from vinefab.studio.state import StudioState
 
 ANGLE = "level.0.angle_deg"

@@ -2,7 +2,7 @@
 
 from vinefab.core.table import declared_keys, inner_table
 from vinefab.model.design import Design
-from vinefab.studio.design_form import design_form
+from vinefab.studio.state import design_form
 
 
 def keys_with_sliders(table, prefix=""):

@@ -24,8 +24,7 @@ from vinefab.model.files.design_toml import design_content, design_text
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.run_context import RunRecipe, recipe_digest
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
-from vinefab.studio.desk import DESK, Desk
-from vinefab.studio.recovery import MOST_RECOVERIES, recovery_folder
+from vinefab.studio.file_store import FILE_REQUESTS, MOST_AUTOSAVES, FileStore, autosave_folder
 
 MINE = """\
 # by hand
@@ -56,10 +55,10 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def desk(folder):
-    return Desk(folder)
+    return FileStore(folder)
 
 
-def opened(desk: Desk, name: str = "mine.toml") -> dict:
+def opened(desk: FileStore, name: str = "mine.toml") -> dict:
     return desk.open_design({"design": name})
 
 
@@ -157,18 +156,18 @@ def test_a_saved_design_counts_as_changed_by_hand(desk, folder):
 def test_unsaved_work_can_be_read_by_the_user_alone(desk):
     ask = {"key": "tab00001", "state": {"a": 1}, "file": None}
     for _ in range(2):
-        path = Path(desk.keep_recovery(ask)["kept"])
+        path = Path(desk.keep_autosave(ask)["kept"])
         assert path.stat().st_mode & 0o777 == 0o600
         path.chmod(0o644)
 
 
 @pytest.mark.parametrize("text", ["Infinity", "NaN", "1e999", "9" * 30, '"\\ud800"', "[" * 900])
 def test_odd_recovery_files_are_refused_in_one_line(desk, text):
-    path = Path(desk.keep_recovery({"key": "tab00001", "state": {"a": 1}, "file": None})["kept"])
+    path = Path(desk.keep_autosave({"key": "tab00001", "state": {"a": 1}, "file": None})["kept"])
     path.write_text(path.read_text().replace('"a": 1', f'"a": {text}'))
     with pytest.raises(VinefabError, match="recovery-tab00001"):
-        desk.open_recovery({"key": "tab00001"})
-    assert desk.recoveries({}) == {"recoveries": []}
+        desk.open_autosave({"key": "tab00001"})
+    assert desk.autosaves({}) == {"autosaves": []}
 
 
 def test_a_file_that_went_is_written_again_with_its_comments(desk, folder):
@@ -198,7 +197,7 @@ def test_shipped_and_own_designs_are_never_overwritten(folder, tmp_path):
     designs = tmp_path / "own" / "designs"
     designs.mkdir(parents=True)
     (designs / "kept.toml").write_text(MINE)
-    desk = Desk(folder, [designs / "kept.toml"])
+    desk = FileStore(folder, [designs / "kept.toml"])
     for path in (designs / "kept.toml", locate("design", "grid_explorer")):
         file = opened(desk, str(path))
         assert not file["writable"]
@@ -270,7 +269,7 @@ def test_files_named_on_the_command_line_open_their_folders(folder, tmp_path):
     elsewhere.mkdir()
     (elsewhere / "robot.toml").write_text(MINE)
     (elsewhere / "grid.geojson").write_text("{}")
-    desk = Desk(folder, [elsewhere / "robot.toml"])
+    desk = FileStore(folder, [elsewhere / "robot.toml"])
     assert opened(desk, str(elsewhere / "robot.toml"))["writable"]
     desk.check_paths({"map": {"source": {"file": str(elsewhere / "grid.geojson")}}})
 
@@ -283,7 +282,7 @@ def test_a_path_that_was_checked_is_checked_again(desk, folder, tmp_path, monkey
     (folder / "a.geojson").symlink_to(tmp_path / "other.geojson")
     (tmp_path / "other.geojson").write_text("{}")
     later = time.monotonic() + 1.1
-    monkeypatch.setattr("vinefab.studio.desk.monotonic", lambda: later)
+    monkeypatch.setattr("vinefab.studio.file_store.monotonic", lambda: later)
     with pytest.raises(BadInputError, match=r"family\.files"):
         desk.check_paths(state)
 
@@ -369,7 +368,7 @@ def test_choices_of_a_crowded_folder_are_bounded_and_say_so(desk, folder):
 
 
 def test_a_crowded_folder_is_looked_at_in_bounded_time(desk, folder, monkeypatch):
-    monkeypatch.setattr("vinefab.studio.desk._MOST_LOOKED_AT", 50)
+    monkeypatch.setattr("vinefab.studio.file_store._MOST_LOOKED_AT", 50)
     assert desk.choices({})["complete"]
     for number in range(60):
         (folder / f"d{number}").mkdir()
@@ -378,7 +377,7 @@ def test_a_crowded_folder_is_looked_at_in_bounded_time(desk, folder, monkeypatch
     (folder / "d1" / "deep" / "deeper" / "deepest").mkdir(parents=True)
     shutil.copy("mine.toml", folder / "d1" / "deep" / "deeper" / "a.toml")
     shutil.copy("mine.toml", folder / "d1" / "deep" / "deeper" / "deepest" / "b.toml")
-    monkeypatch.setattr("vinefab.studio.desk._MOST_LOOKED_AT", 5000)
+    monkeypatch.setattr("vinefab.studio.file_store._MOST_LOOKED_AT", 5000)
     paths = [entry["path"] for entry in desk.choices({})["designs"] if entry["where"] == "folder"]
     assert paths == ["mine.toml", "d1/deep/deeper/a.toml"]
 
@@ -398,49 +397,49 @@ def test_a_write_protected_file_is_left_alone_and_modes_stay(desk, folder):
 
 def test_unsaved_work_is_kept_listed_and_dropped(desk):
     state = {"design": opened(desk)["design"], "locks": ["trunk.length"]}
-    for number in range(MOST_RECOVERIES + 5):
-        desk.keep_recovery(
+    for number in range(MOST_AUTOSAVES + 5):
+        desk.keep_autosave(
             {"key": f"tab{number:05}", "state": state, "file": {"path": "mine.toml"}}
         )
-    listed = desk.recoveries({})["recoveries"]
-    assert len(listed) == MOST_RECOVERIES == len(list(recovery_folder().iterdir()))
+    listed = desk.autosaves({})["autosaves"]
+    assert len(listed) == MOST_AUTOSAVES == len(list(autosave_folder().iterdir()))
     assert listed[0]["key"] == "tab00024"
     assert listed[0]["name"] == "mine"
-    assert desk.open_recovery({"key": "tab00024"})["state"] == state
-    desk.drop_recovery({"key": "tab00024"})
-    (recovery_folder() / "recovery-tab00023.json").write_text("{")
-    assert len(desk.recoveries({})["recoveries"]) == MOST_RECOVERIES - 2
+    assert desk.open_autosave({"key": "tab00024"})["state"] == state
+    desk.drop_autosave({"key": "tab00024"})
+    (autosave_folder() / "recovery-tab00023.json").write_text("{")
+    assert len(desk.autosaves({})["autosaves"]) == MOST_AUTOSAVES - 2
     for key in ("../../x", "", None, "a" * 41, "A" * 8):
         with pytest.raises(BadInputError):
-            desk.keep_recovery({"key": key, "state": state})
+            desk.keep_autosave({"key": key, "state": state})
     with pytest.raises(BadInputError, match="at most"):
-        desk.keep_recovery({"key": "tab00001", "state": {"a": "x" * 5_000_000}})
+        desk.keep_autosave({"key": "tab00001", "state": {"a": "x" * 5_000_000}})
 
 
 def test_work_taken_over_from_a_closed_tab_is_kept_once(desk):
     state = {"design": opened(desk)["design"]}
-    desk.keep_recovery({"key": "closedtab", "state": state})
+    desk.keep_autosave({"key": "closedtab", "state": state})
     ask = {"key": "thistab", "instead": "closedtab"}
     with pytest.raises(BadInputError, match="at most"):
-        desk.keep_recovery({**ask, "state": {"a": "x" * 5_000_000}})
-    assert [kept["key"] for kept in desk.recoveries({})["recoveries"]] == ["closedtab"]
-    desk.keep_recovery({**ask, "state": state})
-    assert [kept["key"] for kept in desk.recoveries({})["recoveries"]] == ["thistab"]
-    desk.keep_recovery({"key": "thistab", "instead": "thistab", "state": state})
-    assert [kept["key"] for kept in desk.recoveries({})["recoveries"]] == ["thistab"]
+        desk.keep_autosave({**ask, "state": {"a": "x" * 5_000_000}})
+    assert [kept["key"] for kept in desk.autosaves({})["autosaves"]] == ["closedtab"]
+    desk.keep_autosave({**ask, "state": state})
+    assert [kept["key"] for kept in desk.autosaves({})["autosaves"]] == ["thistab"]
+    desk.keep_autosave({"key": "thistab", "instead": "thistab", "state": state})
+    assert [kept["key"] for kept in desk.autosaves({})["autosaves"]] == ["thistab"]
 
 
 def test_a_save_drops_the_unsaved_work_and_a_refused_one_keeps_it(desk):
     file = opened(desk)
-    desk.keep_recovery({"key": "thistab", "state": {"design": file["design"]}})
-    ask = {"path": "mine.toml", "design": file["design"], "recovery": "thistab"}
+    desk.keep_autosave({"key": "thistab", "state": {"design": file["design"]}})
+    ask = {"path": "mine.toml", "design": file["design"], "autosave": "thistab"}
     assert not desk.save_design({**ask, "stamp": "old"})["saved"]
-    assert desk.recoveries({})["recoveries"]
+    assert desk.autosaves({})["autosaves"]
     assert desk.save_design({**ask, "stamp": file["stamp"]})["saved"]
-    assert not desk.recoveries({})["recoveries"]
+    assert not desk.autosaves({})["autosaves"]
 
 
-def watched(desk: Desk, *changes) -> list[dict]:
+def watched(desk: FileStore, *changes) -> list[dict]:
     """Make changes one after the other while the desk watches; return the events of each."""
     events: list[dict] = []
 
@@ -516,7 +515,7 @@ def test_what_is_opened_while_watching_is_watched_and_own_saves_carry_their_stam
 
 
 def test_every_function_of_the_desk_takes_what_a_page_may_send(desk):
-    for function in DESK.values():
+    for function in FILE_REQUESTS.values():
         for ask in ({}, {"path": 1, "design": [], "key": {}, "state": 3, "recipe": []}):
             with suppress(VinefabError):
                 json.dumps(function(desk, ask))
@@ -543,12 +542,12 @@ def test_a_design_opens_with_the_recipe_of_its_run(tmp_path):
         origin = {"recipe": {"name": "mine", "file": file, "digest": given}}
         path = tmp_path / "best.toml"
         path.write_text(design_text(Design.read("plain_vine").changed(origin=origin)))
-        answer = Desk(tmp_path).open_design({"design": "best.toml"})
+        answer = FileStore(tmp_path).open_design({"design": "best.toml"})
         assert answer["recipe"] == opened
         assert note in answer["run_note"]
-    assert "recipe" not in Desk(tmp_path).open_design({"design": "plain_vine"})
+    assert "recipe" not in FileStore(tmp_path).open_design({"design": "plain_vine"})
     origin = {"run": "ab", "run_name": "night", "task": "reach", "growth": {"storage_kpa": 2.0}}
     path.write_text(design_text(Design.read("plain_vine").changed(origin=origin)))
-    answer = Desk(tmp_path).open_design({"design": "best.toml"})
+    answer = FileStore(tmp_path).open_design({"design": "best.toml"})
     assert answer["task"] == "reach"
     assert answer["run_note"] == "task reach, growth options of run night (ab)"

@@ -16,8 +16,8 @@ from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.map import Map, Pose, Start
 from vinefab.physics.tube import inflated_diameter_mm
-from vinefab.studio import family_answer as panel
-from vinefab.studio.family_answer import family_answer
+from vinefab.studio import family_answers as panel
+from vinefab.studio.family_answers import family_answer
 from vinefab.studio.state import StudioState
 
 GRID = {"environment": "grid", "count": 4, "seed": 1000}

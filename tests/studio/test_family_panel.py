@@ -8,7 +8,7 @@ import pytest
 from tests.studio.test_family_answer import heat_share
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
-from vinefab.studio.panels import answer_of
+from vinefab.studio.executors import answer_of
 from vinefab.studio.snapshot import snapshot_html
 
 STATE = {

@@ -8,9 +8,8 @@ import pytest
 from vinefab.core.errors import BadInputError
 from vinefab.model.design import Build, Design, Level, default_fillets_mm, design_of
 from vinefab.model.files.design_toml import design_content
-from vinefab.studio.edited_map import PAGE
-from vinefab.studio.fix_answer import fix_answer, kept_kinds
-from vinefab.studio.state import StudioState
+from vinefab.studio.sheet_answers import fix_answer, kept_kinds
+from vinefab.studio.state import PAGE, StudioState
 
 GRID = {"source": {"environment": "grid", "seed": 3}, "edits": []}
 

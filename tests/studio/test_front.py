@@ -11,7 +11,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.prediction.deploy import deploy
-from vinefab.studio.front_answer import front_answer
+from vinefab.studio.live_answers import front_answer
 from vinefab.studio.state import StudioState
 
 DESIGN = Design.read("grid_explorer")

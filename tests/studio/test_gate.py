@@ -14,11 +14,11 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from vinefab.studio.app import Tab
-from vinefab.studio.connections import DROP, MOST_PENDING, MOST_TABS, PATIENCE_S
-from vinefab.studio.door import SUBPROTOCOL
+from vinefab.studio.live_answers import current_engine
+from vinefab.studio.request_guard import DROP, MOST_PENDING, MOST_TABS, PATIENCE_S
+from vinefab.studio.server import SUBPROTOCOL
+from vinefab.studio.sessions import Session
 from vinefab.studio.state import StudioState
-from vinefab.studio.warming import engine_now
 
 MOST_MB = 600  # of the server with the simulator loaded; one such message is a sixth of it
 ENDED_S = 3.0
@@ -371,8 +371,8 @@ def test_a_state_that_cannot_be_is_one_line(studio, part, value, named):
         {"panel": ["live"], "seq": {}},
         {"panel": "x" * 1_000_000, "seq": 1},
         {"panel": "live", "seq": 1, "state": [1]},
-        {"desk": "nothing", "seq": 1},
-        {"desk": "tip", "seq": 1, "state": {}, "ask": {"branch": [], "to": "x"}},
+        {"request": "nothing", "seq": 1},
+        {"request": "tip", "seq": 1, "state": {}, "ask": {"branch": [], "to": "x"}},
         {},
     ],
 )
@@ -400,7 +400,9 @@ def test_a_file_that_cannot_be_opened_is_one_line(studio, tmp_path, kind):
         os.mkfifo(path)
     try:
         with tab(studio) as (link, _):
-            link.send(json.dumps({"desk": "open_design", "seq": 1, "ask": {"design": str(path)}}))
+            link.send(
+                json.dumps({"request": "open_design", "seq": 1, "ask": {"design": str(path)}})
+            )
             line = replied(link)["error"]["message"]
     finally:
         if kind == "100 MB":
@@ -430,17 +432,17 @@ def test_many_branches_wait_for_compiled_code(studio):
 
 
 def test_interpreted_growth_is_bounded(tmp_path):
-    from vinefab.studio import live_answer  # noqa: PLC0415
-    from vinefab.studio.workplace import Opened, Workplace  # noqa: PLC0415
+    from vinefab.studio import live_answers  # noqa: PLC0415
+    from vinefab.studio.workspace import LaunchOptions, Workspace  # noqa: PLC0415
 
-    if engine_now() == "kernel":
+    if current_engine() == "kernel":
         pytest.skip("the simulator of this process is compiled")
-    state = Workplace(Opened(folder=tmp_path)).hello()["state"]
+    state = Workspace(LaunchOptions(folder=tmp_path)).hello()["state"]
     content = StudioState.of(with_branches(state, 13, 13, 10))
-    found = live_answer.live_answer(content, {}, lambda *_: None)
+    found = live_answers.live_answer(content, {}, lambda *_: None)
     assert found["robot_svg"] == ""
     assert "compiled" in found["problems"][0]
-    assert found["facts"]["branches"] > live_answer.MOST_LIVE_INTERPRETED
+    assert found["facts"]["branches"] > live_answers.MOST_LIVE_INTERPRETED
 
 
 def test_fifty_tabs_at_once(studio):
@@ -475,7 +477,7 @@ def test_who_does_not_read_is_asked_nothing_more(studio):
 def test_who_reads_no_events_is_dropped():
     """They come without a question, so that asking nothing more does not bound them."""
     dropped = []
-    unread = Tab(None, SimpleNamespace(scope={"state": {DROP: lambda: dropped.append(True)}}))
+    unread = Session(None, SimpleNamespace(scope={"state": {DROP: lambda: dropped.append(True)}}))
     for _ in range(40):
         unread.put({"event": "x" * (1 << 20)})
     assert dropped

@@ -16,8 +16,8 @@ from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import design_of
 from vinefab.model.files.run_context import ChosenRecipe
 from vinefab.pages.plan_svg import outline_svg, robot_svg
-from vinefab.studio.cut_answer import cut_notes
-from vinefab.studio.edited_map import Frame
+from vinefab.studio.pattern_answers import cut_notes
+from vinefab.studio.state import Frame
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.shipped_tasks import make_task
 from vinefab.tasks.targets import touched_targets
@@ -60,7 +60,7 @@ def studio(tmp_path_factory, start_studio):
         assert "Traceback" not in started.said()
 
 
-class Tab:
+class Session:
     """A page in a context of its own, and what went wrong in it."""
 
     def __init__(self, page):
@@ -155,7 +155,7 @@ def open_tab(studio, browser):
             viewport={"width": width, "height": height}, locale="de-DE", reduced_motion="reduce"
         )
         contexts.append(context)
-        tabs.append(Tab(context.new_page()))
+        tabs.append(Session(context.new_page()))
         return tabs[-1].open(address or studio.address)
 
     yield opened
@@ -689,7 +689,7 @@ def test_the_token_leaves_the_address_and_stays_known(tab, studio):
     assert tab.page.url == f"{studio.origin}/"
     tab.page.reload()
     tab.page.wait_for_selector("#scores .score")
-    beside = Tab(tab.page.context.new_page()).open(f"{studio.origin}/")
+    beside = Session(tab.page.context.new_page()).open(f"{studio.origin}/")
     assert beside.problems == []
 
 
@@ -699,12 +699,12 @@ def test_without_the_token_the_page_says_what_to_do(browser, tmp_path, start_stu
     with start_studio(tmp_path) as before:
         page.goto(f"{before.origin}/")
         page.wait_for_selector("text=Open the whole address")
-        Tab(page).open(before.address)
+        Session(page).open(before.address)
     with start_studio(tmp_path, "--port", before.port) as after:
         page.wait_for_selector("#status:has-text('started anew')")
         page.goto(f"{after.origin}/")  # with the token of the server before
         page.wait_for_selector("text=Open the whole address")
-        Tab(page).open(after.address)
+        Session(page).open(after.address)
         assert page.url == f"{after.origin}/"
     context.close()
 

@@ -9,7 +9,7 @@ from vinefab.fabrication.checking import check_design
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.prediction.deploy import deploy
-from vinefab.studio.rules_answer import rules_answer
+from vinefab.studio.sheet_answers import rules_answer
 from vinefab.studio.state import StudioState
 
 GRID = {"source": {"environment": "grid", "seed": 3}, "edits": []}
@@ -57,7 +57,7 @@ def test_errors_come_first_and_waived_ones_last():
 
 
 def test_findings_beyond_the_most_are_counted(monkeypatch):
-    monkeypatch.setattr("vinefab.studio.rules_answer.MOST_FINDINGS", 2)
+    monkeypatch.setattr("vinefab.studio.sheet_answers.MOST_FINDINGS", 2)
     state, answer = answered(edit=narrow)
     total = len(check_design(state.design, state.profile).findings)
     assert (len(answer["findings"]), answer["findings_left_out"]) == (2, total - 2)

@@ -6,9 +6,8 @@ import pytest
 from vinefab.growth.simulator import grow_on
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
-from vinefab.studio.edited_map import Frame
-from vinefab.studio.scene import grown, prepared_map
-from vinefab.studio.state import StudioState
+from vinefab.studio.live_answers import grown, prepared_map
+from vinefab.studio.state import Frame, StudioState
 
 SOURCE = {
     "environment": "grid",

@@ -23,9 +23,8 @@ from vinefab.search.record.result import RunArchive
 from vinefab.search.run import run_search
 from vinefab.search.settings import MapSettings, RunSettings, SearchSettings, read_run
 from vinefab.search.space import Bounds, Space, SpaceSettings
-from vinefab.studio.followed_run import FollowedRecord, LiveFront
 from vinefab.studio.run_request import RUN_FILE, run_files, run_proposal
-from vinefab.studio.search_desk import SEARCH_DESK, SearchDesk
+from vinefab.studio.searches import SEARCH_REQUESTS, FollowedRecord, LiveFront, SearchManager
 from vinefab.studio.state import StudioState
 
 SMALL = {"columns": 2, "rows": 2, "size_mm": 300.0}
@@ -46,7 +45,7 @@ def ask(**changes):
 
 @pytest.fixture
 def desk(tmp_path):
-    made = SearchDesk((tmp_path,), tmp_path)
+    made = SearchManager((tmp_path,), tmp_path)
     yield made
     made.close()
 
@@ -55,7 +54,7 @@ def followed(desk, until, patience_s=90.0):
     """Return the events of a search up to the first that is wanted."""
     events, end_s = [], time.monotonic() + patience_s
     while time.monotonic() < end_s:
-        event = desk.news()
+        event = desk.poll()
         if event is not None:
             json.dumps(event, allow_nan=False)  # plain values
             events.append(event)
@@ -106,8 +105,8 @@ def test_a_search_that_was_stopped_and_resumed_ends_as_the_command_does(
     desk, tmp_path, monkeypatch
 ):
     # Its page takes seconds to draw, and no more room in the suite.
-    plain = SearchDesk._arguments
-    monkeypatch.setattr(SearchDesk, "_arguments", lambda *given: [*plain(*given), "--no-page"])
+    plain = SearchManager._arguments
+    monkeypatch.setattr(SearchManager, "_arguments", lambda *given: [*plain(*given), "--no-page"])
     begun = desk.start(ask(generations=800), StudioState.of(page()))
     words = "vinefab optimize search_1/run.toml --out search_1 --workers 1 --quiet --no-page"
     assert (begun["folder"], begun["command"]) == ("search_1", words)
@@ -307,7 +306,7 @@ def test_what_cannot_be_loaded_is_one_line(desk, given, words):
 def test_a_run_of_the_command_line_is_resumed_with_its_own_file_and_seed(
     desk, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(SearchDesk, "_begin", lambda _self, arguments, *_: arguments)
+    monkeypatch.setattr(SearchManager, "_begin", lambda _self, arguments, *_: arguments)
     with pytest.raises(BadInputError, match="its run file"):
         desk.resume({"folder": "two"})
     (tmp_path / "other.toml").write_text('schema = "vinefab/run-1"\nname = "two"\n')
@@ -333,8 +332,8 @@ finalists_by = "training"
 
 @pytest.mark.usefixtures("front_run")
 def test_the_page_takes_what_searches_answer(desk, page_types, monkeypatch):
-    plain = SearchDesk._arguments
-    monkeypatch.setattr(SearchDesk, "_arguments", lambda *given: [*plain(*given), "--no-page"])
+    plain = SearchManager._arguments
+    monkeypatch.setattr(SearchManager, "_arguments", lambda *given: [*plain(*given), "--no-page"])
     asks = {
         "search_runs": {},
         "search_front": {"folder": "two"},
@@ -343,15 +342,16 @@ def test_the_page_takes_what_searches_answer(desk, page_types, monkeypatch):
         "search_stop": {},
     }
     found = [
-        (f'DeskAnswers["{name}"]', SEARCH_DESK[name](desk, page(), asks[name])) for name in asks
+        (f'RequestAnswers["{name}"]', SEARCH_REQUESTS[name](desk, page(), asks[name]))
+        for name in asks
     ]
     events = [("SearchEvent", event) for event in followed(desk, is_over)]
-    page_types([*found, *events, ('DeskAnswers["search_runs"]', desk.runs())])
+    page_types([*found, *events, ('RequestAnswers["search_runs"]', desk.runs())])
 
 
 def test_what_is_new_is_told_once(desk):
     told, news = [], iter([{"event": "search", "share": 0.5}, None])
-    desk.news = lambda: next(news, None)
+    desk.poll = lambda: next(news, None)
 
     async def watched():
         task = asyncio.create_task(desk.watch(told.append))
@@ -363,10 +363,10 @@ def test_what_is_new_is_told_once(desk):
 
 
 def test_the_page_reaches_every_function_by_name(desk):
-    proposed = SEARCH_DESK["search_propose"](desk, page(), {})
+    proposed = SEARCH_REQUESTS["search_propose"](desk, page(), {})
     assert proposed["folder"] == "search_1"
-    assert SEARCH_DESK["search_runs"](desk, None, {})["runs"] == []
+    assert SEARCH_REQUESTS["search_runs"](desk, None, {})["runs"] == []
     with pytest.raises(BadInputError, match="one that is running"):
-        SEARCH_DESK["search_stop"](desk, None, {})
-    with pytest.raises(BadInputError, match="what is open on the page"):
-        SEARCH_DESK["search_start"](desk, None, {})
+        SEARCH_REQUESTS["search_stop"](desk, None, {})
+    with pytest.raises(BadInputError, match="design is missing"):
+        SEARCH_REQUESTS["search_start"](desk, {}, {})

@@ -10,9 +10,7 @@ from vinefab.core.errors import VinefabError
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.map_geojson import map_text
-from vinefab.studio import warming
-from vinefab.studio.edited_map import world_of
-from vinefab.studio.panels import answer_of
+from vinefab.studio.executors import answer_of
 from vinefab.studio.snapshot import (
     SnapshotOptions,
     snapshot_frame,
@@ -20,7 +18,7 @@ from vinefab.studio.snapshot import (
     stored_state,
     write_snapshot,
 )
-from vinefab.studio.state import StudioState
+from vinefab.studio.state import StudioState, world_of
 
 HOSTILE = "</script><!-- \u2028 & \"quoted\" 'x' <script>"
 
@@ -31,7 +29,7 @@ def quiet(_share, _text):
 
 @pytest.fixture(autouse=True)
 def other_tests_grow_as_before(monkeypatch):
-    monkeypatch.setattr("vinefab.studio.warming._ENGINES", warming._Engines())
+    monkeypatch.setattr("vinefab.studio.live_answers._ENGINE", ["interpreted"])
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ import copy
 import json
 from contextlib import suppress
 from pathlib import Path
+from pkgutil import resolve_name
 
 import pytest
 
@@ -12,10 +13,9 @@ from vinefab.maps import grid
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.map_geojson import map_text
-from vinefab.studio.desk import Desk
-from vinefab.studio.edited_map import world_of
-from vinefab.studio.panels import PANELS, answer_of
-from vinefab.studio.state import StudioState
+from vinefab.studio.executors import PANELS, answer_of
+from vinefab.studio.file_store import FileStore
+from vinefab.studio.state import StudioState, world_of
 
 GRID = {"source": {"environment": "grid", "seed": 3}, "edits": []}
 
@@ -118,7 +118,7 @@ def test_an_odd_value_anywhere_is_one_line_or_works(place):
             at = at[name]
         at[place[-1]] = odd
         with suppress(VinefabError):
-            Desk(Path()).check_paths(content)
+            FileStore(Path()).check_paths(content)
             StudioState.of(content)
 
 
@@ -130,7 +130,7 @@ def test_a_wrong_value_of_the_design_is_named_by_its_key():
 
 
 def test_every_panel_has_its_function_and_others_are_refused():
-    for panel in PANELS.values():
-        assert callable(panel.answer)
+    for place, _ in PANELS.values():
+        assert callable(resolve_name(f"vinefab.studio.{place}"))
     with pytest.raises(BadInputError, match="moon"):
         answer_of("moon", state(), {}, lambda *_: None)

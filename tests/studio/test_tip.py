@@ -10,9 +10,8 @@ from vinefab.core.errors import BadInputError
 from vinefab.growth.simulator import grow_on
 from vinefab.model.design import Build, Design, Level, design_of
 from vinefab.model.files.design_toml import design_content
-from vinefab.studio.live_answer import live_answer, prepared_map
+from vinefab.studio.live_answers import live_answer, prepared_map, tip_answer
 from vinefab.studio.state import StudioState
-from vinefab.studio.tip_answer import tip_answer
 
 # A map without anything in the way.
 MAP = {"source": {"environment": "grid", "seed": 3}, "edits": [["remove", 0]] * 36}

@@ -725,11 +725,11 @@ def studio(
     if missing:
         allowed = "together with the packages of the studio: pip install 'vinefab[studio]'"
         raise BadInputError("vinefab studio", f"without {', '.join(missing)}", allowed)
-    from vinefab.studio.serve import serve
-    from vinefab.studio.workplace import Opened
+    from vinefab.studio.server import serve
+    from vinefab.studio.workspace import LaunchOptions
 
     page = page_path("snapshot", snapshot, force=force)
-    opened = Opened(
+    opened = LaunchOptions(
         design=str(name_or_path("design", design, "a design file, or a shipped name", "design")),
         map_file=None if map is None else as_path("map", map, "the path of a map file"),
         environment=environment,
@@ -743,10 +743,10 @@ def studio(
         serve(opened, port=port, browser=browser, say=lambda words: note(words, only_in_shell=True))
         return None
     from vinefab.studio.snapshot import SnapshotOptions, write_snapshot
-    from vinefab.studio.workplace import Workplace
+    from vinefab.studio.workspace import Workspace
 
     options = SnapshotOptions(family=family, file=opened.design)
     with told("snapshot", progress) as tell:
-        write_snapshot(Workplace(opened).state, page, options, tell, force=force)
+        write_snapshot(Workspace(opened).state, page, options, tell, force=force)
     wrote(page)
     return WrittenFile(path=page)

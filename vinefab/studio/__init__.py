@@ -1,10 +1,11 @@
 """The studio: a page in the browser where every change of a design is a change of everything.
 
-``state`` reads what is open on the page; each ``*_answer`` module turns it into what one panel
-shows, with the library's public functions and nothing else. ``panels`` lists them and where each is
-computed, ``lanes`` are the processes, ``app`` is the server, ``gate`` its guard, ``desk`` the files
-that the user opened, ``search_desk`` the searches that the page begins with what ``run_request``
-writes. The page is in ``page/``: plain modules, no build step.
+``state`` reads and validates what is open on the page. The ``*_answers`` modules, ``file_exports``
+and ``snapshot`` compute the panels, with the library's public functions and nothing else;
+``executors`` lists them and runs each in a thread or a process. ``server`` listens, behind
+``request_guard``; ``sessions`` has a session for each tab. ``workspace`` holds what all tabs share:
+the ``file_store`` and the ``searches``, whose run files come from ``run_request``. The page is in
+``page/``: plain modules, no build step.
 
 Public function (``import vinefab as vf``): ``vf.studio("mine.toml")``, see `vinefab.app.searching`.
 """

@@ -1,4 +1,4 @@
-"""What the page asks of a search: the proposal that it begins with, and the run file for it."""
+"""The form of a search on the page: what it proposes, and the run file of what was chosen."""
 
 import os
 import re
@@ -23,9 +23,7 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.search.costs import COSTS
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.search.space import LIMITS, BuildSettings, SpaceSettings
-from vinefab.studio.design_form import label_of
-from vinefab.studio.edited_map import PAGE
-from vinefab.studio.state import StudioState
+from vinefab.studio.state import PAGE, StudioState, label_of, texts_at
 from vinefab.tasks.shipped_tasks import TASKS
 
 RUN_FILE, START_FILE, SHOWN_MAP_FILE = "run.toml", "start.toml", "map.geojson"
@@ -258,8 +256,7 @@ def _tidy(given: object) -> object:
 
 
 def _texts(key: str, given: object) -> list[str]:
-    if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
-        raise BadInputError(key, given, "a list of texts", PAGE)
-    if len(given) > MOST_FILES:
-        raise BadInputError(key, counted(len(given), "text"), f"at most {MOST_FILES}", PAGE)
-    return given
+    texts = texts_at(key, given)
+    if len(texts) > MOST_FILES:
+        raise BadInputError(key, counted(len(texts), "text"), f"at most {MOST_FILES}", PAGE)
+    return texts

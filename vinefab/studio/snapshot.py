@@ -31,11 +31,9 @@ from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.shipped import path_inside, read_bytes, read_text
 from vinefab.model.map import Map
 from vinefab.pages.plan_svg import legend_rows
-from vinefab.studio.design_form import design_form, growth_form
-from vinefab.studio.edited_map import PAGE, world_of
-from vinefab.studio.panels import Tell, answer_of
-from vinefab.studio.state import StudioState, is_name
-from vinefab.studio.warming import load_kernel
+from vinefab.studio.executors import Progress, answer_of
+from vinefab.studio.live_answers import load_kernel
+from vinefab.studio.state import PAGE, StudioState, design_form, growth_form, is_name, world_of
 
 _SCHEMA = "vinefab/snapshot-1"
 MOST_BYTES = 1 << 27
@@ -75,7 +73,7 @@ def write_snapshot(
     state: Mapping[str, Any],
     path: Path,
     options: SnapshotOptions | None = None,
-    tell: Tell | None = None,
+    progress: Progress | None = None,
     *,
     force: bool = False,
 ) -> Path:
@@ -93,16 +91,16 @@ def write_snapshot(
     VinefabError
         If something in the state cannot be used, or the file cannot be written.
     """
-    options, say = options or SnapshotOptions(), tell or _silent
-    say(0.0, "loading the simulator")
+    options, progress = options or SnapshotOptions(), progress or _silent
+    progress(0.0, "loading the simulator")
     load_kernel()  # what has to wait for it on the page is in the file
     panels = ("live", "cut", "rules", *(("family",) if options.family else ()))
     answers = {}
     for number, panel in enumerate(panels):
-        say(0.1 + 0.5 * number / len(panels), panel)
+        progress(0.1 + 0.5 * number / len(panels), panel)
         answers[panel] = answer_of(panel, state, {}, _silent)
     if options.reference is not None:
-        say(0.6, "the version before")
+        progress(0.6, "the version before")
         before = {**state, "design": options.reference}
         found = {panel: answer_of(panel, before, {"ground": False}, _silent) for panel in panels}
         answers["reference"] = {"design": options.reference, "answers": found}

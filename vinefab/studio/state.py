@@ -1,25 +1,231 @@
-"""What is open on the page: design, map with edits, start, recipe, task, family of maps."""
+"""State of the page, read and validated: design, map with edits, start, recipe, family; forms."""
 
+import json
+import math
+import types
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from annotated_types import Interval, MinLen
-from pydantic import Field
+import shapely
+from annotated_types import Ge, Interval, Le, MinLen, Unit
+from pydantic import BaseModel, Field
+from shapely import Polygon
+from shapely.affinity import rotate, scale, translate
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.table import Table, validated
+from vinefab.core.hashing import sha256_of
+from vinefab.core.limits import MOST_FIRST_SEED
+from vinefab.core.registry import with_parameters
+from vinefab.core.table import DeclaredKey, Table, declared_keys, inner_table, validated
+from vinefab.core.validation import LARGEST_MM, SMALLEST, number, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions
-from vinefab.model.design import Design, design_of
+from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.design import MOST_LEVELS, PER_LEVEL, Build, Design, design_of
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
+from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, path_given
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
+from vinefab.model.target import targets_given
 from vinefab.prediction.deploy import as_grown
-from vinefab.studio.edited_map import PAGE, Ground, file_stamp, ground_of, world_of
+
+PAGE = "the page"
+"""What messages call the source of a value that was set on the page."""
+
+MOST_EDITS = 10_000
+
+_Coordinate = Annotated[float, Ge(-LARGEST_MM), Le(LARGEST_MM), Unit("mm")]
+_Size = Annotated[float, Ge(SMALLEST), Le(LARGEST_MM), Unit("mm")]
+
+
+def _text(key: str, value: object) -> str:
+    if not isinstance(value, str) or not value:
+        raise BadInputError(key, value, "a text", PAGE)
+    return value
+
+
+def texts_at(key: str, value: object) -> list[str]:
+    """Return a value of the page that must be a list of texts."""
+    if not isinstance(value, list) or not all(isinstance(text, str) for text in value):
+        raise BadInputError(key, value, "a list of texts", PAGE)
+    return value
+
+
+def mapping_at(key: str, value: object) -> Mapping[str, Any]:
+    """Return a value of the page that must be an object: names with values."""
+    if not isinstance(value, Mapping):
+        raise BadInputError(key, value, "names with values", PAGE)
+    return value
+
+
+class Frame(Table):
+    """The smallest rectangle around an obstacle: what is typed and dragged of it."""
+
+    x_mm: Annotated[_Coordinate, Doc("of its middle")]
+    y_mm: Annotated[_Coordinate, Doc("of its middle")]
+    width_mm: Annotated[_Size, Doc("along its first axis")]
+    height_mm: Annotated[_Size, Doc("across it")]
+    turn_deg: Annotated[
+        float, Interval(ge=-360, le=360), Unit("deg"), Doc("of its first axis from x")
+    ] = 0.0
+
+    @classmethod
+    def around(cls, obstacle: Polygon) -> "Frame":
+        """Return the frame of an obstacle, turned by at most 45 degrees either way."""
+        box = shapely.oriented_envelope(obstacle)
+        x, y = shapely.get_coordinates(box).T.tolist()
+        first, second = complex(x[1] - x[0], y[1] - y[0]), complex(x[2] - x[1], y[2] - y[1])
+        along, across = (first, second) if abs(first.real) >= abs(first.imag) else (second, first)
+        along = along if along.real > 0.0 else -along
+        middle = box.centroid
+        turn_deg = math.degrees(math.atan2(along.imag, along.real))
+        return cls(
+            x_mm=middle.x, y_mm=middle.y, width_mm=abs(along), height_mm=abs(across),
+            turn_deg=turn_deg,
+        )  # fmt: skip
+
+    def moved(self, dx_mm: float, dy_mm: float) -> "Frame":
+        """Return the frame elsewhere."""
+        return self.changed(x_mm=self.x_mm + dx_mm, y_mm=self.y_mm + dy_mm)
+
+    def taken_to(self, other: "Frame", shape: Polygon) -> Polygon:
+        """Return a shape in this frame as it lies in another."""
+        shape = rotate(translate(shape, -self.x_mm, -self.y_mm), -self.turn_deg, origin=(0, 0))
+        by = other.width_mm / self.width_mm, other.height_mm / self.height_mm
+        shape = rotate(scale(shape, *by, origin=(0, 0)), other.turn_deg, origin=(0, 0))
+        return translate(shape, other.x_mm, other.y_mm)
+
+    def place_mm(self, along: float, across: float) -> tuple[float, float]:
+        """Return a place of the frame, from -1 to 1 along its axes."""
+        turn = math.radians(self.turn_deg)
+        a_mm, b_mm = 0.5 * self.width_mm * along, 0.5 * self.height_mm * across
+        return (
+            self.x_mm + a_mm * math.cos(turn) - b_mm * math.sin(turn),
+            self.y_mm + a_mm * math.sin(turn) + b_mm * math.cos(turn),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EditedMap:
+    """A map with its obstacles as they are edited; its targets are those of its source."""
+
+    world: Map
+    frames: tuple[Frame | None, ...]  # of obstacles that were placed; None: the smallest around it
+    key: str  # the same for the same obstacles of the same map
+
+    def frame(self, index: int) -> Frame:
+        """Return the frame of an obstacle."""
+        return self.frames[index] or Frame.around(self.world.obstacles[index])
+
+
+def edited_map(content: Mapping[str, Any]) -> EditedMap:
+    """Return the open map with the page's edits.
+
+    Parameters
+    ----------
+    content
+        ``source``: ``{"file": PATH}``, or ``{"environment": NAME, "seed": N, "options": {...}}``;
+        ``edits``, a list that is applied in order: ``["move", INDEX, DX_MM, DY_MM]``, ``["place",
+        INDEX, FRAME]``, ``["add", [[X, Y], ...]]``, ``["remove", INDEX]``.
+    """
+    source = mapping_at("map.source", content.get("source"))
+    edits = content.get("edits") or []
+    if not isinstance(edits, list) or len(edits) > MOST_EDITS:
+        raise BadInputError("map.edits", "edits", f"a list of at most {MOST_EDITS}", PAGE)
+    stamp = file_stamp(path_given("map.file", source["file"])) if "file" in source else ""
+    return _edited_map(json.dumps(source, sort_keys=True), json.dumps(edits), stamp)
+
+
+def world_of(content: Mapping[str, Any]) -> Map:
+    """Return the map that the page shows: see `edited_map`; ``targets`` replace the source's."""
+    world, targets = edited_map(content).world, content.get("targets")
+    if targets is None:
+        return world
+    try:
+        return replace(world, targets=targets_given(targets, "map.targets"))
+    except BadInputError as error:
+        raise BadInputError(error.key, error.value, error.allowed, PAGE) from error
+
+
+@lru_cache(maxsize=32)
+def _edited_map(source: str, edits: str, stamp: str) -> EditedMap:
+    world, changes = _source_world(source, stamp), json.loads(edits)
+    obstacles = list(world.obstacles)
+    frames: list[Frame | None] = [None] * len(obstacles)
+    for place, edit in enumerate(changes):
+        _apply(edit, obstacles, frames, f"map.edits.{place}")
+    if changes:
+        # Starts stay: one inside of an obstacle is told when a robot is to grow there.
+        world = replace(world, obstacles=tuple(obstacles))
+    key = sha256_of("\n".join((source, edits, stamp)).encode())[:16]
+    return EditedMap(world=world, frames=tuple(frames), key=key)
+
+
+@lru_cache(maxsize=256)
+def _source_world(source: str, stamp: str) -> Map:  # noqa: ARG001  a changed file is read anew
+    given = json.loads(source)
+    if "file" in given:
+        return Map.read(Path(_text("map.file", given["file"])))
+    environment = _text("map.environment", given.get("environment"))
+    options = mapping_at("map.options", given.get("options") or {})
+    kind = ENVIRONMENTS[environment]
+    seed = whole("map.seed", given.get("seed", 0), 0, MOST_FIRST_SEED)
+    return kind.make(seed, with_parameters(kind.options, environment, options))
+
+
+def _apply(edit: Any, obstacles: list[Polygon], frames: list[Frame | None], key: str) -> None:  # noqa: ANN401  JSON
+    allowed = "['move', I, DX, DY], ['place', I, FRAME], ['add', [[X, Y], ...]] or ['remove', I]"
+    if not isinstance(edit, list) or len(edit) < 2:
+        raise BadInputError(key, edit, allowed, PAGE)
+    kind, rest = edit[0], edit[1:]
+    if kind == "add" and len(rest) == 1:
+        obstacles.append(_polygon(key, rest[0]))
+        frames.append(None)
+        return
+    if (kind, len(rest)) not in {("move", 3), ("place", 2), ("remove", 1)}:
+        raise BadInputError(key, edit, allowed, PAGE)
+    index = whole(key, rest[0], 0, len(obstacles) - 1)
+    if kind == "remove":
+        del obstacles[index], frames[index]
+    elif kind == "move":
+        dx_mm, dy_mm = (number(key, value, -LARGEST_MM, LARGEST_MM, "mm") for value in rest[1:])
+        obstacles[index] = translate(obstacles[index], dx_mm, dy_mm)
+        old = frames[index]
+        frames[index] = None if old is None else old.moved(dx_mm, dy_mm)
+    else:
+        try:
+            frame = validated(Frame, rest[1])
+        except BadInputError as error:
+            raise BadInputError(f"{key}.{error.key}", error.value, error.allowed, PAGE) from error
+        old = frames[index] or Frame.around(obstacles[index])
+        obstacles[index], frames[index] = old.taken_to(frame, obstacles[index]), frame
+
+
+def _polygon(key: str, points: Any) -> Polygon:  # noqa: ANN401  JSON
+    if not isinstance(points, list) or not 3 <= len(points) <= 10_000:
+        raise BadInputError(key, points, "at least three points [x, y], mm", PAGE)
+    for point in points:
+        if not isinstance(point, list) or len(point) != 2:
+            raise BadInputError(key, point, "a point [x, y], mm", PAGE)
+    polygon = Polygon(
+        [[number(key, value, -LARGEST_MM, LARGEST_MM, "mm") for value in two] for two in points]
+    )
+    if not polygon.is_valid or polygon.is_empty:
+        raise BadInputError(key, shapely.is_valid_reason(polygon), "a polygon that is valid", PAGE)
+    return polygon
+
+
+def file_stamp(path: Path) -> str:
+    """Return what changes when a file does; nothing for one that is not there."""
+    try:
+        found = path.stat()
+    except OSError:
+        return ""
+    return f"{found.st_mtime_ns}:{found.st_size}"
+
 
 MOST_FAMILY, MOST_POSES = 200, 5
 
@@ -61,7 +267,7 @@ class StudioState:
 
     design: Design
     world: Map | None  # with the page's edits and targets; None where no map is open
-    ground: Ground | None  # the same without the page's targets
+    ground: EditedMap | None  # the same without the page's targets
     pose: Pose | None  # None: the map's first start
     profile: LaserProfile
     recipe: str  # what the profile was opened by
@@ -79,21 +285,23 @@ class StudioState:
         VinefabError
             If a value or a file cannot be used.
         """
-        given = _mapping("state", content)
-        design = design_of(_mapping("design", given.get("design")), PAGE)
+        given = mapping_at("state", content)
+        design = design_of(mapping_at("design", given.get("design")), PAGE)
         recipe = _text("recipe", given.get("recipe") or DEFAULT_RECIPE)
-        shown = None if given.get("map") is None else _mapping("map", given["map"])
+        shown = None if given.get("map") is None else mapping_at("map", given["map"])
         return cls(
             design=design,
             world=None if shown is None else world_of(shown),
-            ground=None if shown is None else ground_of(shown),
+            ground=None if shown is None else edited_map(shown),
             pose=_pose(given.get("pose")),
             profile=current_profile(recipe),
             recipe=recipe,
             task=_text("task", given.get("task") or "coverage"),
-            family=Family.of(_mapping("family", given.get("family") or {})),
-            growth=GrowthChoice.of([design], _mapping("growth", given.get("growth") or {})).options,
-            locks=frozenset(_texts("locks", given.get("locks") or [])),
+            family=Family.of(mapping_at("family", given.get("family") or {})),
+            growth=GrowthChoice.of(
+                [design], mapping_at("growth", given.get("growth") or {})
+            ).options,
+            locks=frozenset(texts_at("locks", given.get("locks") or [])),
         )
 
     @property
@@ -140,33 +348,70 @@ def current_profile(recipe: str) -> LaserProfile:
 
 
 @lru_cache(maxsize=16)
-def _profile(recipe: str, stamp: str) -> LaserProfile:  # noqa: ARG001  see profile_of
+def _profile(recipe: str, stamp: str) -> LaserProfile:  # noqa: ARG001  a changed file is read anew
     return read_profile(recipe)
 
 
 def _pose(content: Any) -> Pose | None:  # noqa: ANN401  JSON
     if content is None:
         return None
-    given = _mapping("pose", content)
+    given = mapping_at("pose", content)
     try:
         return Pose.of((given["x_mm"], given["y_mm"], given["heading_deg"]))
     except KeyError as error:
         raise BadInputError("pose", dict(given), "x_mm, y_mm and heading_deg", PAGE) from error
 
 
-def _text(key: str, value: object) -> str:
-    if not isinstance(value, str) or not value:
-        raise BadInputError(key, value, "a text", PAGE)
-    return value
+_UNITS = {"deg": "°"}
 
 
-def _texts(key: str, value: object) -> list[str]:
-    if not isinstance(value, list) or not all(isinstance(text, str) for text in value):
-        raise BadInputError(key, value, "a list of texts", PAGE)
-    return value
+def design_form() -> dict[str, Any]:
+    """Return the rows of a design's tables: keys with a slider, with a choice, with own rows."""
+    return {"most_levels": MOST_LEVELS - 1, "rows": _rows(Design)}
 
 
-def _mapping(key: str, value: object) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise BadInputError(key, value, "names with values", PAGE)
-    return value
+def growth_form() -> list[dict[str, Any]]:
+    """Return the rows of the growth options; measured contacts are a file of their own."""
+    return [row for row in _rows(GrowthOptions) if "rows" not in row]
+
+
+def _rows(table: type[BaseModel]) -> list[dict[str, Any]]:
+    rows = []
+    for key in declared_keys(table):
+        mark = PER_LEVEL.get(key.field) if table is Build else None
+        shown = _shown(key) | ({"first": mark.first, "absent": mark.absent} if mark else {})
+        if shown and key.name != "schema":
+            rows.append({"key": key.name, "label": label_of(key), "about": key.meaning, **shown})
+    return rows
+
+
+def _shown(key: DeclaredKey) -> dict[str, Any]:
+    """Return how the page shows a key; nothing for one that it does not."""
+    inner, kind = inner_table(key.annotation), key.annotation
+    if inner is not None:
+        rows = _rows(inner)
+        return {"rows": rows, "many": get_origin(kind) is tuple} if rows else {}
+    if get_origin(kind) in (Union, types.UnionType):  # of an optional value
+        kind = get_args(kind)[0]
+    kind = get_args(kind)[0] if get_origin(kind) is Annotated else kind
+    if get_origin(kind) is Literal:
+        return {"choices": list(get_args(kind)), "default": key.default}
+    if kind is bool:
+        return {"flag": True, "default": key.default}
+    if key.slider is None:
+        return {}
+    return {
+        "unit": _UNITS.get(key.unit, key.unit),
+        "least": next((limit.ge for limit in key.limits if isinstance(limit, Ge)), None),
+        "most": next((limit.le for limit in key.limits if isinstance(limit, Le)), None),
+        "slider": [key.slider.low, key.slider.high],
+        "step": key.slider.step,
+        "whole": kind is int,
+        "default": key.default if isinstance(key.default, int | float) else None,
+    }
+
+
+def label_of(key: DeclaredKey) -> str:
+    """Return what the page calls a key: its title, or its name without the unit."""
+    unit = "percent" if key.unit == "%" else key.unit.lower()
+    return key.title or key.name.removesuffix(f"_{unit}").replace("_", " ").capitalize()

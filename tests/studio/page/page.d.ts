@@ -33,7 +33,7 @@ type StudioState = {
   opened?: string;
 };
 
-// ---- controls: rows of a form, as design_form.py makes them of declared keys
+// ---- controls: rows of a form, as `design_form` makes them of declared keys
 
 type RowKind = {
   rows?: undefined; many?: undefined; choices?: undefined; flag?: undefined; slider?: undefined; default?: unknown;
@@ -84,11 +84,11 @@ type Slot = { flight: Asked | null; waiting: Asked | null };
 
 type Reply = { seq: number; answer?: unknown; error?: Failure; progress?: Parameters<Progress> };
 type PanelReply = Reply & { event?: undefined; panel: Panel };
-type DeskReply = Reply & { event?: undefined; desk: DeskQuestion };
-type Message = Events[keyof Events] | PanelReply | DeskReply;
+type RequestReply = Reply & { event?: undefined; request: RequestName };
+type Message = Events[keyof Events] | PanelReply | RequestReply;
 
 type Store = ReturnType<typeof import("studio/store.js").createStore>;
-type Link = ReturnType<typeof import("studio/link.js").createLink>;
+type Connection = ReturnType<typeof import("studio/connection.js").createConnection>;
 type View = ReturnType<typeof import("studio/view.js").createView>;
 
 /** What parts of the page listen to, by name: events of the server, and each other. */
@@ -116,7 +116,7 @@ type App = {
   ask<P extends Panel>(panel: P, ask?: object, options?: { state?: StudioState }): Promise<Answers[P]>;
   cancel(panel: Panel): void;
   onProgress(panel: Panel, fn: Progress): void;
-  desk<Q extends DeskQuestion>(name: Q, ask?: object): Promise<DeskAnswers[Q]>;
+  request<Q extends RequestName>(name: Q, ask?: object): Promise<RequestAnswers[Q]>;
   on<N extends keyof Heard>(name: N, fn: (value: Heard[N]) => void): void;
   take(message: Events[keyof Events]): void;
   onAnswer<P extends Panel>(panel: P, fn: (answer: Answers[P], state: StudioState) => void): void;
@@ -394,9 +394,9 @@ type WrittenFinding = {
 };
 type ExportAnswer = CommandsAnswer | WrittenAnswer;
 
-// ---- answers of the desk, by what is asked
+// ---- answers to requests, by their names
 
-type DeskAnswers = {
+type RequestAnswers = {
   choices: {
     designs: Choice[]; maps: Choice[]; recipes: Choice[]; folders: string[]; complete: boolean;
     environments: { name: string; about: string; options: Record<string, unknown> }[];
@@ -408,10 +408,10 @@ type DeskAnswers = {
   open_map: { source: MapSource; name: string; obstacles: number; starts: number; stamp: string };
   open_recipe: { recipe: string; title: string };
   save_design: Saved | Conflict;
-  keep_recovery: { kept: string };
-  recoveries: { recoveries: Recovery[] };
-  open_recovery: { key: string; kept_at: string; state: StudioState; file: { path?: string; name?: string } | null };
-  drop_recovery: Record<string, never>;
+  keep_autosave: { kept: string };
+  autosaves: { autosaves: Autosave[] };
+  open_autosave: { key: string; kept_at: string; state: StudioState; file: { path?: string; name?: string } | null };
+  drop_autosave: Record<string, never>;
   tip: { level: number | null; values: { length?: number; angle_deg?: number } };
   search_propose: Proposal;
   search_start: BegunSearch;
@@ -426,7 +426,7 @@ type Choice = { name: string; path: string; where: string };
 type Saved = { saved: true; path: string; stamp: string; text: string; writable: boolean; note: string };
 type FileChange = { kind: "design" | "map" | "recipe"; path: string; stamp: string; design: Design | null; problem: string | null };
 type Conflict = Omit<FileChange, "kind"> & { saved: false; why: string };
-type Recovery = { key: string; kept_at: string; name: string | null; design: Design | null; file: { path?: string; name?: string } | null };
+type Autosave = { key: string; kept_at: string; name: string | null; design: Design | null; file: { path?: string; name?: string } | null };
 type BegunSearch = { folder: string; command: string; state: string };
 
 type Objective = { name: string; unit: string; better: string; kind: string };

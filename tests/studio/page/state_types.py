@@ -13,20 +13,18 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Design
 from vinefab.model.finding import Severity
 from vinefab.model.target import Target
-from vinefab.studio.desk import DESK
-from vinefab.studio.edited_map import Frame
-from vinefab.studio.export_answer import SNAPSHOT
-from vinefab.studio.exports import EXPORTS
-from vinefab.studio.panels import PANELS
-from vinefab.studio.search_desk import SEARCH_DESK
-from vinefab.studio.state import Family
-from vinefab.studio.workplace import TIP
+from vinefab.studio.executors import PANELS
+from vinefab.studio.file_exports import EXPORTS, SNAPSHOT
+from vinefab.studio.file_store import FILE_REQUESTS
+from vinefab.studio.searches import SEARCH_REQUESTS
+from vinefab.studio.state import Family, Frame
+from vinefab.studio.workspace import TIP
 
 STATE = Path(__file__).with_name("state.d.ts")
 TABLES = (Design, GrowthOptions, Family, Frame, Target)
 NAMES = {
     "Panel": PANELS,
-    "DeskQuestion": (*DESK, TIP, *SEARCH_DESK),
+    "RequestName": (*FILE_REQUESTS, TIP, *SEARCH_REQUESTS),
     "ExportKind": (*EXPORTS, SNAPSHOT),
     "Severity": map(str, Severity),
     "Tone": get_args(Tone),

@@ -13,10 +13,10 @@ from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.target import Target
-from vinefab.studio.desk import DESK
-from vinefab.studio.panels import PANELS, answer_of
-from vinefab.studio.search_desk import SEARCH_DESK
-from vinefab.studio.workplace import TIP, Opened, Workplace
+from vinefab.studio.executors import PANELS, answer_of
+from vinefab.studio.file_store import FILE_REQUESTS
+from vinefab.studio.searches import SEARCH_REQUESTS
+from vinefab.studio.workspace import TIP, LaunchOptions, Workspace
 
 PAGE = STATE.parent
 KEY = "abcdef012345"
@@ -51,7 +51,7 @@ RUNS = {"search_start", "search_stop", "search_resume", "search_load", "search_f
 """Questions about a run: `test_search_desk` asks them."""
 
 
-def desk_asks(state):
+def request_asks(state):
     other = {**state["design"], "name": "other"}
     return {
         "open_design": [{"design": "mine.toml"}],
@@ -61,9 +61,9 @@ def desk_asks(state):
             {"path": "mine.toml", "design": other, "stamp": "of another version"},
             {"path": "other.toml", "design": other},
         ],
-        "keep_recovery": [{"key": KEY, "state": state, "file": {"path": "mine.toml"}}],
-        "open_recovery": [{"key": KEY}],
-        "drop_recovery": [{"key": "fedcba543210"}],
+        "keep_autosave": [{"key": KEY, "state": state, "file": {"path": "mine.toml"}}],
+        "open_autosave": [{"key": KEY}],
+        "drop_autosave": [{"key": "fedcba543210"}],
         TIP: [{"branch": "0.1", "to": [150.0, 150.0]}],
     }
 
@@ -79,7 +79,7 @@ def workplace(tmp_path, monkeypatch):
     (tmp_path / "mine.toml").write_text(design_text(design))
     world = replace(generate("pegs", 1), targets=(Target(name="A", point_mm=(100.0, 100.0)),))
     (tmp_path / "pegs.geojson").write_text(map_text(world))
-    return Workplace(Opened(design="mine.toml", map_file=tmp_path / "pegs.geojson"))
+    return Workspace(LaunchOptions(design="mine.toml", map_file=tmp_path / "pegs.geojson"))
 
 
 def answers(workplace):
@@ -89,10 +89,10 @@ def answers(workplace):
     for panel in PANELS:
         for ask in PANEL_ASKS.get(panel, [{}]):
             yield f'Answers["{panel}"]', answer_of(panel, state, ask, lambda *_: None)
-    asks = desk_asks(state)
-    for name in [*DESK, TIP, *SEARCH_DESK]:
+    asks = request_asks(state)
+    for name in [*FILE_REQUESTS, TIP, *SEARCH_REQUESTS]:
         for ask in [] if name in RUNS else asks.get(name, [{}]):
-            yield f'DeskAnswers["{name}"]', workplace.answer(name, state, ask)
+            yield f'RequestAnswers["{name}"]', workplace.answer(name, state, ask)
 
 
 def test_the_answers_of_the_server_are_those_that_the_page_takes(workplace, page_types):

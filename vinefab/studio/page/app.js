@@ -1,4 +1,4 @@
-// The page: its state, its link to the server or the answers stored in a snapshot, its panels.
+// The page: its state, its connection to the server or the answers stored in a snapshot, its panels.
 
 import * as comparePanel from "studio/compare.js";
 import * as designPanel from "studio/design_panel.js";
@@ -9,7 +9,7 @@ import * as growthPanel from "studio/growth_panel.js";
 import * as mapPanel from "studio/map_panel.js";
 import * as searchPanel from "studio/search_panel.js";
 import * as sheetPanel from "studio/sheet_panel.js";
-import { GONE, createLink, problemOf } from "studio/link.js";
+import { GONE, createConnection, problemOf } from "studio/connection.js";
 import { createStore } from "studio/store.js";
 
 const PANELS = {
@@ -28,9 +28,9 @@ function byId(id) {
 }
 
 /** @param {string} text @param {"info" | "error"} kind */
-function say(text, kind = "info", isOfLink = false) {
+function say(text, kind = "info", isOfConnection = false) {
   // While there is no server, that is the news; what failed for want of it is not.
-  if (!isOfLink && document.documentElement.dataset.link === "down") return;
+  if (!isOfConnection && document.documentElement.dataset.connection === "down") return;
   const status = byId("status");
   status.textContent = text;
   status.dataset.kind = kind;
@@ -55,8 +55,8 @@ function createSignals() {
   };
 }
 
-/** @param {Hello} hello @param {Link | null} link @param {Stored | null} stored @returns {App} */
-function createApp(hello, link, stored) {
+/** @param {Hello} hello @param {Connection | null} connection @param {Stored | null} stored @returns {App} */
+function createApp(hello, connection, stored) {
   const answers = stored?.answers ?? {};
   const found = /** @type {typeof createSignals<Found>} */ (createSignals)();
   const heard = /** @type {typeof createSignals<Heard>} */ (createSignals)();
@@ -83,18 +83,18 @@ function createApp(hello, link, stored) {
     },
 
     async ask(panel, ask = {}, { state } = {}) {
-      if (!link) throw { stale: true };
+      if (!connection) throw { stale: true };
       const asked = state ?? app.shown();
-      const reply = await link.ask(panel, ask, asked);
+      const reply = await connection.ask(panel, ask, asked);
       answers[panel] = reply.answer;
       found.tell(panel, reply);
       return reply.answer;
     },
-    cancel: (panel) => link?.cancel(panel),
-    onProgress: (panel, fn) => link?.onProgress(panel, fn),
-    async desk(name, ask = {}) {
-      if (!link) throw { message: "this is a snapshot, without a server" };
-      return link.desk(name, ask, store.get());
+    cancel: (panel) => connection?.cancel(panel),
+    onProgress: (panel, fn) => connection?.onProgress(panel, fn),
+    async request(name, ask = {}) {
+      if (!connection) throw { message: "this is a snapshot, without a server" };
+      return connection.request(name, ask, store.get());
     },
     on: heard.on,
     take: (message) => heard.tell(message.event, message),
@@ -194,7 +194,7 @@ function mountHistory(app) {
   show();
 }
 
-/** Keep the state over a reload of the tab; unsaved work outlives the tab in the recovery file. @param {App} app */
+/** Keep the state over a reload of the tab; unsaved work outlives the tab in its autosave. @param {App} app */
 function mountKeeping(app) {
   app.remember = () => {
     const content = { started: app.hello.started, state: app.store.get(), file: app.file };
@@ -221,10 +221,10 @@ function kept(hello) {
   }
 }
 
-/** @param {Hello} hello @param {Link | null} link @param {Stored | null} stored */
-function start(hello, link, stored) {
+/** @param {Hello} hello @param {Connection | null} connection @param {Stored | null} stored */
+function start(hello, connection, stored) {
   const before = stored ? null : kept(hello);
-  const app = createApp(before ? { ...hello, state: before.state } : hello, link, stored);
+  const app = createApp(before ? { ...hello, state: before.state } : hello, connection, stored);
   if (before) Object.assign(app.file, before.file);
   app.restored = Boolean(before);
   globalThis.studio = app; // for the console and for tests
@@ -277,14 +277,14 @@ function main() {
     leave();
     return;
   }
-  const link = createLink(token, {
+  const connection = createConnection(token, {
     onEvent(message) {
       if (message.event !== "hello") app?.take(message);
       else if (app) app.take({ ...message, event: "again" });
-      else app = start(message, link, null);
+      else app = start(message, connection, null);
     },
     onState(isUp, isOver) {
-      document.documentElement.dataset.link = isUp ? "up" : "down";
+      document.documentElement.dataset.connection = isUp ? "up" : "down";
       if (isUp) return;
       if (isOver && !app) leave();
       say(isOver ? "The studio was started anew: open the address that it printed" : GONE, "error", true);

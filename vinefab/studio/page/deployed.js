@@ -1,7 +1,7 @@
 // The inflated body in place of the flat sheet: simulated off the live path, dropped by a change.
 
 import { el, shownBlocks } from "studio/dom.js";
-import { problemOf } from "studio/link.js";
+import { problemOf } from "studio/connection.js";
 
 const STILL_MS = 400;
 

@@ -1,7 +1,7 @@
 // Exports: each with its choices, and the command line that writes the same bytes.
 
 import { copyable, el, paused, shownBlocks } from "studio/dom.js";
-import { problemOf } from "studio/link.js";
+import { problemOf } from "studio/connection.js";
 
 const WAIT_MS = 150;
 

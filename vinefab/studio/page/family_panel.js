@@ -2,7 +2,7 @@
 
 import { ticks } from "studio/charts.js";
 import { el, fillSvg, number, paused, svgEl, WAYS } from "studio/dom.js";
-import { isStale, isStopped } from "studio/link.js";
+import { isStale, isStopped } from "studio/connection.js";
 
 const STILL_MS = 120;
 const AGAIN_MS = 1500;
@@ -281,7 +281,7 @@ export function mount(root, app) {
     filesLine.hidden = false;
     files.focus();
     try {
-      const { maps } = await app.desk("choices");
+      const { maps } = await app.request("choices");
       listed.replaceChildren(...maps.map(({ path }) => el("option", { value: path }, path)));
       markListed();
       if (!listed.hidden) listed.focus();

@@ -1,7 +1,7 @@
 // Files: what is open, opening, saving, changes from outside, and unsaved work that is kept.
 
 import { el, number, paused } from "studio/dom.js";
-import { problemOf } from "studio/link.js";
+import { problemOf } from "studio/connection.js";
 
 const KEY = "vinefab-studio-tab";
 const FILES = "vinefab-studio-files";
@@ -85,10 +85,10 @@ function mountLive(root, app, name, mark) {
       return takeMap({ environment: title, seed, options: {} }, title);
     }
     if (kind === "map") {
-      const found = await app.desk("open_map", { path });
+      const found = await app.request("open_map", { path });
       return takeMap(found.source, title);
     }
-    const found = await app.desk("open_recipe", { recipe: path });
+    const found = await app.request("open_recipe", { recipe: path });
     store.change(`open ${found.recipe}`, (state) => { state.recipe = found.recipe; });
     app.say(`Opened recipe ${found.recipe}`);
     return true;
@@ -114,7 +114,7 @@ function mountLive(root, app, name, mark) {
       });
       if (!answer || (answer === "save" && !(await saveDesign()))) return false;
     }
-    const file = await app.desk("open_design", { design: path });
+    const file = await app.request("open_design", { design: path });
     rememberOld();
     store.change(`open ${file.name}`, (state) => {
       state.design = file.design;
@@ -153,9 +153,9 @@ function mountLive(root, app, name, mark) {
     }
   }
 
-  /** Ask the desk to write; changes on disk that it tells meanwhile wait, they may be our own. @param {object} ask */
+  /** Ask the server to write; changes on disk that it reports meanwhile wait, they may be our own. @param {object} ask */
   function write(ask) {
-    const answer = app.desk("save_design", { ...ask, recovery: key });
+    const answer = app.request("save_design", { ...ask, autosave: key });
     saving = answer.catch(() => null);
     return answer;
   }
@@ -165,7 +165,7 @@ function mountLive(root, app, name, mark) {
     notes.clear("disk");
     setFile(fileOf({ ...answer, name: nameOf(answer.path) }, design));
     app.say(answer.note ? `Saved ${answer.path}; ${answer.note}` : `Saved ${answer.path}`);
-    keepSoon(); // a copy that was on its way when the desk dropped it goes too
+    keepSoon(); // a copy that was on its way when the server dropped it goes too
   }
 
   /** Return null when the copy is written, or what stands in the way. @param {string} path @param {boolean} renames @param {string} [stamp] */
@@ -261,7 +261,7 @@ function mountLive(root, app, name, mark) {
   /** Look whether the file is still as it was, after a reload or a new server. */
   async function lookAgain() {
     try {
-      const file = await app.desk("open_design", { design: app.file.path });
+      const file = await app.request("open_design", { design: app.file.path });
       await onFileChanged({ kind: "design", path: app.file.path, stamp: file.stamp, design: file.design, problem: null });
     } catch (error) {
       app.fail(error);
@@ -273,17 +273,17 @@ function mountLive(root, app, name, mark) {
   let isKept = false;
   let told = "";
 
-  /** Keep unsaved work; with a key, in place of what was kept under it, in one step of the desk. @param {string} [instead] */
+  /** Keep unsaved work; with a key, in place of what was kept under it, in one step of the server. @param {string} [instead] */
   async function keep(instead) {
     const state = store.get();
     try {
       if (isUnsaved()) {
         isKept = true;
         const file = { path: app.file.path, name: app.file.name };
-        await app.desk("keep_recovery", { key, state, file, instead });
+        await app.request("keep_autosave", { key, state, file, instead });
       } else if (isKept) {
         isKept = false;
-        await app.desk("drop_recovery", { key });
+        await app.request("drop_autosave", { key });
       }
     } catch (error) {
       // Once is enough: it would be told again at every change.
@@ -302,13 +302,13 @@ function mountLive(root, app, name, mark) {
       sessionStorage.setItem(KEY, key);
     }
     isKept = restored;
-    const found = (await app.desk("recoveries")).recoveries
+    const found = (await app.request("autosaves")).autosaves
       .filter((entry) => !others.has(entry.key) && !(restored && entry.key === key))
       .filter((entry) => plainText(entry.design) !== plainText(store.get().design)); // what is open is not lost
     offer(found);
   }
 
-  /** @param {Recovery[]} found */
+  /** @param {Autosave[]} found */
   function offer(found) {
     const [entry, ...rest] = found;
     if (!entry) {
@@ -319,18 +319,18 @@ function mountLive(root, app, name, mark) {
     const more = rest.length ? ` ${rest.length} more after this.` : "";
     notes.show("unsaved", `Unsaved work found: ${entry.name ?? "a design"}${file}, kept ${when(entry.kept_at)}.${more}`, [
       ["Open it", () => takeUnsaved(entry).then(() => notes.clear("unsaved"))],
-      ["Discard it", () => app.desk("drop_recovery", { key: entry.key }).then(() => offer(rest))],
+      ["Discard it", () => app.request("drop_autosave", { key: entry.key }).then(() => offer(rest))],
       ["Not now", () => {}],
     ]);
   }
 
-  /** @param {Recovery} entry */
+  /** @param {Autosave} entry */
   async function takeUnsaved(entry) {
     try {
-      const kept = await app.desk("open_recovery", { key: entry.key });
-      let file = /** @type {DeskAnswers["open_design"] | null} */ (null);
+      const kept = await app.request("open_autosave", { key: entry.key });
+      let file = /** @type {RequestAnswers["open_design"] | null} */ (null);
       try {
-        if (kept.file?.path) file = await app.desk("open_design", { design: kept.file.path });
+        if (kept.file?.path) file = await app.request("open_design", { design: kept.file.path });
       } catch {
         // The file went: what was made of it is still here.
       }
@@ -339,7 +339,7 @@ function mountLive(root, app, name, mark) {
       store.replace("unsaved work", { ...kept.state, opened: path });
       if (file) setFile(fileOf(file, file.design));
       await keep(entry.key);
-      if (!isUnsaved()) await app.desk("drop_recovery", { key: entry.key });
+      if (!isUnsaved()) await app.request("drop_autosave", { key: entry.key });
       app.say(`Unsaved work of ${entry.name ?? "a design"} is open; Undo goes back`);
     } catch (error) {
       app.fail(error);
@@ -526,7 +526,7 @@ function createOpenDialog(root, app, choose) {
       dialog.showModal();
       search.focus();
       try {
-        const found = await app.desk("choices");
+        const found = await app.request("choices");
         groups = [
           ["Designs", "design", found.designs],
           ["Maps: files", "map", found.maps],

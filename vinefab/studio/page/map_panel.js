@@ -1,7 +1,7 @@
 // The map: the robot grown on it, the start and the obstacles to be dragged, the length grown.
 
 import { el, fillSvg, number, paused, shownBlocks, svgEl, WAYS } from "studio/dom.js";
-import { isStale } from "studio/link.js";
+import { isStale } from "studio/connection.js";
 import { thingsRow } from "studio/map_things.js";
 import { mapTools } from "studio/map_tools.js";
 import { createView, ZOOM } from "studio/view.js";
@@ -402,7 +402,7 @@ export function mount(root, app) {
   /** @param {string} branch @param {Place} to @param {string} group */
   async function moveTip(branch, to, group) {
     try {
-      const { level, values } = await app.desk("tip", { branch, to });
+      const { level, values } = await app.request("tip", { branch, to });
       if (level === null) return;
       app.store.change(`tip of ${branch}`, ({ design }) => {
         const rounded = Object.entries(values).map(([name, value]) => [name, Math.round(100 * value) / 100]);

@@ -2,7 +2,7 @@
 
 import { ticks } from "studio/charts.js";
 import { copyable, el, number, paused, svgEl, WAYS } from "studio/dom.js";
-import { isStale, problemOf } from "studio/link.js";
+import { isStale, problemOf } from "studio/connection.js";
 
 const STATES = {
   running: ["●", "running"], ended: ["✓", "ended"], stopped: ["■", "stopped"],
@@ -373,11 +373,11 @@ export function mount(root, app) {
   let is_running = false;
   let asks_again = false; // the design has changed since
 
-  /** Return what the desk answers, or nothing where it refuses. @template {DeskQuestion} Q @param {Q} name */
+  /** Return what the server answers, or nothing where it refuses. @template {RequestName} Q @param {Q} name */
   async function ask(name, given = {}) {
     problem.hidden = true;
     try {
-      return await app.desk(name, given);
+      return await app.request(name, given);
     } catch (error) {
       problem.textContent = problemOf(error);
       problem.hidden = isStale(error);

@@ -2,7 +2,7 @@
 
 import { deployedView, patternOf } from "studio/deployed.js";
 import { counted, el, fillSvg, number, svgEl } from "studio/dom.js";
-import { isStale, problemOf } from "studio/link.js";
+import { isStale, problemOf } from "studio/connection.js";
 import { createView } from "studio/view.js";
 
 const STILL_MS = 150;

@@ -1,18 +1,24 @@
-"""What must be cut for what is designed: flat angles by the table, while a pointer drags them."""
+"""The flat pattern and the inflated body: what is cut for what is designed."""
 
 import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+import shapely
+
 from vinefab.core.errors import BadInputError
+from vinefab.core.view import plain_blocks
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.rules.pressure_rules import SENSITIVITY, degrees_text
 from vinefab.inflation.compensation import FlatJoint
 from vinefab.inflation.pattern import Pattern, PatternJoint, pattern_of
+from vinefab.inflation.robot import with_short_tail
 from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.laser import LaserProfile
-from vinefab.pages.plan_svg import outline_svg
-from vinefab.studio.panels import Tell
+from vinefab.pages.plan_svg import area_svg, lines_svg, outline_svg
+from vinefab.prediction.inflation_report import inflate_design
+from vinefab.studio.executors import Progress
 from vinefab.studio.state import StudioState
 
 MOST_FLAT = 1500
@@ -22,7 +28,7 @@ _WIDER_RAD, _FAN_STEP_RAD = math.radians(120.0), math.radians(1.0)
 """How far and how finely the nearest possible fan is looked for."""
 
 
-def cut_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str, Any]:  # noqa: ARG001  one form
+def cut_answer(state: StudioState, _ask: Mapping[str, Any], _progress: Progress) -> dict[str, Any]:
     """Return the flat outline and what is cut for each level, without any simulation.
 
     Joints come from the table or the user's cache. The rules, once the pointer rests, simulate what
@@ -113,3 +119,18 @@ def _about(found: FlatJoint) -> str:
         f"{degrees_text(found.deployed_deg)}° ({source}, good for {found.within_deg:.1f}°; "
         f"unverified). 1° of error in the flat angles becomes {found.sensitivity:.1f}°."
     )
+
+
+def inflated_answer(state: StudioState, _: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """Return flat outline, inflated body and designed branches, as `vinefab inflate` draws them."""
+    found = inflate_design(state.design, state.profile, alone=True, progress=progress)
+    shape = found.deployed
+    contour = body_outline(with_short_tail(shape.pattern.flat)).contour
+    axes = np.stack([shape.designed.start_mm, shape.designed.end_mm], axis=1)
+    corners = np.concatenate([contour.flattened_mm(), shapely.get_coordinates(shape.seen)])
+    return {
+        "svg": f'<g class="flat">{outline_svg(contour)}</g>'
+        f"{area_svg(shape.seen, 'inflated')}{lines_svg(list(axes), 'designed')}",
+        "box": [*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist()],
+        "blocks": plain_blocks(found.view()),
+    }

@@ -1,16 +1,19 @@
-"""The files of the studio: what may be opened, saving, and changes from outside.
+"""The files of the studio: which may be opened, saving, changes from outside, autosaves.
 
-One desk serves all tabs. It reads and writes only in its folders: where the command was started,
+One store serves all tabs. It reads and writes only in its folders: where the command was started,
 and where the files lie that were named there; shipped and own designs and recipes are read only.
+Unsaved work of a tab is kept in a file of the user's folder until it is saved.
 """
 
 import asyncio
+import json
 import os
 import re
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
 from threading import Lock
@@ -23,10 +26,14 @@ from vinefab.core.errors import (
     CannotWriteError,
     UnreadableFileError,
     VinefabError,
+    located,
 )
 from vinefab.core.hashing import sha256_of
+from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import counted
 from vinefab.core.registry import parameter_values
 from vinefab.core.replacement import PROTECTED, is_protected
+from vinefab.core.validation import check_plain
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import Design, design_of
 from vinefab.model.files.design_edit import edited_text
@@ -40,16 +47,97 @@ from vinefab.model.files.shipped import (
     names,
     path_inside,
     read_bytes,
+    read_text,
     shipped_root,
     user_names,
     user_root,
 )
 from vinefab.model.files.toml import LARGEST_TOML_BYTES, toml_content
 from vinefab.model.map import Map
-from vinefab.studio.edited_map import PAGE
-from vinefab.studio.recovery import drop_unsaved, keep_unsaved, list_unsaved, read_unsaved
-from vinefab.studio.state import files_named_in, is_name
+from vinefab.studio.state import PAGE, files_named_in, is_name, mapping_at
 from vinefab.tasks.shipped_tasks import TASKS
+
+AUTOSAVE_SCHEMA = "vinefab/recovery-1"
+MOST_AUTOSAVES = 20
+LARGEST_AUTOSAVE_BYTES = 4 << 20
+
+_KEY = re.compile(r"[a-z0-9]{6,40}")
+
+
+def autosave_folder() -> Path:
+    """Return where unsaved work is kept."""
+    return user_root() / "studio"
+
+
+def keep_autosave(key: object, state: Mapping[str, Any], file: object) -> Path:
+    """Keep what a tab shows; of too many the oldest go.
+
+    Parameters
+    ----------
+    key
+        The tab's own: 6 to 40 small letters and digits.
+    file
+        What the page knows of the file that is open.
+    """
+    path = _path(key)
+    content = {"kept_at": datetime.now(UTC).isoformat("T", "seconds"), "state": state, "file": file}
+    text = json_text(AUTOSAVE_SCHEMA, content)
+    if len(text) > LARGEST_AUTOSAVE_BYTES:
+        allowed = f"at most {LARGEST_AUTOSAVE_BYTES} bytes for the recovery file"
+        raise BadInputError("state", counted(len(text), "byte"), allowed, PAGE)
+    write_bytes(path, text.encode(), force=True, private=True)
+    for old in _files()[MOST_AUTOSAVES:]:
+        old.unlink(missing_ok=True)
+    return path
+
+
+def drop_autosave(key: object) -> None:
+    """Remove what was kept of a tab."""
+    _path(key).unlink(missing_ok=True)
+
+
+def read_autosave(key: object) -> dict[str, Any]:
+    """Return what was kept of a tab: ``key``, ``kept_at``, ``state`` and ``file``."""
+    path = _path(key)
+    try:
+        content = json.loads(read_text(path, 2 * LARGEST_AUTOSAVE_BYTES))
+    except (ValueError, RecursionError) as error:
+        raise UnreadableFileError(path, f"is not JSON: {error}") from error
+    if not isinstance(content, dict) or content.get("schema") != AUTOSAVE_SCHEMA:
+        raise UnreadableFileError(path, f"is no recovery file ({AUTOSAVE_SCHEMA})")
+    with located(path):
+        check_plain(content)
+    kept = {name: content.get(name) for name in ("kept_at", "state", "file")}
+    return {"key": key, **kept}
+
+
+def list_autosaves() -> list[dict[str, Any]]:
+    """Return what is kept, the newest first, each with its design; broken files are left out."""
+    found = []
+    for path in _files()[:MOST_AUTOSAVES]:
+        with suppress(UnreadableFileError, BadInputError):
+            kept = read_autosave(path.stem.removeprefix("recovery-"))
+            state = kept.pop("state")
+            design = state.get("design") if isinstance(state, dict) else None
+            name = design.get("name") if isinstance(design, dict) else None
+            found.append({**kept, "name": name, "design": design})
+    return found
+
+
+def _path(key: object) -> Path:
+    if not isinstance(key, str) or not _KEY.fullmatch(key):
+        raise BadInputError("key", key, "6 to 40 small letters and digits", PAGE)
+    return autosave_folder() / f"recovery-{key}.json"
+
+
+def _files() -> list[Path]:
+    """Return the recovery files, the newest first."""
+    times = []
+    for path in autosave_folder().glob("recovery-*.json"):
+        with suppress(OSError):  # another server may just have removed it
+            times.append((path.stat().st_mtime_ns, path))
+    return [path for _, path in sorted(times, reverse=True)]
+
 
 LARGEST_MAP_BYTES = 32 << 20
 """Of a map that is opened on the page; commands read larger ones."""
@@ -64,7 +152,7 @@ _HEAD_BYTES = 4096
 _SCHEMA = re.compile(rb'^schema\s*=\s*["\']vinefab/(design|recipe)-1["\']', re.MULTILINE)
 _CHECKED_FOR_S = 1.0
 
-FileTell = Callable[[Mapping[str, Any]], None]
+Broadcast = Callable[[Mapping[str, Any]], None]
 """Sends an event to every tab."""
 
 
@@ -82,7 +170,7 @@ class _Version:
         return None if self.design is None else design_content(self.design)
 
 
-class Desk:
+class FileStore:
     """The files that the user opened, and where more may be.
 
     Parameters
@@ -100,16 +188,19 @@ class Desk:
         self.roots = tuple(dict.fromkeys(folders))
         self._lock = Lock()
         self._watched: dict[Path, str] = {}  # file -> its kind
-        self._told: dict[Path, str] = {}  # file -> the stamp that the tabs know
+        self._known: dict[Path, str] = {}  # file -> the stamp that the tabs know
         self._texts: dict[Path, str] = {}  # file -> the last text that was a design
         self._checked: dict[tuple[str, str], float] = {}
         self._more: Callable[[], object] = lambda: None
 
     def choices(self, _: Mapping[str, Any]) -> dict[str, Any]:
         """Return what can be opened: designs, maps, recipes, and environments with options."""
-        files, is_complete = self._files()
+        paths, is_complete = _listed(self.roots)
         found: dict[str, list[dict[str, str]]] = {"design": [], "recipe": [], "map": []}
-        for kind, path in files:
+        for path in paths:
+            kind = "" if _is_library(path) else _kind(path)
+            if not kind:
+                continue
             if len(found[kind]) < _MOST_LISTED:
                 shown = self.shown(path)
                 found[kind].append({"name": path.stem, "path": shown, "where": "folder"})
@@ -206,17 +297,21 @@ class Desk:
         ask
             ``path``, ``design`` (content), ``stamp`` of the version that is known, ``force`` to
             write all the same, ``from``: the file whose comments a new one takes over, and
-            ``recovery``: the key of what is no longer unsaved.
+            ``autosave``: the key of what is no longer unsaved.
         """
         path = self._target(ask.get("path"))
-        content = ask.get("design")
-        if not isinstance(content, Mapping):
-            raise BadInputError("design", content, "names with values", PAGE)
-        design = design_of(content, PAGE)
+        design = design_of(mapping_at("design", ask.get("design")), PAGE)
         with self._lock:
             now = _version(path)
             if now.stamp and now.stamp != ask.get("stamp") and not ask.get("force"):
-                return self._conflict(path, now, known=bool(ask.get("stamp")))
+                return {
+                    "saved": False,
+                    "why": "changed" if ask.get("stamp") else "exists",
+                    "path": self.shown(path),
+                    "stamp": now.stamp,
+                    "design": now.content,
+                    "problem": now.problem,
+                }
             is_broken = bool(now.stamp) and now.design is None
             if is_broken and (path not in self._texts or now.stamp == "unreadable"):
                 raise CannotWriteError(self.shown(path), "it is no design; choose another name")
@@ -227,36 +322,34 @@ class Desk:
             self._texts[path] = text
         stamp = sha256_of(text.encode())
         self._watch(path, "design", stamp)
-        if ask.get("recovery"):
-            drop_unsaved(ask["recovery"])
+        if ask.get("autosave"):
+            drop_autosave(ask["autosave"])
         answer = {"saved": True, "path": self.shown(path), "stamp": stamp, "text": text}
         return {**answer, "writable": True, "note": note}
 
-    def keep_recovery(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+    def keep_autosave(self, ask: Mapping[str, Any]) -> dict[str, Any]:
         """Keep unsaved work: ``key`` of the tab, its ``state`` and ``file``.
 
         ``instead`` is the key of a closed tab whose work this one took over: removed once the
         new copy stands, so that no reload between the two loses the work or offers it twice.
         """
-        state = ask.get("state")
-        if not isinstance(state, Mapping):
-            raise BadInputError("state", state, "names with values", PAGE)
-        kept = keep_unsaved(ask.get("key"), state, ask.get("file"))
+        state = mapping_at("state", ask.get("state"))
+        kept = keep_autosave(ask.get("key"), state, ask.get("file"))
         if ask.get("instead") not in (None, ask.get("key")):
-            drop_unsaved(ask["instead"])
+            drop_autosave(ask["instead"])
         return {"kept": str(kept)}
 
-    def recoveries(self, _: Mapping[str, Any]) -> dict[str, Any]:
+    def autosaves(self, _: Mapping[str, Any]) -> dict[str, Any]:
         """Return what unsaved work there is, the newest first."""
-        return {"recoveries": list_unsaved()}
+        return {"autosaves": list_autosaves()}
 
-    def open_recovery(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+    def open_autosave(self, ask: Mapping[str, Any]) -> dict[str, Any]:
         """Return unsaved work with its state."""
-        return read_unsaved(ask.get("key"))
+        return read_autosave(ask.get("key"))
 
-    def drop_recovery(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+    def drop_autosave(self, ask: Mapping[str, Any]) -> dict[str, Any]:
         """Remove unsaved work."""
-        drop_unsaved(ask.get("key"))
+        drop_autosave(ask.get("key"))
         return {}
 
     def check_paths(self, state: Mapping[str, Any]) -> None:
@@ -291,7 +384,7 @@ class Desk:
         """Return a path as the user would type it where the command was started."""
         return str(path.relative_to(self.start) if path.is_relative_to(self.start) else path)
 
-    async def watch(self, tell: FileTell) -> None:
+    async def watch(self, broadcast: Broadcast) -> None:
         """Tell when an opened file changes on disk, until cancelled."""
         from watchfiles import awatch  # noqa: PLC0415  of the extra
 
@@ -299,7 +392,7 @@ class Desk:
         while True:
             more = asyncio.Event()
             self._more = lambda more=more: loop.call_soon_threadsafe(more.set)  # type: ignore[misc]
-            await self._tell_changes(list(self._watched), tell)
+            await self._send_changes(list(self._watched), broadcast)
             folders = {path.parent for path in list(self._watched) if path.parent.is_dir()}
             if not folders:
                 await more.wait()
@@ -314,21 +407,21 @@ class Desk:
                     recursive=False,
                     force_polling=polls,
                 ):
-                    await self._tell_changes([Path(path) for _, path in changes], tell)
+                    await self._send_changes([Path(path) for _, path in changes], broadcast)
             except OSError:
                 # The folder went, or the system watches no more of them.
                 polls = True
                 await asyncio.sleep(1.0)
 
-    async def _tell_changes(self, paths: Sequence[Path], tell: FileTell) -> None:
+    async def _send_changes(self, paths: Sequence[Path], broadcast: Broadcast) -> None:
         for path in dict.fromkeys(path for path in paths if path in self._watched):
             event = await asyncio.to_thread(self._change, path)
             if event and not event["stamp"]:
                 await asyncio.sleep(0.15)  # some editors move the old file away first
                 event = await asyncio.to_thread(self._change, path)
             if event:
-                self._told[path] = event["stamp"]
-                tell(event)
+                self._known[path] = event["stamp"]
+                broadcast(event)
 
     def _change(self, path: Path) -> dict[str, Any] | None:
         """Return the event of a file that is another than the tabs know; None if it is not."""
@@ -343,11 +436,11 @@ class Desk:
             stamp = ""
             try:
                 stamp = _stamp(path, LARGEST_MAP_BYTES)
-                if stamp != self._told.get(path):
+                if stamp != self._known.get(path):
                     (Map.read if kind == "map" else read_profile)(path)
             except VinefabError as error:
                 problem = str(error)
-        if stamp == self._told.get(path):
+        if stamp == self._known.get(path):
             return None
         about = {"event": "file_changed", "kind": kind, "path": self.shown(path), "stamp": stamp}
         return {**about, "design": design, "problem": problem}
@@ -355,7 +448,7 @@ class Desk:
     def _watch(self, path: Path, kind: str, stamp: str) -> None:
         if path in self._watched:
             return
-        self._told[path] = stamp
+        self._known[path] = stamp
         self._watched[path] = kind
         self._more()
 
@@ -386,16 +479,6 @@ class Desk:
             raise CannotWriteError(self.shown(path), PROTECTED)
         return path
 
-    def _conflict(self, path: Path, now: _Version, *, known: bool) -> dict[str, Any]:
-        return {
-            "saved": False,
-            "why": "changed" if known else "exists",
-            "path": self.shown(path),
-            "stamp": now.stamp,
-            "design": now.content,
-            "problem": now.problem,
-        }
-
     def _new_text(
         self, path: Path, now: _Version, design: Design, source: object
     ) -> tuple[str, str]:
@@ -404,37 +487,27 @@ class Desk:
             return edited_text(now.text, design, path), ""
         base = self._texts.get(path)
         if base is None and source is not None:
-            base = self._text_of(source)
+            opened = self._named("design", source)  # its text, if it still gives a design
+            base = self._texts.get(opened) or _version(opened).text
         if base is None:
             return design_text(design), ""
         with suppress(CannotWriteError):
             return edited_text(base, design, path), ""
         return design_text(design), "its comments could not be taken over"
 
-    def _text_of(self, source: object) -> str | None:
-        """Return the text of the file that a design was opened from, if it still gives a design."""
-        path = self._named("design", source)
-        return self._texts.get(path) or _version(path).text
 
-    def _files(self) -> tuple[list[tuple[str, Path]], bool]:
-        """Return the files of the folders by kind, and whether all were looked at."""
-        paths, is_complete = _listed(self.roots)
-        kinds = [(_kind(path), path) for path in paths if not _is_library(path)]
-        return [(kind, path) for kind, path in kinds if kind], is_complete
-
-
-DESK: dict[str, Callable[[Desk, Mapping[str, Any]], dict[str, Any]]] = {
-    "choices": Desk.choices,
-    "open_design": Desk.open_design,
-    "open_map": Desk.open_map,
-    "open_recipe": Desk.open_recipe,
-    "save_design": Desk.save_design,
-    "keep_recovery": Desk.keep_recovery,
-    "recoveries": Desk.recoveries,
-    "open_recovery": Desk.open_recovery,
-    "drop_recovery": Desk.drop_recovery,
+FILE_REQUESTS: dict[str, Callable[[FileStore, Mapping[str, Any]], dict[str, Any]]] = {
+    "choices": FileStore.choices,
+    "open_design": FileStore.open_design,
+    "open_map": FileStore.open_map,
+    "open_recipe": FileStore.open_recipe,
+    "save_design": FileStore.save_design,
+    "keep_autosave": FileStore.keep_autosave,
+    "autosaves": FileStore.autosaves,
+    "open_autosave": FileStore.open_autosave,
+    "drop_autosave": FileStore.drop_autosave,
 }
-"""What the page may ask of the desk, by name."""
+"""The requests of the page about files, by name."""
 
 
 def _library() -> tuple[Path, ...]:

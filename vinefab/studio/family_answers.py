@@ -1,4 +1,4 @@
-"""The panel of many maps: a design on a family of maps, its scores, and where its body lies."""
+"""The panels of many maps and of contacts: how a design does on a family of maps."""
 
 import base64
 import itertools
@@ -18,6 +18,7 @@ from vinefab.core.hashing import fingerprint
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import PAIRED_TAILS, group_means, mean_interval
 from vinefab.core.validation import Floats, number
+from vinefab.core.view import Rows, plain_blocks
 from vinefab.growth.batch import Batch, GrowthBlock, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
@@ -29,9 +30,12 @@ from vinefab.model.start_place import start_record
 from vinefab.pages.body_raster import body_cells
 from vinefab.pages.colours import HEAT_COLOURS
 from vinefab.pages.plan_svg import ground_svg, robot_svg, view_box
-from vinefab.studio.edited_map import PAGE, world_of
-from vinefab.studio.panels import Tell
-from vinefab.studio.state import Family, StudioState
+from vinefab.prediction.family_deployments import PreparedFamily
+from vinefab.prediction.measures import COVERAGE, REACH, SEEN, Measure
+from vinefab.prediction.prediction_width import ContactRange, contact_range
+from vinefab.studio.executors import Progress
+from vinefab.studio.live_answers import not_followed, prepared_map
+from vinefab.studio.state import PAGE, Family, StudioState, world_of
 from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.evaluate import PreparedMap, poses_on
 from vinefab.tasks.map_context import MapContext
@@ -64,7 +68,7 @@ SILENT_S = 0.3
 COMPILING = "compiling the simulator, once on this computer"
 
 
-def family_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dict[str, Any]:
+def family_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Return how a design does on many maps: one entry for each, and what they say together.
 
     Scores are those of `vinefab.score` on the same maps and as many poses, all simulated.
@@ -83,8 +87,8 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dic
         with.
     """
     asked = _Asked.of(ask)
-    places = _KEPT.places(state.family, tell)
-    trial = _tried(state, asked, places, tell)
+    places = _KEPT.places(state.family, progress)
+    trial = _tried(state, asked, places, progress)
     by_map = [list(trial.deployments[rows]) for rows in trial.rows]
     means = trial.means
     pairs = [(asked.before[key], mean) for key, mean in means.items() if key in asked.before]
@@ -188,13 +192,13 @@ class _Kept:
     # the latest, by its maps and radii: every set of radii is one more copy of all walls
     terrains: dict[tuple[Any, ...], TerrainSet] = field(default_factory=dict)
 
-    def places(self, family: Family, tell: Tell) -> list[Place]:
+    def places(self, family: Family, progress: Progress) -> list[Place]:
         """Return the maps of a family, prepared."""
         sources = _sources(family)
         began, places = time.monotonic(), list[Place]()
         for index, source in enumerate(sources):
             if time.monotonic() - began > SILENT_S:
-                tell(index / len(sources), f"preparing maps: {index} of {len(sources)}")
+                progress(index / len(sources), f"preparing maps: {index} of {len(sources)}")
             places.append(self._place(source))
         return places
 
@@ -207,7 +211,7 @@ class _Kept:
         return held
 
     def with_walls(
-        self, places: Sequence[Place], radii_mm: Sequence[float], most_s: float, tell: Tell
+        self, places: Sequence[Place], radii_mm: Sequence[float], most_s: float, progress: Progress
     ) -> Sequence[Place]:
         """Build the walls for some body radii; return the maps that have them when time is up."""
         if len(self.walls) > MOST_WALLS:
@@ -218,7 +222,7 @@ class _Kept:
             if index >= LEAST_MAPS and spent_s > most_s:
                 return places[:index]
             if spent_s > SILENT_S:
-                tell(
+                progress(
                     index / len(places),
                     f"walls for these widths: {index} of {counted(len(places), 'map')}",
                 )
@@ -289,10 +293,12 @@ class _Trial:
         return dict(zip(keys, group_means(self.scores, groups).tolist(), strict=True))
 
 
-def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tell) -> _Trial:
+def _tried(
+    state: StudioState, asked: _Asked, places: Sequence[Place], progress: Progress
+) -> _Trial:
     """Grow a design and score it, on all maps or, where that would take too long, on the first."""
     task = make_task(state.task)
-    compiled = _COMPILER.has(task, tell, wait=not asked.soon)
+    compiled = _COMPILER.has(task, progress, wait=not asked.soon)
     count = state.family.poses
     if not compiled:
         most = MOST_FAMILY_INTERPRETED // (count * state.design.branch_count)
@@ -301,7 +307,7 @@ def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tel
     radii_mm = plans.spans.radii_mm
     most_s = math.inf if compiled else FIRST_S
     most_s = QUICK_S if asked.quick else most_s
-    places = _KEPT.with_walls(places, radii_mm, most_s, tell)
+    places = _KEPT.with_walls(places, radii_mm, most_s, progress)
     for place in places:
         check_on_map(task, place.prepared.world, place.prepared.context)
     prepared = [place.prepared for place in places]
@@ -309,7 +315,7 @@ def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tel
     launches = Launches.of(_KEPT.terrain_set(places, radii_mm), poses)
     batch = Batch(plans, launches, options, engine="kernel" if compiled else "interpreted")
     chosen = search_form(task) if asked.quick and compiled else task
-    scores, deployments = _evaluated(batch, chosen, [place.context for place in prepared], tell)
+    scores, deployments = _evaluated(batch, chosen, [place.context for place in prepared], progress)
     if asked.compiled:
         _COMPILER.start(task)
     _check_finite(task, scores, launches, prepared)
@@ -327,7 +333,7 @@ _BLOCK = 8
 
 
 def _evaluated(
-    batch: Batch, task: Task, contexts: Sequence[MapContext], tell: Tell
+    batch: Batch, task: Task, contexts: Sequence[MapContext], progress: Progress
 ) -> tuple[Floats, list[Deployment]]:
     """Return the score of every growth of a batch, and the growths."""
 
@@ -341,7 +347,7 @@ def _evaluated(
         deployments += grown
         if time.monotonic() - began > SILENT_S:
             done, count = len(deployments), len(batch)
-            tell(done / count, f"growing and scoring: {done} of {count}")
+            progress(done / count, f"growing and scoring: {done} of {count}")
     return concatenated_outcomes(parts).score, deployments
 
 
@@ -366,12 +372,12 @@ class _Compiler:
             self.threads[task.name] = Thread(target=_compile, args=(task,), daemon=True)
             self.threads[task.name].start()
 
-    def has(self, task: Task, tell: Tell, *, wait: bool) -> bool:
+    def has(self, task: Task, progress: Progress, *, wait: bool) -> bool:
         """Tell whether the code of a task is loaded; one without a slower form is waited for."""
         if wait or search_form(task) == task:
             self.start(task)
             if self.threads[task.name].is_alive():
-                tell(0.0, COMPILING)
+                progress(0.0, COMPILING)
                 self.threads[task.name].join()
         return task.name in self.threads and not self.threads[task.name].is_alive()
 
@@ -566,3 +572,47 @@ def _as_from_start(points_mm: Floats, start: Pose) -> Floats:
     cosine, sine = math.cos(turn), math.sin(turn)
     away = points_mm - np.array([start.x_mm, start.y_mm])
     return np.asarray(away @ np.array([[cosine, sine], [-sine, cosine]]))
+
+
+def width_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict[str, Any]:  # noqa: ARG001  one form
+    """Return the ends of coverage and reach from the page's start (simulated), as in a report.
+
+    Returns
+    -------
+    dict
+        ``text``: the first measure in one line; ``blocks``: a table of all; both empty where
+        nothing grows.
+    """
+    if state.world is None or state.start is None or not_followed(state.design):
+        return {"text": "", "blocks": []}
+    family = PreparedFamily(
+        label="the open map", maps=(prepared_map(state),), poses=((state.start,),)
+    )
+    found = contact_range(state.grown, family, state.growth)
+    low, high = (f"{angle:g}" for angle in (found.angles_deg[0], found.angles_deg[-1]))
+    headings = (
+        f"half-angle {low} to {high} deg",
+        *(
+            f"{rule.option.replace('_', ' ')} {rule.choices[0]} → {rule.choices[-1]}"
+            for rule in found.rules
+        ),
+    )
+    table = Rows(
+        caption="From this start, over what is not known of contacts (simulated; "
+        f"{found.standing.partition(':')[0]})",
+        headings=("measure", *headings),
+        rows=tuple((m.label, *_ends(found, m)) for m in (COVERAGE, SEEN, REACH)),
+    )
+    first = ", ".join(
+        f"{ends} ({heading})"
+        for heading, ends in zip(headings, _ends(found, COVERAGE), strict=True)
+    )
+    return {"text": f"{COVERAGE.title}: {first}", "blocks": plain_blocks([table])}
+
+
+def _ends(found: ContactRange, measure: Measure) -> tuple[str, ...]:
+    """Return a measure's ends over the half-angle, then over each other choice."""
+    low, high = (measure.number(value) for value in found.ends(measure))
+    values = (rule.values[measure.key] for rule in found.rules)
+    rules = (f"{measure.number(v[0].mean)} → {measure.number(v[-1].mean)}" for v in values)
+    return (f"{low} to {high}", *rules)

@@ -1,28 +1,41 @@
-"""The exports that are commands: what the user chooses, the words of the command, the files.
+"""Exports: what the user chooses, the command, and the files that the command would write."""
 
-Each calls the functions that its command calls, with the same options.
-"""
-# ruff: noqa: PLC0415  what an export needs is loaded when it is made: a command line is quick
-
-from collections.abc import Mapping
+import os
+import shlex
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, ClassVar, Protocol
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_bytes, write_folder
+from vinefab.core.errors import (
+    BadInputError,
+    CannotWriteError,
+    ForeignFileError,
+    UnknownNameError,
+    VinefabError,
+)
 from vinefab.core.front_door import front_door
+from vinefab.core.registry import with_parameters
 from vinefab.core.validation import whole
 from vinefab.core.verbs import Call
-from vinefab.core.view import Block
+from vinefab.core.view import Block, plain_blocks
 from vinefab.growth.options import GrowthChoice, GrowthOptions
 from vinefab.model.design import Design
-from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
+from vinefab.model.files.design_toml import design_text
+from vinefab.model.files.map_geojson import map_text
+from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE, path_inside
 from vinefab.model.finding import CheckReport
-from vinefab.model.laser import LaserProfile
-from vinefab.model.map import Map, Pose
-from vinefab.studio.edited_map import PAGE
-from vinefab.studio.panels import Tell
+from vinefab.model.laser import LaserProfile, RecipeStatus
+from vinefab.model.map import Map, Pose, Start
+from vinefab.studio.executors import Progress
+from vinefab.studio.snapshot import SnapshotOptions, write_snapshot
+from vinefab.studio.state import PAGE, StudioState, mapping_at
+
+# ruff: noqa: PLC0415  what an export needs is loaded when it is made: a command line is quick
+
 
 DESIGN_FILE, MAP_FILE = "design.toml", "map.geojson"
 """Names of what an export is made of, in the folder beside it."""
@@ -92,7 +105,7 @@ class Export(Protocol):
     def given(self, source: ExportSource) -> dict[str, Any]:
         """Return what the verb is given."""
 
-    def make(self, source: ExportSource, tell: Tell) -> MadeExport:
+    def make(self, source: ExportSource, progress: Progress) -> MadeExport:
         """Return the files."""
 
 
@@ -123,12 +136,12 @@ class PackageExport:
             "make_zip": self.zip,
         }
 
-    def make(self, source: ExportSource, tell: Tell) -> MadeExport:
+    def make(self, source: ExportSource, progress: Progress) -> MadeExport:
         """Return the files of the package, or what forbids them."""
         from vinefab.fabrication.job.placement import SheetOptions
         from vinefab.fabrication.package.prepare import package, prepare, zip_bytes
 
-        tell(0.1, "paths and rules")
+        progress(0.1, "paths and rules")
         copies = whole("copies", self.copies, 1, _MOST_COPIES)
         sheet = SheetOptions(copies=copies)
         prepared = prepare(source.design, source.profile, sheet=sheet, r12=self.r12)
@@ -139,7 +152,7 @@ class PackageExport:
         )
         if made.refused:
             return made
-        tell(0.5, "pictures and pages")
+        progress(0.5, "pictures and pages")
         files, archive = package(prepared), Path(source.out)
         archive = archive.with_name(f"{archive.name}.zip")
         beside = {str(archive): zip_bytes(files, source.design.name)} if self.zip else {}
@@ -177,7 +190,7 @@ class RigExport:
             "height_mm": self.height_mm,
         }
 
-    def make(self, source: ExportSource, tell: Tell) -> MadeExport:
+    def make(self, source: ExportSource, progress: Progress) -> MadeExport:
         """Return the files of the rig, or what forbids them."""
         from vinefab.rig.make import RigRequest, make_rig
         from vinefab.rig.rig_options import RigOptions, read_printer
@@ -188,7 +201,7 @@ class RigExport:
             options = options.fitted(world, self.fit_mm)
         robot = source.design if self.check_robot else None
         request = RigRequest(design=robot, lid=self.lid, pictures=self.pictures)
-        made = make_rig(world, read_printer(self.printer), options, request, progress=tell)
+        made = make_rig(world, read_printer(self.printer), options, request, progress=progress)
         blocking = ", ".join(sorted({finding.rule for finding in made.report.blocking}))
         return MadeExport(
             files=made.files,
@@ -223,18 +236,18 @@ class PictureExport:
             return {**given, "animate": source.out, "frames": self.frames}
         return {**given, "out": source.out, "label": self.label}
 
-    def make(self, source: ExportSource, tell: Tell) -> MadeExport:
+    def make(self, source: ExportSource, progress: Progress) -> MadeExport:
         """Return the picture."""
         from vinefab.prediction.deploy import MOST_FRAMES, deploy
 
         world, suffix = _map_of(source), Path(source.out).suffix
         whole("frames", self.frames, 1, MOST_FRAMES)
-        tell(0.1, "growing")
+        progress(0.1, "growing")
         pose = source.pose
         if pose is not None:  # the command reads its heading in degrees
             pose = Pose.of((pose.x_mm, pose.y_mm, pose.heading_deg))
         found = deploy(source.design, world, pose, source.growth_given)
-        tell(0.3, "drawing")
+        progress(0.3, "drawing")
         if self._moves(source):
             data = found.animation(suffix, self.frames)
         else:
@@ -277,7 +290,7 @@ class ReportExport:
             "growth": _without_contacts(source.growth_given),
         }
 
-    def make(self, source: ExportSource, tell: Tell) -> MadeExport:
+    def make(self, source: ExportSource, progress: Progress) -> MadeExport:
         """Return the page."""
         from vinefab.prediction.family_deployments import (
             PredictionPlan,
@@ -294,9 +307,9 @@ class ReportExport:
         families = map_families([source.world] if source.world else [], unseen)
         poses = whole("poses", self.poses, 1, 1000)
         plan = PredictionPlan(poses=poses, seed=self.seed, options=source.growth)
-        found = predict(source.design, source.profile, families, plan, part_of(tell, 0.0, 0.6))
+        found = predict(source.design, source.profile, families, plan, part_of(progress, 0.0, 0.6))
         origin = origin_of(command_of(self, source), [source.design], source.profile, families)
-        page = replace(found, origin=origin).page(part_of(tell, 0.6, 1.0))
+        page = replace(found, origin=origin).page(part_of(progress, 0.6, 1.0))
         return MadeExport(files={"": page.encode()}, view=tuple(found.view()))
 
 
@@ -335,3 +348,222 @@ def _map_of(source: ExportSource) -> Map:
 def _findings(report: CheckReport) -> tuple[Mapping[str, Any], ...]:
 
     return tuple([finding.content for finding in report.findings])
+
+
+SNAPSHOT = "snapshot"
+"""The export that is no command: what the page shows."""
+
+
+def export_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """Write what the page asks for, or say by which commands it can be written.
+
+    Parameters
+    ----------
+    ask
+        ``what`` (a key of `EXPORTS`, `SNAPSHOT`, or ``command``), ``out``, ``options``; the
+        files that design and map come from, ``design_file`` and ``map_file``; and from the server
+        ``roots``, the folders that may be written to, and the ``state`` as it was sent. For
+        ``command``, ``exports`` has ``out`` and ``options`` by kind.
+    """
+    what = ask.get("what")
+    if what == "command":
+        given = mapping_at("exports", ask.get("exports"))
+        commands = {name: _command(state, ask, name, given[name]) for name in given}
+        unverified = state.profile.recipe.status is RecipeStatus.UNVERIFIED
+        return {"commands": commands, "unverified": unverified}
+    if what == SNAPSHOT:
+        return _snapshot(ask, progress)
+    kind = _kind(what, ask)
+    source = _source(state, ask, kind, ask.get("out"))
+    with _foreign_files_named():
+        return _written(kind, source, progress)
+
+
+def _written(kind: Export, source: ExportSource, progress: Progress) -> dict[str, Any]:
+    out = Path(source.out)
+    _ensure(kind, source, out)
+    source = source.as_read()
+    made = kind.make(source, progress)
+    answer: dict[str, Any] = {
+        "command": command_of(kind, source),
+        "written": [],
+        "inputs": [],
+        "view": plain_blocks(made.view),
+        "refused": made.refused,
+        "findings": list(made.findings),
+    }
+    if made.refused:
+        return answer
+    progress(0.99, "writing")
+    if source.inputs:
+        write_folder(source.folder, source.inputs, DESIGN_FILE)
+        answer["inputs"] = [str(source.folder / name) for name in source.inputs]
+    if kind.mark:
+        write_folder(out, made.files, kind.mark)
+        answer["written"] = [str(out / name) for name in made.files]
+    else:
+        answer["written"] = [str(write_bytes(out, made.files[""]))]
+    for name, data in made.beside.items():
+        answer["written"] += [str(write_bytes(Path(name), data))]
+    return answer
+
+
+def _ensure(kind: Export, source: ExportSource, out: Path) -> None:
+    """Check, before any long work, that everything may be written."""
+    if source.inputs:
+        ensure_own_folder(source.folder, DESIGN_FILE)
+    if kind.mark:
+        ensure_own_folder(out, kind.mark)
+    else:
+        ensure_writable(out)
+    if isinstance(kind, PackageExport) and kind.zip:
+        ensure_writable(out.with_name(f"{out.name}.zip"))
+
+
+def _command(
+    state: StudioState, ask: Mapping[str, Any], name: str, given: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return a command line and what would be written for it first, or why there is none."""
+    try:
+        if name == SNAPSHOT:
+            return {"command": _opens(_snapshot_path(ask, given)), "inputs": []}
+        kind = _kind(name, mapping_at(f"exports.{name}", given))
+        source = _source(state, ask, kind, given.get("out"))
+        command = command_of(kind, source)
+    except VinefabError as error:
+        return {"error": str(error)}
+    return {"command": command, "inputs": [str(source.folder / file) for file in source.inputs]}
+
+
+def _kind(name: object, given: Mapping[str, Any]) -> Export:
+    if not isinstance(name, str) or name not in EXPORTS:
+        raise UnknownNameError("export", str(name), EXPORTS, PAGE)
+    options = mapping_at("options", given.get("options") or {})
+    return with_parameters(EXPORTS[name], name, options)
+
+
+def _source(state: StudioState, ask: Mapping[str, Any], kind: Export, out: object) -> ExportSource:
+    roots = _roots(ask)
+    path = allowed_path("out", out, roots)
+    if kind.endings and path.suffix.lower() not in kind.endings:
+        allowed = f"a file name ending in {' or '.join(kind.endings)}"
+        raise BadInputError("out", str(path), allowed, PAGE)
+    inputs: dict[str, bytes] = {}
+    folder = inputs_folder(path)
+    design_name = _saved_design(state.design, ask.get("design_file"), roots)
+    world, map_name = None, ""
+    if kind.uses_map and (world := _world(state, kind)):
+        map_name = _saved_map(world, ask.get("map_file"), roots)
+        if not map_name:
+            map_name = str(folder / MAP_FILE)
+            inputs[MAP_FILE] = map_text(world).encode()
+    if inputs or not design_name:
+        inputs = {DESIGN_FILE: design_text(state.design).encode(), **inputs}
+    return ExportSource(
+        design=state.design,
+        design_name=design_name or str(folder / DESIGN_FILE),
+        world=world,
+        map_name=map_name,
+        pose=state.pose,
+        recipe=state.recipe,
+        profile=state.profile,
+        growth=state.growth,
+        out=str(path),
+        inputs=inputs,
+    )
+
+
+def _world(state: StudioState, kind: Export) -> Map | None:
+    """Return the open map; where it matters, its first start is where the page shows it."""
+    world, pose = state.world, state.pose
+    if world is None or pose is None or not kind.moves_start:
+        return world
+    first = world.starts[0] if world.starts else Start(pose=pose)
+    if first.pose == pose and world.starts:
+        return world
+    # A start that was moved away from its line or area stands where it is shown.
+    moved = (first.pose.x_mm, first.pose.y_mm) != (pose.x_mm, pose.y_mm)
+    first = replace(first, pose=pose, area=None if moved else first.area)
+    return replace(world, starts=(first, *world.starts[1:]))
+
+
+def _saved_design(design: Design, given: object, roots: tuple[Path, ...]) -> str:
+    """Return what a command calls the design, or nothing if no file has it as it is."""
+    if not isinstance(given, str):
+        return ""
+    try:
+        bare = Path(given).name == given and not Path(given).suffix
+        name = given if bare else str(allowed_path("design_file", given, roots))
+        saved = Design.read(name)
+    except VinefabError:
+        return ""
+    return name if design_text(saved) == design_text(design) else ""
+
+
+def _saved_map(world: Map, given: object, roots: tuple[Path, ...]) -> str:
+    """Return what a command calls the map, or nothing if no file has it as it is."""
+    if not isinstance(given, str):
+        return ""
+    try:
+        path = allowed_path("map_file", given, roots)
+        saved = Map.read(path)
+    except VinefabError:
+        return ""
+    return str(path) if map_text(saved) == map_text(world) else ""
+
+
+def allowed_path(key: str, given: object, roots: tuple[Path, ...]) -> Path:
+    """Return a path that lies in one of the folders, as it is called in the start folder."""
+    if not isinstance(given, str) or not given or not given.isprintable() or len(given) > 4096:
+        raise BadInputError(key, given, "a path", PAGE)
+    real = path_inside(key, given, roots, PAGE, Path.cwd())
+    if real in roots:  # beside an export lies the folder of its inputs
+        allowed = f"a path in {' or '.join(map(str, roots))}"
+        raise BadInputError(key, given, allowed, PAGE)
+    here = Path(os.path.realpath(Path.cwd()))
+    shown = real.relative_to(here) if real.is_relative_to(here) else real
+    return real if str(shown).startswith("-") else shown
+
+
+def _roots(ask: Mapping[str, Any]) -> tuple[Path, ...]:
+    given = ask.get("roots") or [str(Path.cwd())]
+    return tuple(Path(os.path.realpath(root)) for root in given)
+
+
+def _snapshot(ask: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    path = _snapshot_path(ask, ask)
+    given = mapping_at("options", ask.get("options") or {})
+    reference, file = ask.get("reference"), ask.get("design_file")
+    options = SnapshotOptions(
+        family=given.get("family") is True,
+        file=file if isinstance(file, str) else "",
+        date=str(given.get("date") or ""),
+        reference=None if reference is None else mapping_at("reference", reference),
+    )
+    with _foreign_files_named():
+        ensure_writable(path)
+        write_snapshot(mapping_at("state", ask.get("state")), path, options, progress)
+    command = _opens(path)
+    return {"command": command, "written": [str(path)], "inputs": [], "view": [], "refused": ""}
+
+
+def _snapshot_path(ask: Mapping[str, Any], given: Mapping[str, Any]) -> Path:
+    path = allowed_path("out", given.get("out"), _roots(ask))
+    if path.suffix.lower() != ".html":
+        raise BadInputError("out", str(path), "a file name ending in .html", PAGE)
+    return path
+
+
+def _opens(path: Path) -> str:
+    """Return the command that opens a snapshot in the studio."""
+    return shlex.join(["vinefab", "studio", str(path)])
+
+
+@contextmanager
+def _foreign_files_named() -> Iterator[None]:
+    """Say of a file that is not vinefab's what the page can do about it: nothing is forced."""
+    try:
+        yield
+    except ForeignFileError as error:
+        problem = f"it {error.problem}; choose another name"
+        raise CannotWriteError(error.path, problem) from error

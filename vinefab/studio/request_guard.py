@@ -1,4 +1,10 @@
-"""Connections: few without the token and none for long, and bounds for those that have shown it.
+"""The guard in front of the server: who may ask, how many may connect, and for how long.
+
+A page of any website can send requests to this computer's own address, and a name that the website
+owns can be made to lead here (DNS rebinding). So the address alone lets nobody in: every request
+must name this server as its ``Host``, and one with an ``Origin`` must come from its own page. Only
+the socket gives anything of the user's. Its first request must show the token that the command
+printed, so that no message is read without it.
 
 Every user of the computer can connect to the server. Whatever a connection holds before it has
 shown the token is bounded: one head of a request (16 kB, by h11), `PATIENCE_S` to send it, and
@@ -14,11 +20,16 @@ from asyncio import TimerHandle, Transport, get_running_loop
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from urllib.parse import parse_qs
 
-from starlette.types import Scope
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import Frame
+
+from vinefab.studio.server import SUBPROTOCOL, Endpoint
 
 MOST_PENDING = 128
 """Connections without the token; a browser opens six for a page."""
@@ -90,7 +101,7 @@ class Connections:
             self._start_timer(scope["client"])
 
     @contextmanager
-    def tab(self, scope: Scope) -> Iterator[None]:
+    def session(self, scope: Scope) -> Iterator[None]:
         """Count a tab that has shown the token."""
         self.remove(scope["client"])
         self._tabs += 1
@@ -138,7 +149,7 @@ class LimitedSocketProtocol(WebSocketsSansIOProtocol):
     _parts = 0  # of the message that is being received
 
     async def run_asgi(self) -> None:
-        """Serve the socket; whoever reads nothing is not waited for at its end."""
+        """Serve the socket; at its end a client that reads nothing is not waited for."""
         self.scope["state"][DROP] = self.transport.abort
         await super().run_asgi()
         if self.transport.get_write_buffer_size():
@@ -158,3 +169,95 @@ class LimitedSocketProtocol(WebSocketsSansIOProtocol):
             super().handle_ping()
         else:
             self.conn.data_to_send()
+
+
+_HEADERS = {
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+    "referrer-policy": "no-referrer",
+    "cache-control": "no-store",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+}
+
+
+_OPEN_AGAIN = (
+    "the token is missing or old. Open the whole address that `vinefab studio` printed in its "
+    "terminal; if it has ended, start it again"
+)
+
+
+class RequestGuard:
+    """Passes on the requests of the server's own page, and refuses all others."""
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        endpoint: Endpoint,
+        connections: Connections,
+        script_hashes: tuple[str, ...],
+    ) -> None:
+        self._app = app
+        self._endpoint = endpoint
+        self._connections = connections
+        scripts = " ".join(["'self'", *(f"'{one}'" for one in script_hashes)])
+        # Not every browser takes a socket of the page's own address for 'self'.
+        sockets = " ".join(f"ws://{name}" for name in endpoint.hosts)
+        self._policy = (
+            f"default-src 'none'; script-src {scripts}; style-src 'self'; "
+            f"connect-src 'self' {sockets}; "
+            "img-src 'self' data: blob:; base-uri 'none'; form-action 'none'; "
+            "frame-ancestors 'none'"
+        )
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one request or socket."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        problem = self._problem(scope)
+        if problem and scope["type"] == "websocket":
+            # Before it is accepted a socket is closed with 403, which has no content to guard.
+            await receive()
+            await send({"type": "websocket.close", "code": 1008, "reason": problem})
+            return
+        if scope["type"] == "websocket":
+            with self._connections.session(scope):
+                await self._app(scope, receive, send)
+            return
+
+        async def guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                headers["content-security-policy"] = self._policy
+                headers.update(_HEADERS)
+            await send(message)
+
+        app = PlainTextResponse(f"vinefab studio: {problem}\n", 403) if problem else self._app
+        with self._connections.answering(scope):
+            await app(scope, receive, guarded)
+
+    def _problem(self, scope: Scope) -> str:  # noqa: PLR0911  one for each kind of refusal
+        """Return why a request is refused, or nothing."""
+        headers = Headers(scope=scope)
+        host, origin = headers.get("host", ""), headers.get("origin")
+        if host not in self._endpoint.hosts:
+            return "this address is not the studio's"
+        if origin is None and scope["type"] == "websocket":
+            return "a socket must say where it comes from"
+        if origin is not None and origin not in [f"http://{name}" for name in self._endpoint.hosts]:
+            return "a page from elsewhere may not ask"
+        if scope["type"] == "websocket":
+            offered = scope["subprotocols"]
+            if offered[:1] != [SUBPROTOCOL] or not self._endpoint.accepts("".join(offered[1:])):
+                return _OPEN_AGAIN
+            return "too many tabs are open" if self._connections.full else ""
+        if scope["method"] not in ("GET", "HEAD"):
+            return "only pages are read here"
+        if scope["path"] != "/" or not scope["query_string"]:
+            return ""  # the page holds nothing of the user's, and has stored the token
+        query = parse_qs(scope["query_string"].decode("latin-1"))
+        if not self._endpoint.accepts(query.get("token", [""])[0]):
+            return _OPEN_AGAIN
+        self._endpoint.remove_redirect()
+        return ""

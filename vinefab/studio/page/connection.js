@@ -21,13 +21,13 @@ export function problemOf(thrown) {
 const RETRY_MS = 1000;
 
 /**
- * Return a link that reconnects by itself.
+ * Return a connection that reconnects by itself.
  * @param {string} token
  * @param {{ onEvent(message: Events[keyof Events]): void, onState(isUp: boolean, isOver: boolean): void }} listeners
  */
-export function createLink(token, { onEvent, onState }) {
+export function createConnection(token, { onEvent, onState }) {
   const panels = /** @type {Map<Panel, Slot>} */ (new Map());
-  const desk = /** @type {Map<number, Pick<Asked, "resolve" | "reject">>} */ (new Map()); // by seq
+  const requests = /** @type {Map<number, Pick<Asked, "resolve" | "reject">>} */ (new Map()); // by seq
   const progress = /** @type {Map<Panel, Progress>} */ (new Map());
   let seq = 0;
   let socket = connect();
@@ -41,8 +41,8 @@ export function createLink(token, { onEvent, onState }) {
         slot.waiting?.reject({ stale: true });
       }
       panels.clear();
-      for (const question of desk.values()) question.reject({ message: GONE });
-      desk.clear();
+      for (const question of requests.values()) question.reject({ message: GONE });
+      requests.clear();
       onState(false, false);
       setTimeout(retry, RETRY_MS);
     };
@@ -65,14 +65,14 @@ export function createLink(token, { onEvent, onState }) {
     if (message.event) {
       if (message.event === "hello") onState(true, false);
       onEvent(message);
-    } else if ("desk" in message) takeDesk(message);
+    } else if ("request" in message) takeReply(message);
     else takeAnswer(message);
   }
 
-  /** @param {DeskReply} message */
-  function takeDesk(message) {
-    const question = desk.get(message.seq);
-    desk.delete(message.seq);
+  /** @param {RequestReply} message */
+  function takeReply(message) {
+    const question = requests.get(message.seq);
+    requests.delete(message.seq);
     if (message.error) question?.reject(message.error);
     else question?.resolve(message.answer);
   }
@@ -133,18 +133,18 @@ export function createLink(token, { onEvent, onState }) {
     },
 
     /**
-     * @template {DeskQuestion} Q
+     * @template {RequestName} Q
      * @param {Q} name
      * @param {object} ask
      * @param {StudioState} state
-     * @returns {Promise<DeskAnswers[Q]>}
+     * @returns {Promise<RequestAnswers[Q]>}
      */
-    desk(name, ask, state) {
+    request(name, ask, state) {
       return new Promise((resolve, reject) => {
         if (socket.readyState !== WebSocket.OPEN) return reject({ message: GONE });
         seq += 1;
-        desk.set(seq, { resolve: /** @type {(found: unknown) => void} */ (resolve), reject });
-        socket.send(JSON.stringify({ desk: name, seq, ask, state }));
+        requests.set(seq, { resolve: /** @type {(found: unknown) => void} */ (resolve), reject });
+        socket.send(JSON.stringify({ request: name, seq, ask, state }));
       });
     },
 

@@ -6,18 +6,20 @@ server is killed: it notices that the pipe to it has closed (`vinefab.core.inter
 """
 
 import asyncio
-import inspect
+import json
 import os
 import shlex
 import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Awaitable, Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
+
+import numpy as np
 
 from vinefab.core.atomic import folder_to_fill, write_text
 from vinefab.core.errors import (
@@ -30,27 +32,260 @@ from vinefab.core.errors import (
 )
 from vinefab.core.file_mark import marked
 from vinefab.core.interruption import STOP_WITH_INPUT
-from vinefab.core.plain_text import visible
-from vinefab.core.validation import check_plain
+from vinefab.core.plain_text import counted, visible
+from vinefab.core.validation import Floats, check_plain
+from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.shipped import path_inside
+from vinefab.model.score import Score
+from vinefab.search.costs import COSTS
+from vinefab.search.evaluator import INVALID_FITNESS
+from vinefab.search.front import minimized, non_dominated, spread_out
 from vinefab.search.outset import with_trunk_for_film
-from vinefab.search.record.generations import first_difference
+from vinefab.search.record.generations import Generation, first_difference
 from vinefab.search.record.result import RECORD_FILE, RecordTail, RunArchive
 from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings, read_run
-from vinefab.studio.edited_map import PAGE
-from vinefab.studio.followed_run import (
-    FollowedRecord,
-    best_of,
-    best_words,
-    final_front,
-    front_design,
-    listed_score,
-    point_of,
-    winner_words,
-)
+from vinefab.search.space import Space
+from vinefab.studio.file_store import Broadcast
 from vinefab.studio.run_request import RUN_FILE, run_files, run_proposal
-from vinefab.studio.state import StudioState
+from vinefab.studio.state import PAGE, StudioState
+
+MOST_CURVE_POINTS, MOST_FRONT_POINTS = 240, 120
+MOST_FRONT_KEPT = 360
+"""A front of three aims may hold most designs of a run: beyond this, some spread over it stay."""
+
+_SIMULATED = "simulated"
+
+
+@dataclass(slots=True)
+class FollowedRecord:
+    """A record that is read bit by bit while its run goes on."""
+
+    path: Path
+    has_front: bool = True  # whether the front so far is wanted
+    settings: RunSettings | None = None  # None before there is a record
+    generations: int = 0  # read so far
+    evaluations: int = 0
+    best: float = INVALID_FITNESS  # best fitness
+    best_at: tuple[int, int] | None = None  # its generation and row
+    best_breaks: bool = False  # whether it has a penalty
+    best_x: Floats = field(default_factory=lambda: np.empty(0))
+    curve: list[tuple[int, float]] = field(default_factory=list)  # evaluations and best fitness
+    stopped: str = ""
+    winner_score: Score | None = None  # on fresh poses, once the run has ended
+    front: "LiveFront | None" = None
+
+    def look(self) -> None:
+        """Read what is new."""
+        tail = RecordTail.read(self.path, self.generations)
+        if tail is None:
+            return
+        if self.settings is None and tail.settings.objectives and self.has_front:
+            self.front = LiveFront(tail.settings)
+        self.settings, self.stopped = tail.settings, tail.stopped
+        self.winner_score = tail.winner_score
+        for generation in tail.generations:
+            self.generations = generation.number + 1
+            self.evaluations += len(generation.fitness)
+            if generation.best > self.best:
+                row = int(np.argmax(generation.fitness))
+                if self.best_breaks and generation.penalty[row] == 0.0:
+                    # Designs that break something rank below all others, on their own scale.
+                    self.curve.clear()
+                self.best, self.best_at = generation.best, (generation.number, row)
+                self.best_x = generation.x[row]
+                self.best_breaks = bool(generation.penalty[row] > 0.0)
+                self.curve.append((self.evaluations, self.best))
+            if self.front is not None:
+                self.front.take(generation)
+
+    @property
+    def share(self) -> float:
+        """Share of the generations that are done; runs with other limits may end before."""
+        if self.settings is None:
+            return 0.0
+        return min(1.0, self.generations / self.settings.search.generations)
+
+    def best_content(self) -> dict[str, Any] | None:
+        """Return the best design so far; None before there is one."""
+        if self.settings is None or self.best_at is None:
+            return None
+        space = Space(self.settings.space, self.settings.build)
+        return design_content(space.design(self.best_x, self.settings.name))
+
+    def curve_points(self) -> list[list[float]]:
+        """Return the curve up to now, in a bounded number of points."""
+        points = [list(point) for point in self.curve]
+        if points and points[-1][0] < self.evaluations:
+            points.append([self.evaluations, self.best])
+        if len(points) <= MOST_CURVE_POINTS:
+            return points
+        chosen = np.linspace(0, len(points) - 1, MOST_CURVE_POINTS).round().astype(int)
+        return [points[place] for place in chosen.tolist()]
+
+
+class LiveFront:
+    """The designs of a run with several objectives that no other dominates so far."""
+
+    def __init__(self, settings: RunSettings) -> None:
+        self._settings = settings
+        self._space = Space(settings.space, settings.build)
+        self._at: list[tuple[int, int]] = []  # generation and row of each
+        self._fitness, self._costs = np.empty(0), np.empty((0, len(settings.further_objectives)))
+
+    def take(self, generation: Generation) -> None:
+        """Let the designs of a generation that break nothing join, and drop what they dominate."""
+        names = self._settings.further_objectives
+        costs = minimized(generation.x, generation.terms, self._space, names)
+        valid = np.isfinite(generation.composite) & (generation.penalty == 0.0)
+        rows = np.flatnonzero(valid & np.isfinite(costs).all(axis=1))
+        at = [*self._at, *((generation.number, row) for row in rows.tolist())]
+        fitness = np.concatenate([self._fitness, generation.fitness[rows]])
+        costs = np.vstack([self._costs, costs[rows]])
+        kept = np.flatnonzero(non_dominated(fitness, costs))
+        if len(kept) > MOST_FRONT_KEPT:
+            kept = kept[spread_out(costs[kept], MOST_FRONT_POINTS)]
+        self._at = [at[place] for place in kept.tolist()]
+        self._fitness, self._costs = fitness[kept], costs[kept]
+
+    def plain(self) -> dict[str, Any]:
+        """Return the front for the page, its points in the order of the first further objective."""
+        settings = self._settings
+        signs = [1.0 if name in COSTS else -1.0 for name in settings.further_objectives]
+        points = [
+            {
+                "point": "{}:{}".format(*self._at[place]),
+                "label": f"generation {self._at[place][0] + 1}",
+                "values": [
+                    float(self._fitness[place]),
+                    *(s * float(c) for s, c in zip(signs, self._costs[place], strict=True)),
+                ],
+                "breaks": False,
+            }
+            for place in spread_out(self._costs, MOST_FRONT_POINTS)
+        ]
+        names = (settings.task.name, *settings.further_objectives)
+        return {
+            "objectives": [_objective(name) for name in names],
+            "points": points,
+            "is_final": False,
+        }
+
+
+def _objective(name: str) -> dict[str, str]:
+    """Return an objective as charts name it."""
+    is_cost = name in COSTS
+    return {
+        "name": name.replace("_", " ") if is_cost else f"{name} score",
+        "unit": COSTS[name].unit if is_cost else "",
+        "better": "smaller" if is_cost else "larger",
+        # A cost follows from the design alone.
+        "kind": "planned" if is_cost else _SIMULATED,
+    }
+
+
+def best_words(record: FollowedRecord) -> str:
+    """Say where the best fitness so far comes from."""
+    if record.best_at is None:
+        return f"no valid design yet ({_SIMULATED})"
+    breaks = "; it breaks fabrication rules or limits" if record.best_breaks else ""
+    where = f"generation {record.best_at[0] + 1}"
+    return f"best fitness so far, of many tries: likely too good ({_SIMULATED}, {where}{breaks})"
+
+
+def winner_words(score: Score) -> str:
+    """Say over how many poses a winner's score is a mean."""
+    return (
+        f"mean score of the winner on {counted(len(score.evaluations), 'fresh pose')} "
+        f"({_SIMULATED})"
+    )
+
+
+def listed_score(record: FollowedRecord) -> tuple[float | None, str]:
+    """Return the score of a run's winner, or the best fitness so far, and what it is."""
+    score = record.winner_score
+    if record.stopped and score is not None:
+        return score.composite["mean"], winner_words(score)
+    return record.best if record.best_at is not None else None, best_words(record)
+
+
+def best_of(folder: Path) -> tuple[dict[str, Any], str]:
+    """Return the winner of a run that has ended, or the best design so far."""
+    record = FollowedRecord(folder / RECORD_FILE, has_front=False)
+    record.look()
+    if record.stopped:
+        result = RunArchive.read(record.path).result()
+        words = f"{result.score.composite['mean']:.4f}: {winner_words(result.score)}"
+        return design_content(result.best), words
+    content = record.best_content()
+    if content is None:
+        raise BadInputError("point", "best", "a run with a valid design", folder)
+    return content, f"fitness {record.best:.4f}: {best_words(record)}"
+
+
+def point_of(folder: Path, point: str) -> tuple[dict[str, Any], str]:
+    """Return the design in a row of a generation."""
+    wanted, _, row = point.partition(":")
+    tail = None
+    if wanted.isascii() and wanted.isdigit() and row.isascii() and row.isdigit():
+        tail = RecordTail.read(folder / RECORD_FILE, min(int(wanted), 2**62))
+    found = [] if tail is None else [g for g in tail.generations if g.number == int(wanted)]
+    if tail is None or not found or int(row) >= len(found[0].x):
+        raise BadInputError("point", point, "G:R, a row of a generation of the run", folder)
+    generation, place = found[0], int(row)
+    design = Space(tail.settings.space, tail.settings.build).design(generation.x[place])
+    content = {**design_content(design), "name": f"{tail.settings.name}_{wanted}_{row}"[:100]}
+    words = f"fitness {generation.fitness[place]:.4f} in the search: likely too good ({_SIMULATED})"
+    return content, words
+
+
+def front_design(folder: Path, name: str) -> tuple[dict[str, Any], str]:
+    """Return a design of the front that a run ended with."""
+    record = FollowedRecord(folder / RECORD_FILE, has_front=False)
+    record.look()
+    front = final_front(folder, record)
+    known = {} if front is None else {point["point"]: point for point in front["points"]}
+    if name not in known:
+        raise BadInputError("point", name, f"one of {', '.join(known) or 'none'}", folder)
+    values = known[name]["values"]
+    words = f"score {values[0]:.4f} on fresh poses ({_SIMULATED})"
+    path = path_inside("design", f"front/{name}.toml", (folder,), folder / "front.json")
+    return design_content(Design.read(path)), words
+
+
+_MOST_FRONT_BYTES = 1 << 24
+
+
+def final_front(folder: Path, record: FollowedRecord) -> dict[str, Any] | None:
+    """Return the front that a run ended with, from its ``front.json``; None without one."""
+    path, settings = folder / "front.json", record.settings
+    if settings is None or not settings.objectives or not record.stopped:
+        return None
+    # The task first, as in the live front.
+    names = [settings.task.name, *settings.further_objectives]
+    try:
+        if path.stat().st_size > _MOST_FRONT_BYTES:
+            raise UnreadableFileError(path, "is too large for a front")
+        content = json.loads(path.read_text(encoding="utf-8"))
+        points = [
+            {
+                "point": str(entry["design"]),
+                "label": f"{entry['design']}{', knee' if entry['knee'] else ''}",
+                "values": [float(entry[objective]) for objective in names],
+                "breaks": entry["penalty"] > 0.0,
+            }
+            for entry in content["designs"]
+        ]
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        if isinstance(error, VinefabError):
+            raise
+        raise UnreadableFileError(path, f"is no front of a run ({error})") from error
+    if any("/" in point["point"] or "\\" in point["point"] for point in points):
+        raise UnreadableFileError(path, "is no front of a run (it names a design by a path)")
+    return {"objectives": [_objective(n) for n in names], "points": points, "is_final": True}
+
 
 _PAUSE_S = 0.35
 """Between two looks at the record of a run that is going on."""
@@ -59,7 +294,7 @@ _PATIENCE_S = 10.0
 """How long a search may take to stop before it is killed; its record is whole then too."""
 
 MOST_FOLDERS, DEEPEST_FOLDER, MOST_RUNS = 3000, 4, 60
-"""How far earlier runs are looked for below the folders of the desk."""
+"""How far earlier runs are looked for below the folders."""
 
 MOST_CANDIDATES, MOST_RUN_FILE_BYTES = 40, 1 << 18
 """Of files that may be the run file of a record."""
@@ -72,7 +307,7 @@ class RunningSearch:
     folder: Path
     command: str  # as a user would type it
     process: subprocess.Popen[bytes]
-    complaints: IO[bytes]  # what it writes to standard error
+    errors: IO[bytes]  # what it writes to standard error
     record: FollowedRecord
     written: Mapping[Path, str] = field(default_factory=dict)  # files of a new search
     was_asked_to_stop: bool = False
@@ -97,23 +332,21 @@ class RunningSearch:
             return "ended"
         return "stopped" if self.was_asked_to_stop or code == _INTERRUPTED else "failed"
 
-    def complaint(self) -> str:
+    def error_line(self) -> str:
         """Return the line with which it failed."""
-        self.complaints.seek(0, os.SEEK_END)
-        self.complaints.seek(max(0, self.complaints.tell() - _MOST_COMPLAINT_BYTES))
-        lines = self.complaints.read().decode("utf-8", "replace").strip().splitlines()
+        self.errors.seek(0, os.SEEK_END)
+        self.errors.seek(max(0, self.errors.tell() - _MOST_ERROR_BYTES))
+        lines = self.errors.read().decode("utf-8", "replace").strip().splitlines()
         words = lines[-1].removeprefix("error: ") if lines else "it ended without a word"
         code = self.process.returncode
         return visible(words) if code >= 0 else f"it was ended by signal {-code}; it can be resumed"
 
 
 _INTERRUPTED = 130
-_MOST_COMPLAINT_BYTES = 8192
-
-SearchEvent = dict[str, Any]
+_MOST_ERROR_BYTES = 8192
 
 
-class SearchDesk:
+class SearchManager:
     """The searches of one server; one runs at a time.
 
     Parameters
@@ -128,7 +361,7 @@ class SearchDesk:
         self.home = (home or Path.cwd()).resolve()
         self.roots = tuple(root.resolve() for root in roots) or (self.home,)
         self._running: RunningSearch | None = None
-        self._told: SearchEvent | None = None
+        self._last_event: dict[str, Any] | None = None
         self._rows: dict[Path, tuple[list[tuple[int, int]], dict[str, Any]]] = {}
         self._lock = threading.RLock()
 
@@ -148,7 +381,10 @@ class SearchDesk:
             with located(PAGE):
                 check_plain(ask)
             folder = self._new_folder(ask["folder"]) if ask.get("folder") else self._free_folder()
-            ask = {**ask, **self._found_maps(ask)}
+            maps = ask.get("maps")
+            if isinstance(maps, Mapping) and isinstance(maps.get("files"), list):
+                whole = [str(self._inside("maps.files", name)) for name in maps["files"]]
+                ask = {**ask, "maps": {**maps, "files": whole}}
             written: dict[Path, str] = {}
             with folder_to_fill(folder):
                 try:
@@ -156,8 +392,14 @@ class SearchDesk:
                         written[write_text(folder / name, text)] = text
                     read_run(folder / RUN_FILE)
                 except VinefabError as error:
-                    _take_back(written)
-                    raise _on_page(error, folder / RUN_FILE) from error
+                    _remove_unchanged(written)
+                    source = str(folder / RUN_FILE)  # it is gone again: the page is named
+                    if (
+                        isinstance(error, BadInputError | UnknownNameError)
+                        and error.source == source
+                    ):
+                        raise error.at(PAGE) from error
+                    raise
             return self._begin(self._arguments(folder / RUN_FILE, folder), folder, written)
 
     def resume(self, ask: Mapping[str, Any]) -> dict[str, Any]:
@@ -183,14 +425,24 @@ class SearchDesk:
         return {"folder": self._shown(running.folder), "state": "stopping"}
 
     def runs(self) -> dict[str, Any]:
-        """Return the runs below the desk's folders, the latest first."""
+        """Return the runs below the folders, the latest first."""
         paths, is_whole = _records_below(self.roots)
         newest = sorted(paths, key=_stamp, reverse=True)
+        running = self._running.record.path if self._running is not None else None
+        rows = []
+        for path in newest[:MOST_RUNS]:
+            stamp = [_stamp(path.with_name(RECORD_FILE + ending)) for ending in ("", "-wal")]
+            if path == running:
+                rows.append(self._listed(path))
+                continue
+            if path not in self._rows or self._rows[path][0] != stamp:  # it has changed
+                self._rows[path] = stamp, self._listed(path)
+            rows.append(self._rows[path][1])
         return {
-            "runs": [self._row(path) for path in newest[:MOST_RUNS]],
+            "runs": rows,
             "left_out": max(0, len(newest) - MOST_RUNS),
             "is_whole": is_whole,
-            "search": self._told,
+            "search": self._last_event,
             "home": str(self.home),
         }
 
@@ -224,27 +476,34 @@ class SearchDesk:
         final = final_front(folder, record)
         return {"folder": self._shown(folder), "front": final or record.front.plain()}
 
-    def news(self) -> SearchEvent | None:
+    def poll(self) -> dict[str, Any] | None:
         """Return what has changed since the last call; None where nothing has."""
         with self._lock:
             if self._running is None:
                 return None
             event = self._event(self._running)
-            if event == self._told:
+            if event == self._last_event:
                 return None
-            self._told = event
+            self._last_event = event
             if event["state"] != "running":
-                self._end(self._running)
+                running, self._running = self._running, None
+                if running.process.stdin is not None:
+                    with suppress(OSError):
+                        running.process.stdin.close()
+                running.errors.close()
+                if event["state"] == "failed" and not running.record.path.exists():
+                    # Refused before it began: another try finds the folder as it was.
+                    _remove_unchanged(running.written)
+                    with suppress(OSError):
+                        running.folder.rmdir()
             return event
 
-    async def watch(self, tell: Callable[[SearchEvent], Awaitable[None] | None]) -> None:
-        """Tell what searches do, until cancelled."""
+    async def watch(self, broadcast: Broadcast) -> None:
+        """Send the events of searches, until cancelled."""
         while True:
-            event = await asyncio.to_thread(self.news)
+            event = await asyncio.to_thread(self.poll)
             if event is not None:
-                told = tell(event)
-                if inspect.isawaitable(told):
-                    await told
+                broadcast(event)
             await asyncio.sleep(_PAUSE_S)
 
     def close(self) -> None:
@@ -258,54 +517,42 @@ class SearchDesk:
         except subprocess.TimeoutExpired:
             running.process.kill()
             running.process.wait()
-        self.news()
+        self.poll()
 
     def _begin(
         self, arguments: list[str], folder: Path, written: Mapping[Path, str]
     ) -> dict[str, Any]:
         """Run a command of vinefab as a child that ends with this process."""
         command = shlex.join(["vinefab", *arguments])
-        complaints = tempfile.TemporaryFile()  # noqa: SIM115  closed when the search has ended
+        errors = tempfile.TemporaryFile()  # noqa: SIM115  closed when the search has ended
         try:
             process = subprocess.Popen(  # noqa: S603  our own program
                 [sys.executable, "-m", "vinefab", *arguments],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
-                stderr=complaints,
+                stderr=errors,
                 cwd=self.home,
                 env={**os.environ, STOP_WITH_INPUT: "1"},
                 start_new_session=True,  # Ctrl-C is for the server, which passes it on once
             )
         except OSError as error:
-            complaints.close()
+            errors.close()
             raise CannotWriteError(folder, f"no process ({error.strerror})") from error
         self._running = RunningSearch(
             folder=folder,
             command=command,
             process=process,
-            complaints=complaints,
+            errors=errors,
             record=FollowedRecord(folder / RECORD_FILE),
             written=written,
         )
-        self._told = None
+        self._last_event = None
         return {"folder": self._shown(folder), "command": command, "state": "running"}
 
-    def _end(self, running: RunningSearch) -> None:
-        if running.process.stdin is not None:
-            with suppress(OSError):
-                running.process.stdin.close()
-        running.complaints.close()
-        if running.state() == "failed" and not running.record.path.exists():
-            # Refused before it began: another try finds the folder as it was.
-            _take_back(running.written)
-            with suppress(OSError):
-                running.folder.rmdir()
-        self._running = None
-
-    def _event(self, running: RunningSearch) -> SearchEvent:
+    def _event(self, running: RunningSearch) -> dict[str, Any]:
         # Before the record is read: an ended search has then written all of it.
         state, record = running.state(), running.record
-        problem = "" if state != "failed" else running.complaint()
+        problem = "" if state != "failed" else running.error_line()
         try:
             record.look()
         except UnreadableFileError as error:
@@ -356,10 +603,10 @@ class SearchDesk:
         if self._running is not None and self._running.state() == "running":
             where = self._shown(self._running.folder)
             raise BadInputError("search", f"running in {where}", "one at a time: stop it", PAGE)
-        self.news()
+        self.poll()
 
     def _inside(self, key: str, given: object) -> Path:
-        """Return a path of the page, which must lie in one of the desk's folders."""
+        """Return a path of the page, which must lie in one of the folders."""
         if not isinstance(given, str) or not given or not given.isprintable():
             raise BadInputError(key, given, "a path in letters that can be shown", PAGE)
         return path_inside(key, given, self.roots, PAGE, self.home)
@@ -387,14 +634,6 @@ class SearchDesk:
             raise BadInputError("folder", given, "a new folder, or an empty one", PAGE)
         return folder
 
-    def _found_maps(self, ask: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the map files that are asked for by their whole paths, which must be allowed."""
-        maps = ask.get("maps")
-        if not isinstance(maps, Mapping) or not isinstance(maps.get("files"), list):
-            return {}
-        files = [str(self._inside("maps.files", name)) for name in maps["files"]]
-        return {"maps": {**maps, "files": files}}
-
     def _run_file(
         self, ask: Mapping[str, Any], folder: Path, recorded: RunSettings
     ) -> tuple[Path, list[str]]:
@@ -406,26 +645,24 @@ class SearchDesk:
             given = self._inside("run", ask["run"])
             settings = read_run(given)
             return given, _seed_option(settings, recorded)
-        for path in _toml_files(folder, self.roots):
+        places = [
+            path
+            for where in (folder, folder.parent)
+            if any(where.is_relative_to(root) for root in self.roots)
+            for path in sorted(where.glob("*.toml"))
+        ]
+        for path in places[:MOST_CANDIDATES]:
             try:
+                if not path.is_file() or path.stat().st_size > MOST_RUN_FILE_BYTES:
+                    continue
                 settings = read_run(path)
-            except VinefabError:
+            except (OSError, VinefabError):
                 continue
             # Seed and limits aside.
             if first_difference(_compared(settings), _compared(recorded)) is None:
                 return path, _seed_option(settings, recorded)
         allowed = f"its run file: none in {self._shown(folder)} or the folder above asks for it"
         raise BadInputError("run", None, allowed, PAGE)
-
-    def _row(self, path: Path) -> dict[str, Any]:
-        """Return one run for the page's list; one that did not change is not read again."""
-        running = self._running
-        if running is not None and running.record.path == path:
-            return self._listed(path)
-        stamp = [_stamp(path.with_name(RECORD_FILE + ending)) for ending in ("", "-wal")]
-        if path not in self._rows or self._rows[path][0] != stamp:
-            self._rows[path] = stamp, self._listed(path)
-        return self._rows[path][1]
 
     def _listed(self, path: Path) -> dict[str, Any]:
         """Return one run for the page's list."""
@@ -464,7 +701,7 @@ _WHY = {
 
 
 def _line(state: str, record: FollowedRecord, *, asked: bool = False) -> str:
-    """Return how far a search is, in words."""
+    """Say how far a search is."""
     if record.settings is None:
         return "starting" if state == "running" else "stopped before it began; it can be resumed"
     most = record.settings.search.generations
@@ -480,14 +717,7 @@ def _line(state: str, record: FollowedRecord, *, asked: bool = False) -> str:
     return f"stopped after {done}; everything is recorded, it can be resumed"
 
 
-def _on_page(error: VinefabError, run_file: Path) -> VinefabError:
-    """Return an error about a run file that is gone again as one about the page."""
-    if isinstance(error, BadInputError | UnknownNameError) and error.source == str(run_file):
-        return error.at(PAGE)
-    return error
-
-
-def _take_back(written: Mapping[Path, str]) -> None:
+def _remove_unchanged(written: Mapping[Path, str]) -> None:
     """Remove files that a search wrote before it was refused, unless somebody changed them."""
     for path, text in written.items():
         with suppress(OSError):
@@ -496,27 +726,24 @@ def _take_back(written: Mapping[Path, str]) -> None:
 
 
 def _records_below(roots: tuple[Path, ...]) -> tuple[list[Path], bool]:
-    """Return the records in folders and below, and whether all of these were looked at."""
+    """Return the records in folders and below, and whether all folders were looked at.
+
+    Links and hidden folders are left out.
+    """
     found: dict[Path, None] = {}
     looked = 0
     for root in roots:
-        for folder in _folders(root):
+        for name, below, _ in os.walk(root):
+            folder = Path(name)
             looked += 1
             if looked > MOST_FOLDERS:
                 return list(found), False
             path = folder / RECORD_FILE
             if path.is_file():
                 found[path] = None
+            is_deepest = len(folder.relative_to(root).parts) >= DEEPEST_FOLDER
+            below[:] = [] if is_deepest else sorted(n for n in below if not n.startswith("."))
     return list(found), True
-
-
-def _folders(root: Path) -> Iterator[Path]:
-    """Yield a folder and those below it, to some depth, without links and hidden ones."""
-    for name, below, _ in os.walk(root):
-        folder = Path(name)
-        yield folder
-        is_deepest = len(folder.relative_to(root).parts) >= DEEPEST_FOLDER
-        below[:] = [] if is_deepest else sorted(name for name in below if not name.startswith("."))
 
 
 def _stamp(path: Path) -> tuple[int, int]:
@@ -526,21 +753,6 @@ def _stamp(path: Path) -> tuple[int, int]:
     except OSError:
         return 0, 0
     return found.st_mtime_ns, found.st_size
-
-
-def _toml_files(folder: Path, roots: tuple[Path, ...]) -> Iterator[Path]:
-    """Yield files that may be the run file of a record: in its folder, then in the one above."""
-    looked = 0
-    for where in (folder, folder.parent):
-        if not any(where.is_relative_to(root) for root in roots):
-            continue
-        for path in sorted(where.glob("*.toml")):
-            looked += 1
-            if looked > MOST_CANDIDATES:
-                return
-            with suppress(OSError):
-                if path.is_file() and path.stat().st_size <= MOST_RUN_FILE_BYTES:
-                    yield path
 
 
 def _compared(settings: RunSettings) -> dict[str, Any]:
@@ -555,28 +767,16 @@ def _seed_option(settings: RunSettings, recorded: RunSettings) -> list[str]:
     return [] if settings.search.seed == seed else ["--seed", str(seed)]
 
 
-DeskFunction = Callable[
-    [SearchDesk, StudioState | Mapping[str, Any] | None, Mapping[str, Any]], Any
-]
+SearchRequest = Callable[[SearchManager, Mapping[str, Any], Mapping[str, Any]], dict[str, Any]]
+"""Takes the searches, what is open on the page, and what it asks."""
 
-
-def _state(given: StudioState | Mapping[str, Any] | None, ask: Mapping[str, Any]) -> StudioState:
-    """Return what is open on the page: given as such, or sent with the question."""
-    found = given if given is not None else ask.get("state")
-    if isinstance(found, StudioState):
-        return found
-    if not isinstance(found, Mapping):
-        raise BadInputError("state", found, "what is open on the page", PAGE)
-    return StudioState.of(found)
-
-
-SEARCH_DESK: Mapping[str, DeskFunction] = {
-    "search_propose": lambda desk, state, ask: desk.propose(ask, _state(state, ask)),
-    "search_start": lambda desk, state, ask: desk.start(ask, _state(state, ask)),
-    "search_stop": lambda desk, _state, _ask: desk.stop(),
-    "search_resume": lambda desk, _state, ask: desk.resume(ask),
-    "search_runs": lambda desk, _state, _ask: desk.runs(),
-    "search_load": lambda desk, _state, ask: desk.load(ask),
-    "search_front": lambda desk, _state, ask: desk.front(ask),
+SEARCH_REQUESTS: Mapping[str, SearchRequest] = {
+    "search_propose": lambda searches, state, ask: searches.propose(ask, StudioState.of(state)),
+    "search_start": lambda searches, state, ask: searches.start(ask, StudioState.of(state)),
+    "search_stop": lambda searches, _state, _ask: searches.stop(),
+    "search_resume": lambda searches, _state, ask: searches.resume(ask),
+    "search_runs": lambda searches, _state, _ask: searches.runs(),
+    "search_load": lambda searches, _state, ask: searches.load(ask),
+    "search_front": lambda searches, _state, ask: searches.front(ask),
 }
-"""What the page may ask of the desk; each answers with plain values."""
+"""The requests of the page about searches, by name."""

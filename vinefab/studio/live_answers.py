@@ -1,0 +1,486 @@
+"""What follows the pointer: the robot on the open map, its growth, its scores, a dragged tip."""
+
+import asyncio
+import math
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache, lru_cache
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import Point, Polygon
+
+from vinefab.core.errors import BadInputError, VinefabError
+from vinefab.core.plain_text import counted
+from vinefab.core.units import deg
+from vinefab.core.validation import LARGEST_MM, Floats, number
+from vinefab.growth.engine import Engine
+from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
+from vinefab.growth.simulator import grow_on
+from vinefab.growth.terrain import Terrain
+from vinefab.maps.generators.pegs import PegsOptions, pegs_map
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.design import ORIGIN_GROWTH, Build, Design, Level, UnevenLevel
+from vinefab.model.map import Map, Pose
+from vinefab.model.score import IDEAL_CASE
+from vinefab.model.tree import child_lengths_mm
+from vinefab.pages.map_view import STOP_WORDS
+from vinefab.pages.plan_svg import (
+    frame_svg,
+    ground_svg,
+    pose_svg,
+    robot_svg,
+    shape_path,
+    targets_svg,
+    view_box,
+)
+from vinefab.physics.tube import inflated_radius_mm
+from vinefab.prediction.deploy import History, places_text, stayed_text, wedged, without_room
+from vinefab.prediction.measures import worst_pressures_of
+from vinefab.studio.executors import Progress
+from vinefab.studio.state import PAGE, EditedMap, StudioState
+from vinefab.tasks.evaluate import PreparedMap
+from vinefab.tasks.shipped_tasks import TASKS, make_task
+from vinefab.tasks.targets import touched_targets
+from vinefab.tasks.task import Task, check_on_map
+
+_ENGINE: list[Engine] = ["interpreted"]
+
+
+def current_engine() -> Engine:
+    """Return the engine for a growth that a pointer waits for.
+
+    The first growths are interpreted. Meanwhile `compile_kernel` compiles the simulator, once on
+    every computer.
+    """
+    return _ENGINE[0]
+
+
+def load_kernel() -> None:
+    """Grow a small robot with the compiled simulator; afterwards `current_engine` returns it."""
+    levels = (Level.of(branches=2, length_mm=40.0, angle_deg=90.0),)
+    design = Design(name="small", trunk_length_mm=40.0, levels=levels, build=Build.standard(2))
+    place = PreparedMap.of(pegs_map(1, PegsOptions()))
+    start = place.world.starts[0].pose
+    grown = grow_on(design, place.terrain, start, GrowthOptions(), engine="kernel")
+    for task in TASKS:
+        make_task(task, {}).evaluate(grown, place.context)
+    _ENGINE[0] = "kernel"
+
+
+_COMPILE = "from vinefab.studio.live_answers import load_kernel; load_kernel()"
+
+
+async def compile_kernel() -> bool:
+    """Compile in another process, then load the result in a thread; return whether it could.
+
+    Without it growths stay interpreted: slower, with the same results.
+    """
+    compiling = await asyncio.create_subprocess_exec(
+        sys.executable, "-c", _COMPILE, stdin=asyncio.subprocess.DEVNULL
+    )
+    try:
+        code = await compiling.wait()
+    except asyncio.CancelledError:
+        compiling.kill()
+        raise
+    if code == 0:
+        await asyncio.to_thread(load_kernel)
+    return code == 0
+
+
+_SLACK = 1.25
+"""Obstacles so much farther than a branch grows are taken too: with them it may start elsewhere."""
+
+_LAST_NEAR: dict[tuple[str, int], NDArray[np.bool_]] = {}
+"""The obstacles near the robot at the last growth on a map of some name and count: a first guess.
+
+A guess that is too large costs time; one that is too small, a second growth. No result depends on
+it.
+"""
+
+
+def prepared_map(state: StudioState) -> PreparedMap:
+    """Return the open map with all that growth and tasks need of it."""
+    if state.ground is None or state.world is None:
+        raise ValueError("no map is open")
+    found = _prepared(state.ground)
+    targets = state.world.targets  # of the page: moving one leaves the ground as it is
+    return replace(found, world=state.world, context=replace(found.context, targets=targets))
+
+
+@lru_cache(maxsize=64)
+def _prepared(ground: EditedMap) -> PreparedMap:
+    return PreparedMap.of(ground.world)
+
+
+def grown(state: StudioState, start: Pose) -> tuple[Deployment, Terrain]:
+    """Return what is open as it deploys from a start, and a terrain that has all it meets.
+
+    Building walls for every body radius takes time with every obstacle of a map, far more than
+    growing. So obstacles are left out that no branch could come to, however it turned: those
+    farther from its base than it grows. Where fewer obstacles make it grow farther, it is grown
+    again with those that it comes to; those of the last growth are the first guess.
+    """
+    world, design, options = state.world, state.grown_now, state.growth
+    if world is None:
+        raise ValueError("no map is open")
+    tree = shapely.STRtree(world.obstacles)
+    tolerance_mm = _terrain(world.name, world.bounds, ()).tolerance_mm
+    body_mm = options.radius_mm(max(design.build.widths_mm)) + tolerance_mm
+    map_key = world.name, len(world.obstacles)
+    near = _LAST_NEAR.get(map_key, np.zeros(len(world.obstacles), dtype=np.bool_)).copy()
+    near[tree.query(Point(start.x_mm, start.y_mm), "dwithin", body_mm)] = True
+    while True:
+        obstacles = tuple(world.obstacles[index] for index in np.flatnonzero(near).tolist())
+        terrain = _terrain(world.name, world.bounds, obstacles)
+        deployment = grow_on(design, terrain, start, options, engine=current_engine())
+        out = np.flatnonzero(deployment.deployed)
+        bases = shapely.points(deployment.points_mm[deployment.first_point[:-1][out]])
+        reach_mm = deployment.grown_mm[out] + body_mm
+        wider = np.zeros_like(near)
+        wider[tree.query(bases, "dwithin", _SLACK * reach_mm)[1]] = True
+        is_whole = near[tree.query(bases, "dwithin", reach_mm)[1]].all()
+        if is_whole:
+            _LAST_NEAR.clear()
+            _LAST_NEAR[map_key] = near if near.sum() <= 2 * wider.sum() else wider
+            return deployment, terrain
+        near |= wider
+
+
+@lru_cache(maxsize=32)
+def _terrain(name: str, bounds: Polygon, obstacles: tuple[Polygon, ...]) -> Terrain:
+    return Terrain.of(Map(name=name, bounds=bounds, obstacles=obstacles))
+
+
+MOST_LIVE_INTERPRETED = 1500
+"""More branches than this grow once the simulator is compiled: interpreted they take a second."""
+
+MOST_FOLLOWED = 5000
+"""The exact scores of a robot with more branches take several seconds."""
+
+COMPILED_TASKS = ("anchoring",)
+"""Tasks that cannot be scored before code is compiled."""
+
+
+def live_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict[str, Any]:
+    """Return growth and scores of what is open.
+
+    Parameters
+    ----------
+    ask
+        ``have``: key of the ground that the page shows; ``ground = false`` and ``scores = false``
+        while an obstacle is dragged: the page keeps what it has; ``obstacle``: index of the one
+        that is chosen, which is drawn for itself.
+    """
+    answer: dict[str, Any] = {"engine": current_engine(), "growth": _growth(state)}
+    if state.world is None or state.ground is None:
+        return {**answer, "ground_key": "", "facts": _planned(state.design)}
+    key = state.ground.key
+    wanted = ask.get("ground", True) and ask.get("have") != key
+    answer |= {
+        "ground_key": key,
+        "ground_svg": ground_svg(state.world) if wanted else None,
+        "view_box": view_box(state.world.bounds.bounds, 0.03 * max(state.world.size_mm)),
+        "map_size_mm": list(state.world.size_mm),
+        "targets": [target.content for target in state.world.targets],
+        "targets_svg": targets_svg(state.world.targets),
+        "obstacle": _obstacle(state.ground, ask.get("obstacle")),
+    }
+    return answer | _grown(state, state.world, with_scores=bool(ask.get("scores", True)))
+
+
+def _obstacle(ground: EditedMap, index: object) -> dict[str, Any] | None:
+    """Return frame and drawing of the obstacle that is chosen."""
+    if type(index) is not int or not 0 <= index < len(ground.world.obstacles):
+        return None
+    frame = ground.frame(index)
+    return {
+        "index": index,
+        "frame": frame.content,
+        "path": shape_path(ground.world.obstacles[index]),
+        "svg": frame_svg(frame.place_mm),
+    }
+
+
+def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, Any]:
+    start = state.start
+    if start is None:
+        return _not_grown(state.design, "the map has no start: put one on it")
+    place = {
+        "pose": {"x_mm": start.x_mm, "y_mm": start.y_mm, "heading_deg": start.heading_deg},
+        "pose_svg": pose_svg(start, 0.055 * max(world.size_mm)),
+    }
+    if problem := not_followed(state.design):
+        return place | _not_grown(state.design, problem)
+    try:
+        deployment, _ = grown(state, start)
+    except BadInputError as error:
+        return place | _not_grown(state.design, str(error))
+    widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
+    return (
+        place
+        | _touched(deployment, world)
+        | {
+            "robot_svg": robot_svg(deployment, widths_mm),
+            "front_full_mm": deployment.full_mm,
+            "facts": _facts(state.design, deployment),
+            "problems": _troubles(state, deployment),
+        }
+        | (_scores(deployment, prepared_map(state)) if with_scores else {})
+    )
+
+
+def _touched(deployment: Deployment, world: Map) -> dict[str, Any]:
+    """Return which targets of the map are touched, and the others with what is missing."""
+    found = touched_targets([(deployment, world)])
+    if found is None:
+        return {}
+    states = [outcome.state for outcome in found.outcomes]
+    return {
+        "targets": [
+            {**content, "state": state}
+            for content, state in zip(found.content, states, strict=True)
+        ],
+        "targets_svg": targets_svg(world.targets, states),
+        "targets_headline": found.headline,
+        "targets_tone": found.tone,
+    }
+
+
+def _growth(state: StudioState) -> dict[str, Any]:
+    """Return the growth options in force, those that the design has by itself, and a line."""
+    usual = GrowthChoice.of([state.design]).options.values
+    return {
+        "values": state.growth.values,
+        "usual": usual,
+        "trained": bool(state.design.origin.get(ORIGIN_GROWTH)),
+        "text": growth_text(state.growth, [state.design]),
+    }
+
+
+def not_followed(design: Design) -> str:
+    """Return why a design is not grown while a pointer waits, or nothing."""
+    if design.branch_count > MOST_FOLLOWED:
+        return (
+            f"{counted(design.branch_count, 'branch')}: the page follows designs of at most "
+            f"{MOST_FOLLOWED};"
+            " vinefab grow DESIGN --map MAP grows them all"
+        )
+    if design.branch_count > MOST_LIVE_INTERPRETED and current_engine() != "kernel":
+        return (
+            f"{counted(design.branch_count, 'branch')}: growth follows as soon as the simulator "
+            "is compiled,"
+            " once on this computer"
+        )
+    return ""
+
+
+def _not_grown(design: Design, problem: str) -> dict[str, Any]:
+    nothing = dict.fromkeys(TASKS)
+    return {
+        "robot_svg": "", "front_full_mm": 0.0, "scores": nothing, "facts": _planned(design),
+        "problems": [problem], "unscored": [],
+    }  # fmt: skip
+
+
+def _scores(deployment: Deployment, prepared: PreparedMap) -> dict[str, Any]:
+    """Return score and title of each task (simulated), None where a map has none, and why."""
+    scores: dict[str, Any] = {}
+    titles: dict[str, str] = {}
+    unscored = []
+    for name in TASKS:
+        if name in COMPILED_TASKS and current_engine() != "kernel":
+            scores[name] = None
+            unscored.append(f"{name}: as soon as the simulator is compiled, once on this computer")
+            continue
+        task = _task(name)
+        try:
+            check_on_map(task, prepared.world, prepared.context)
+            scores[name], terms = task.evaluate(deployment, prepared.context)
+            titles[name] = f"{name}, ideal case" if terms.get(IDEAL_CASE) else name
+        except VinefabError as error:
+            scores[name] = None
+            unscored.append(f"{name}: {error}")
+    return {"scores": scores, "titles": titles, "unscored": unscored}
+
+
+def _planned(design: Design) -> dict[str, Any]:
+    return {"branches": design.branch_count, "text": counted(design.branch_count, "branch")}
+
+
+def _facts(design: Design, deployment: Deployment) -> dict[str, Any]:
+    needed_kpa = float(worst_pressures_of([deployment], design)[0, 0])
+    return {
+        "branches": len(deployment.tree),
+        "deployed": int(deployment.deployed.sum()),
+        "grown_mm": float(deployment.grown_mm.sum()),
+        "planned_mm": deployment.tree.total_length_mm,
+        "text": _grown_text(deployment),
+        "pressure_needed_kpa": None if math.isnan(needed_kpa) else needed_kpa,
+        "inflated_mm": [2.0 * inflated_radius_mm(w) for w in design.build.widths_mm],
+    }
+
+
+def _grown_text(deployment: Deployment) -> str:
+    """Return the share of the planned length that grew, and where the rest was lost."""
+    tree, stop = deployment.tree, deployment.stop
+    lost_mm = tree.length_mm - deployment.grown_mm
+    planned_m = tree.total_length_mm / 1000.0
+    share = 100.0 * float(deployment.grown_mm.sum()) / tree.total_length_mm
+    text = (
+        f"{int(deployment.deployed.sum())} of {counted(len(tree), 'branch')} out, "
+        f"{share:.0f} % of {planned_m:.2f} m grown"
+    )
+    parts = [
+        f"{lost_mm[stop == kind].sum():.0f} mm of {counted(int((stop == kind).sum()), 'branch')} "
+        f"{STOP_WORDS[kind]}"
+        for kind in Stop
+        if kind != Stop.FULL_LENGTH and (stop == kind).any()
+    ]
+    return f"{text}; missing: {', '.join(parts)}" if parts else text
+
+
+def _troubles(state: StudioState, deployment: Deployment) -> list[str]:
+    """Return what a user should know about how the robot grew, as `vinefab grow` says it."""
+    lost = without_room(state.design, deployment, state.growth)
+    unknown = [
+        f"level {number}: grown at its designed angles; no table says what it deploys as"
+        for number, level in enumerate(state.grown_now.levels, start=2)
+        if state.design.build.compensation == "none" and not isinstance(level, UnevenLevel)
+    ]
+    return [
+        *unknown,
+        *stayed_text([bool(deployment.deployed[0])], state.design, state.growth),
+        *places_text("no room for the body of", lost),
+        *places_text("stuck in a corner", wedged(state.design, deployment, state.growth)),
+    ]
+
+
+@cache
+def _task(name: str) -> Task:
+    return make_task(name, {})
+
+
+LEAST_MM = 1.0
+"""Branches are dragged no shorter than this."""
+
+
+def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a level for which the tip of a branch lies where it is dragged to.
+
+    The length follows the tip along its last stretch, the fan turns with what is across it; where
+    a branch has been bent by walls that is the first step of the way, and the next drag goes on
+    from there. Locked values stay.
+
+    Parameters
+    ----------
+    ask
+        ``branch``: its id; ``to``: where, map coordinates in mm.
+
+    Returns
+    -------
+    dict
+        ``level``: index of the level, -1 for the trunk, None if nothing can follow; ``values``: its
+        new values by name, units as in design files.
+    """
+    to_mm = [number("to", value, -LARGEST_MM, LARGEST_MM, "mm") for value in ask.get("to", ())]
+    if len(to_mm) != 2:
+        raise BadInputError("to", ask.get("to"), "a point [x, y], mm", PAGE)
+    deployment, _ = deployed_robot(state)
+    ids = deployment.tree.ids
+    if ask.get("branch") not in ids:
+        raise BadInputError("branch", ask.get("branch"), "the id of a branch", PAGE)
+    branch = ids.index(str(ask["branch"]))
+    chain_mm = deployment.chain_mm(branch)
+    if len(chain_mm) < 2:
+        return {"level": None, "values": {}}
+    (x0, y0), (x1, y1) = chain_mm[-2:].tolist()
+    heading_rad = math.atan2(y1 - y0, x1 - x0)
+    along_mm, turn_rad = _pull(chain_mm, np.array(to_mm), heading_rad)
+    return _values(state, deployment, branch, along_mm, turn_rad)
+
+
+def deployed_robot(state: StudioState) -> tuple[Deployment, Terrain]:
+    """Return what is open, grown from its start on its map (simulated), and its terrain."""
+    if state.world is None or state.start is None:
+        raise BadInputError("map", None, "a map with a start", PAGE)
+    if problem := not_followed(state.design):
+        raise VinefabError(problem)
+    return grown(state, state.start)
+
+
+def _pull(chain_mm: Floats, to_mm: Floats, heading_rad: float) -> tuple[float, float]:
+    """Return how much longer the last stretch gets, and by how much it turns about its base."""
+    base_mm, tip_mm = chain_mm[-2], chain_mm[-1]
+    reach = to_mm - base_mm
+    length_mm = float(np.hypot(*reach))
+    if length_mm < LEAST_MM:
+        return LEAST_MM - float(np.hypot(*(tip_mm - base_mm))), 0.0
+    turn_rad = math.atan2(reach[1], reach[0]) - heading_rad
+    turn_rad = math.remainder(turn_rad, math.tau)
+    return length_mm - float(np.hypot(*(tip_mm - base_mm))), turn_rad
+
+
+def _values(
+    state: StudioState, deployment: Deployment, branch: int, along_mm: float, turn_rad: float
+) -> dict[str, Any]:
+    design, index = state.design, int(deployment.tree.level[branch]) - 2
+    grown_mm = float(deployment.grown_mm[branch])
+    wanted_mm = max(LEAST_MM, grown_mm + along_mm)
+    if index < 0:
+        free = "trunk.length" not in state.locks
+        return {"level": -1, "values": {"length": min(wanted_mm, LARGEST_MM)} if free else {}}
+    level = design.levels[index]
+    sibling = int(deployment.tree.ids[branch].rsplit(".", 1)[-1])
+    values: dict[str, float] = {}
+    if f"level.{index}.length" not in state.locks:
+        share = float(child_lengths_mm(level)[sibling]) / level.length_mm
+        values["length"] = min(wanted_mm / share, LARGEST_MM)
+    lean = _lean(level, sibling)
+    if lean and f"level.{index}.angle_deg" not in state.locks:
+        fan_deg = deg(level.fan_rad + turn_rad / lean)
+        values["angle_deg"] = min(360.0, max(0.0, fan_deg))
+    return {"level": index, "values": values}
+
+
+def _lean(level: Level, sibling: int) -> float:
+    """Return by what share of the fan a child leans to the left of its parent; 0 in the middle."""
+    if level.branches == 1:
+        return 0.0
+    return sibling / (level.branches - 1) - 0.5
+
+
+_LEAST_MM = 1e-6
+
+
+def front_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict[str, Any]:
+    """Return the robot at a front length (simulated); from the full length on, the whole robot.
+
+    The page could cut the final shape to length by itself, but a tip that slides along a wall turns
+    the stretch behind it: the final shape does not show where that lay.
+
+    Parameters
+    ----------
+    ask
+        ``front_mm``: way along the body from the base to the growing tips.
+    """
+    final, terrain = deployed_robot(state)
+    history = History(
+        design=state.grown_now,
+        terrain=terrain,
+        options=state.growth,
+        final=final,
+    )
+    given: Any = ask.get("front_mm")
+    front_mm = number("front_mm", given, _LEAST_MM, LARGEST_MM, "mm")
+    frame = history.at(front_mm, engine=current_engine())
+    widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
+    return {
+        "front_mm": frame.front_mm,
+        "full_mm": history.full_mm,
+        "robot_svg": robot_svg(frame.deployment, widths_mm, is_growing=frame.is_growing),
+    }

@@ -1,6 +1,6 @@
 import base64
 import math
-from threading import Event
+from threading import Event, Thread
 
 import numpy as np
 import pytest
@@ -87,17 +87,18 @@ def test_who_does_not_ask_for_it_soon_gets_every_map(monkeypatch):
     monkeypatch.setattr(panel, "_COMPILER", panel._Compiler())
     monkeypatch.setattr(panel, "MOST_FAMILY_INTERPRETED", 0)
     family = {"environment": "pegs", "count": 6, "seed": 1}
-    told, announced, compile_task = [], Event(), panel._compile
+    told, announced = [], Event()
 
-    def compiled_when_announced(task):
-        assert announced.wait(20.0)
-        compile_task(task)
+    class CompiledWhenAnnounced(Thread):
+        def run(self):
+            assert announced.wait(20.0)
+            super().run()
 
     def tell(_share, words):
         told.append(words)
         announced.set()
 
-    monkeypatch.setattr(panel, "_compile", compiled_when_announced)
+    monkeypatch.setattr(panel, "Thread", CompiledWhenAnnounced)
     whole = family_answer(state_of("plain_vine", family=family), {}, tell)
     assert (whole["evaluated"], whole["compiling"]) == (6, None)
     assert told[0] == "compiling the simulator, once on this computer"
@@ -161,12 +162,12 @@ def test_new_widths_are_tried_on_as_many_maps_as_there_is_time_for(monkeypatch):
 
 
 def test_walls_of_former_widths_are_forgotten(monkeypatch):
-    monkeypatch.setattr(panel, "_KEPT", panel._Kept())
+    monkeypatch.setattr(panel, "_CACHE", panel._Cache())
     monkeypatch.setattr(panel, "MOST_WALLS", 10)
     for scale in (1.0, 1.1, 1.2, 1.3):
         answer = answered(state_of("plain_vine", width_scale=scale))
-        assert len(panel._KEPT.walls) <= 10 + 4
-    monkeypatch.setattr(panel, "_KEPT", panel._Kept())
+        assert len(panel._CACHE.walls) <= 10 + 4
+    monkeypatch.setattr(panel, "_CACHE", panel._Cache())
     anew = answered(state_of("plain_vine", width_scale=1.3))
     assert [entry["scores"] for entry in anew["maps"]] == [e["scores"] for e in answer["maps"]]
 

@@ -754,15 +754,15 @@ def test_late_answers_are_dropped(tab):
             constructor() { sockets.push(this); }
             send(text) { this.sent.push(JSON.parse(text)); }
           };
-          const {createLink} = await import("studio/link.js");
-          const link = createLink("t", {onEvent() {}, onState() {}});
+          const {createConnection} = await import("studio/connection.js");
+          const connection = createConnection("t", {onEvent() {}, onState() {}});
           globalThis.WebSocket = Real;
           const [socket] = sockets;
           const told = [];
           const note = (name, promise) => promise.then(
             (found) => told.push([name, found.answer]),
             (error) => told.push([name, error.stale ? "stale" : "error"]));
-          for (const name of ["a", "b", "c"]) note(name, link.ask("live", {}, {name}));
+          for (const name of ["a", "b", "c"]) note(name, connection.ask("live", {}, {name}));
           const say = (message) => socket.onmessage({data: JSON.stringify(message)});
           const first = socket.sent[0].seq;
           say({panel: "live", seq: first + 7, answer: "late"});
@@ -783,7 +783,7 @@ def test_a_server_that_ends_and_one_that_starts_anew(tmp_path, start_studio, ope
         tab = open_tab(first.address)
         set_length(tab, 81)
         assert first.interrupt() == 0
-        tab.page.wait_for_selector("html[data-link=down]")
+        tab.page.wait_for_selector("html[data-connection=down]")
         assert "does not answer" in tab.page.inner_text("#status")
         set_length(tab, 82)
         with start_studio(tmp_path, "twig.toml", "--port", first.port):

@@ -86,22 +86,47 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress
         shows where bodies lie. ``before``: by the maps' keys the scores of the version to compare
         with.
     """
-    asked = _Asked.of(ask)
-    places = _KEPT.places(state.family, progress)
+    asked = _Request.of(ask)
+    places = _CACHE.places(state.family, progress)
     trial = _tried(state, asked, places, progress)
     by_map = [list(trial.deployments[rows]) for rows in trial.rows]
     means = trial.means
     pairs = [(asked.before[key], mean) for key, mean in means.items() if key in asked.before]
     widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
-    entries = [_ground_entry(place, asked.have) for place in places]
+    entries: list[dict[str, Any]] = []
+    for place in places:
+        world, ground = place.prepared.world, None
+        if place.key not in asked.have:
+            ground = ground_svg(world, detail=False)
+        entries.append(
+            {
+                "key": place.key,
+                "name": world.name,
+                "source": place.source,
+                "view_box": view_box(world.bounds.bounds),
+                "ground_svg": ground,
+                "robot_svg": None,
+                "score": None,
+            }
+        )
     for entry, grown, rows in zip(entries, by_map, trial.rows, strict=False):
-        entry.update(_growth_entry(grown, trial.scores[rows].tolist()))
-        entry["score"] = means[entry["key"]]
-        if asked.draws(entry["key"]):
-            entry["robot_svg"] = robot_svg(grown[0], widths_mm, detail=False)
+        first, pose = grown[0], grown[0].pose  # the one that is drawn
+        shares = [one.grown_mm.sum() / one.tree.total_length_mm for one in grown]
+        entry |= {
+            "score": means[entry["key"]],
+            "scores": trial.scores[rows].tolist(),
+            "pose": {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "heading_deg": pose.heading_deg},
+            "grown_share": float(np.mean(shares)),
+            "branches": len(first.tree),
+            "deployed": int(first.deployed.sum()),
+            "stops": first.stops,
+        }
+        if asked.draw is None or entry["key"] in asked.draw:
+            entry["robot_svg"] = robot_svg(first, widths_mm, detail=False)
+    is_ideal = state.task == Anchoring.name and state.design.build.pouch is None
     return {
         "task": state.task,
-        "title": _title(state),
+        "title": f"{state.task}, ideal case" if is_ideal else state.task,
         "poses": state.family.poses,
         "standing": "simulated",
         "quick": asked.quick,
@@ -116,18 +141,12 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress
     }
 
 
-def _title(state: StudioState) -> str:
-    """Return the task's name, and whether the score is only the ideal case."""
-    ideal = state.task == Anchoring.name and state.design.build.pouch is None
-    return f"{state.task}, ideal case" if ideal else state.task
-
-
 # --- What is asked ------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Asked:
-    """What the panel asks, see `family_answer`."""
+class _Request:
+    """The request of the panel, see `family_answer`."""
 
     quick: bool
     soon: bool
@@ -138,7 +157,7 @@ class _Asked:
     before: Mapping[str, float]
 
     @classmethod
-    def of(cls, ask: Mapping[str, Any]) -> "_Asked":
+    def of(cls, ask: Mapping[str, Any]) -> "_Request":
         before, draw = ask.get("before") or {}, ask.get("draw")
         if not isinstance(before, Mapping):
             raise BadInputError("before", before, "scores by the maps' keys", PAGE)
@@ -155,10 +174,6 @@ class _Asked:
             },
         )
 
-    def draws(self, key: str) -> bool:
-        """Tell whether a map's robot is in view."""
-        return self.draw is None or key in self.draw
-
 
 def _keys(name: str, given: object) -> frozenset[str]:
     if not isinstance(given, list):
@@ -170,7 +185,7 @@ def _keys(name: str, given: object) -> frozenset[str]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Place:
+class FamilyMap:
     """One map of a family."""
 
     key: str  # names the map and what is on it: another one after its file has changed
@@ -184,38 +199,49 @@ class Place:
 
 
 @dataclass(slots=True)
-class _Kept:
-    """Maps and their walls: designs change often, maps seldom."""
+class _Cache:
+    """Maps and their walls, kept: designs change often, maps seldom."""
 
-    places_of: dict[str, Place] = field(default_factory=dict)  # by their source, as text
+    places_of: dict[str, FamilyMap] = field(default_factory=dict)  # by their source, as text
     walls: set[tuple[str, float]] = field(default_factory=set)  # keys and radii built so far
     # the latest, by its maps and radii: every set of radii is one more copy of all walls
     terrains: dict[tuple[Any, ...], TerrainSet] = field(default_factory=dict)
 
-    def places(self, family: Family, progress: Progress) -> list[Place]:
+    def places(self, family: Family, progress: Progress) -> list[FamilyMap]:
         """Return the maps of a family, prepared."""
-        sources = _sources(family)
-        began, places = time.monotonic(), list[Place]()
+        if family.files:
+            sources: list[dict[str, Any]] = [{"file": p} for p in dict.fromkeys(family.files)]
+        else:
+            seeds = range(family.seed, family.seed + family.count)
+            sources = [{"environment": family.environment, "seed": seed} for seed in seeds]
+        began, places = time.monotonic(), list[FamilyMap]()
         for index, source in enumerate(sources):
             if time.monotonic() - began > SILENT_S:
                 progress(index / len(sources), f"preparing maps: {index} of {len(sources)}")
-            places.append(self._place(source))
+            name, world = json.dumps(source), world_of({"source": source})
+            held = self.places_of.get(name)
+            if held is None or held.prepared.world is not world:
+                solid = shapely.to_wkb([world.bounds, *world.obstacles], hex=True).tolist()
+                starts = [start_record(start) for start in world.starts]
+                key = f"{world.name}:{fingerprint(name, solid, starts)}"
+                held = FamilyMap(key=key, source=source, prepared=PreparedMap.of(world))
+                self.places_of[name] = held
+            places.append(held)
         return places
 
-    def _place(self, source: Mapping[str, Any]) -> Place:
-        name, world = _text(source), world_of({"source": source})
-        held = self.places_of.get(name)
-        if held is None or held.prepared.world is not world:
-            held = Place(key=_key(name, world), source=source, prepared=PreparedMap.of(world))
-            self.places_of[name] = held
-        return held
-
     def with_walls(
-        self, places: Sequence[Place], radii_mm: Sequence[float], most_s: float, progress: Progress
-    ) -> Sequence[Place]:
+        self,
+        places: Sequence[FamilyMap],
+        radii_mm: Sequence[float],
+        most_s: float,
+        progress: Progress,
+    ) -> Sequence[FamilyMap]:
         """Build the walls for some body radii; return the maps that have them when time is up."""
         if len(self.walls) > MOST_WALLS:
-            self._forget_all_but(places, radii_mm)
+            self.places_of = {json.dumps(place.source): place for place in places}
+            for place in places:
+                place.prepared.terrain.keep_only(radii_mm)
+            self.walls = {(place.key, radius_mm) for place in places for radius_mm in radii_mm}
         began = time.monotonic()
         for index, place in enumerate(places):
             spent_s = time.monotonic() - began
@@ -231,13 +257,7 @@ class _Kept:
                 self.walls.add((place.key, radius_mm))
         return places
 
-    def _forget_all_but(self, places: Sequence[Place], radii_mm: Sequence[float]) -> None:
-        self.places_of = {_text(place.source): place for place in places}
-        for place in places:
-            place.prepared.terrain.keep_only(radii_mm)
-        self.walls = {(place.key, radius_mm) for place in places for radius_mm in radii_mm}
-
-    def terrain_set(self, places: Sequence[Place], radii_mm: Sequence[float]) -> TerrainSet:
+    def terrain_set(self, places: Sequence[FamilyMap], radii_mm: Sequence[float]) -> TerrainSet:
         """Return the terrains of some maps, whose walls are put one after the other but once."""
         wanted = (*(place.key for place in places), *radii_mm)
         if wanted not in self.terrains:
@@ -246,24 +266,7 @@ class _Kept:
         return self.terrains[wanted]
 
 
-_KEPT = _Kept()
-
-
-def _sources(family: Family) -> list[dict[str, Any]]:
-    if family.files:
-        return [{"file": path} for path in dict.fromkeys(family.files)]
-    seeds = range(family.seed, family.seed + family.count)
-    return [{"environment": family.environment, "seed": seed} for seed in seeds]
-
-
-def _text(source: Mapping[str, Any]) -> str:
-    return json.dumps(source)
-
-
-def _key(source: str, world: Map) -> str:
-    solid = shapely.to_wkb([world.bounds, *world.obstacles], hex=True).tolist()
-    starts = [start_record(start) for start in world.starts]
-    return f"{world.name}:{fingerprint(source, solid, starts)}"
+_CACHE = _Cache()
 
 
 # --- Growth and scores --------------------------------------------------------------------------
@@ -273,7 +276,7 @@ def _key(source: str, world: Map) -> str:
 class _Trial:
     """A design's deployments on the maps that there was time for."""
 
-    places: Sequence[Place]
+    places: Sequence[FamilyMap]
     counts: Sequence[int]  # poses on each
     deployments: Sequence[Deployment]  # map by map, pose by pose
     scores: Floats  # one for each
@@ -294,7 +297,7 @@ class _Trial:
 
 
 def _tried(
-    state: StudioState, asked: _Asked, places: Sequence[Place], progress: Progress
+    state: StudioState, asked: _Request, places: Sequence[FamilyMap], progress: Progress
 ) -> _Trial:
     """Grow a design and score it, on all maps or, where that would take too long, on the first."""
     task = make_task(state.task)
@@ -307,18 +310,20 @@ def _tried(
     radii_mm = plans.spans.radii_mm
     most_s = math.inf if compiled else FIRST_S
     most_s = QUICK_S if asked.quick else most_s
-    places = _KEPT.with_walls(places, radii_mm, most_s, progress)
+    places = _CACHE.with_walls(places, radii_mm, most_s, progress)
     for place in places:
         check_on_map(task, place.prepared.world, place.prepared.context)
     prepared = [place.prepared for place in places]
     poses = poses_on(prepared, count, range(len(places)), repeats=options.draws)
-    launches = Launches.of(_KEPT.terrain_set(places, radii_mm), poses)
+    launches = Launches.of(_CACHE.terrain_set(places, radii_mm), poses)
     batch = Batch(plans, launches, options, engine="kernel" if compiled else "interpreted")
     chosen = search_form(task) if asked.quick and compiled else task
     scores, deployments = _evaluated(batch, chosen, [place.context for place in prepared], progress)
     if asked.compiled:
         _COMPILER.start(task)
-    _check_finite(task, scores, launches, prepared)
+    for row in np.flatnonzero(~np.isfinite(scores)).tolist():  # of a task of the user's own
+        where = f"a number on {prepared[launches.terrain[row]].world.name}"
+        raise BadInputError(f"score of task {task.name}", float(scores[row]), where)
     return _Trial(
         places=places,
         counts=[len(poses_here) for poses_here in poses],
@@ -351,15 +356,6 @@ def _evaluated(
     return concatenated_outcomes(parts).score, deployments
 
 
-def _check_finite(
-    task: Task, scores: Floats, launches: Launches, maps: Sequence[PreparedMap]
-) -> None:
-    """Raise BadInputError where a task of the user's own gives no number."""
-    for row in np.flatnonzero(~np.isfinite(scores)).tolist():
-        name = maps[launches.terrain[row]].world.name
-        raise BadInputError(f"score of task {task.name}", float(scores[row]), f"a number on {name}")
-
-
 @dataclass(slots=True)
 class _Compiler:
     """Compiled code, loaded beside the answers: a second, or half a minute where there is none."""
@@ -368,8 +364,19 @@ class _Compiler:
 
     def start(self, task: Task) -> None:
         """Begin to load the code of a task, unless that has been done."""
+
+        def load() -> None:  # by growing a robot on an empty map and scoring it
+            start = Start(pose=Pose(x_mm=500.0, y_mm=500.0, heading_rad=0.0))
+            bounds = shapely.box(0.0, 0.0, 1000.0, 1000.0)
+            room = PreparedMap.of(Map(name="room", bounds=bounds, starts=(start,)))
+            vine = Design(name="vine", trunk_length_mm=100.0, build=Build.standard(1))
+            options = GrowthOptions()
+            launches = Launches.of(TerrainSet([room.terrain]), [[start.pose]])
+            batch = Batch(Plans.of([vine], options), launches, options)
+            _evaluated(batch, search_form(task), [room.context], lambda _share, _text: None)
+
         if task.name not in self.threads:
-            self.threads[task.name] = Thread(target=_compile, args=(task,), daemon=True)
+            self.threads[task.name] = Thread(target=load, daemon=True)
             self.threads[task.name].start()
 
     def has(self, task: Task, progress: Progress, *, wait: bool) -> bool:
@@ -383,54 +390,6 @@ class _Compiler:
 
 
 _COMPILER = _Compiler()
-
-
-def _compile(task: Task) -> None:
-    """Grow a robot on an empty map and score it, as the compiled code does."""
-    start = Start(pose=Pose(x_mm=500.0, y_mm=500.0, heading_rad=0.0))
-    room = PreparedMap.of(
-        Map(name="room", bounds=shapely.box(0.0, 0.0, 1000.0, 1000.0), starts=(start,))
-    )
-    vine = Design(name="vine", trunk_length_mm=100.0, build=Build.standard(1))
-    options = GrowthOptions()
-    launches = Launches.of(TerrainSet([room.terrain]), [[start.pose]])
-    batch = Batch(Plans.of([vine], options), launches, options)
-    _evaluated(batch, search_form(task), [room.context], lambda _share, _words: None)
-
-
-# --- What is told of each map -------------------------------------------------------------------
-
-
-def _ground_entry(place: Place, have: frozenset[str]) -> dict[str, Any]:
-    world = place.prepared.world
-    return {
-        "key": place.key,
-        "name": world.name,
-        "source": place.source,
-        "view_box": view_box(world.bounds.bounds),
-        "ground_svg": None if place.key in have else ground_svg(world, detail=False),
-        "robot_svg": None,
-        "score": None,
-    }
-
-
-def _growth_entry(grown: Sequence[Deployment], scores: Sequence[float]) -> dict[str, Any]:
-    """Return what is told of the deployments on one map; the first is the one that is drawn."""
-    first = grown[0]
-    return {
-        "scores": scores,
-        "pose": {
-            "x_mm": first.pose.x_mm,
-            "y_mm": first.pose.y_mm,
-            "heading_deg": first.pose.heading_deg,
-        },
-        "grown_share": float(
-            np.mean([each.grown_mm.sum() / each.tree.total_length_mm for each in grown])
-        ),
-        "branches": len(first.tree),
-        "deployed": int(first.deployed.sum()),
-        "stops": first.stops,
-    }
 
 
 # --- What they say together ---------------------------------------------------------------------
@@ -448,33 +407,28 @@ def _distribution(scores: Sequence[float], before: Sequence[float]) -> dict[str,
     """Return how scores spread over maps, in bins that those of the version before share."""
     low, high = mean_interval(scores)
     quantiles = np.percentile(scores, QUANTILES_PERCENT).tolist()
+    least, most = min([*scores, *before]), max([*scores, *before])
+    raw = max((most - least) / BINS, 1e-3 * max(abs(most), 1e-3))
+    decade = 10.0 ** math.floor(math.log10(raw))
+    step = decade * next(part for part in (1.0, 2.0, 5.0, 10.0) if part * decade >= raw)
+    first = math.floor(least / step)  # of the bins, which have round edges
+    count = math.floor(most / step) - first + 1
+    counts, counts_before = (
+        np.bincount(np.floor(np.divide(values, step)).astype(int) - first, minlength=count)
+        for values in (scores, before)
+    )
     return {
         "maps": len(scores),
         "mean": float(np.mean(scores)),
         "low": _finite(low),
         "high": _finite(high),
         "quantiles": dict(zip(map(str, QUANTILES_PERCENT), quantiles, strict=True)),
-        "bins": _bins(scores, before),
-    }
-
-
-def _bins(scores: Sequence[float], before: Sequence[float]) -> dict[str, Any]:
-    """Return bins with round edges and how many scores are in each."""
-    least, most = min([*scores, *before]), max([*scores, *before])
-    raw = max((most - least) / BINS, 1e-3 * max(abs(most), 1e-3))
-    decade = 10.0 ** math.floor(math.log10(raw))
-    step = decade * next(part for part in (1.0, 2.0, 5.0, 10.0) if part * decade >= raw)
-    first = math.floor(least / step)
-    count = math.floor(most / step) - first + 1
-    counts = [
-        np.bincount(np.floor(np.divide(values, step)).astype(int) - first, minlength=count)
-        for values in (scores, before)
-    ]
-    return {
-        "low": first * step,
-        "step": step,
-        "counts": counts[0].tolist(),
-        "before": counts[1].tolist(),
+        "bins": {
+            "low": first * step,
+            "step": step,
+            "counts": counts.tolist(),
+            "before": counts_before.tolist(),
+        },
     }
 
 
@@ -505,7 +459,7 @@ HEAT_CELLS = 320
 
 
 def heat_cells(
-    places: Sequence[Place],
+    places: Sequence[FamilyMap],
     by_map: Sequence[Sequence[Deployment]],
     widths_mm: Sequence[float],
 ) -> dict[str, Any]:
@@ -525,8 +479,17 @@ def heat_cells(
     dict
         ``share``: 0 to 255 for each cell, row by row from below, in base64; 0 means on no map.
     """
-    box_mm = _box_mm(places)
-    low_mm, size_mm = box_mm[0], box_mm[1] - box_mm[0]
+    corners = np.concatenate(
+        [
+            _as_from_start(
+                shapely.get_coordinates(shapely.box(*place.prepared.world.bounds.bounds)),
+                start.pose,
+            )
+            for place in places
+            for start in place.prepared.world.starts
+        ]
+    )
+    low_mm, size_mm = corners.min(axis=0), np.ptp(corners, axis=0)
     cell_mm = float(size_mm.max()) / HEAT_CELLS
     columns, rows = (2 * np.ceil(size_mm / (2.0 * cell_mm)).astype(int)).tolist()
     total = np.zeros((rows, columns))
@@ -550,20 +513,6 @@ def heat_cells(
         "same_size": len(sizes) == 1,
         "colours": HEAT_COLOURS,
     }
-
-
-def _box_mm(places: Sequence[Place]) -> Floats:
-    """Return the box that holds every map as seen from its start, shape (2, 2): low, high."""
-    corners = [
-        _as_from_start(
-            shapely.get_coordinates(shapely.box(*place.prepared.world.bounds.bounds)),
-            start.pose,
-        )
-        for place in places
-        for start in place.prepared.world.starts
-    ]
-    points = np.concatenate(corners)
-    return np.array([points.min(axis=0), points.max(axis=0)])
 
 
 def _as_from_start(points_mm: Floats, start: Pose) -> Floats:

@@ -1,6 +1,7 @@
 """What follows the pointer: the robot on the open map, its growth, its scores, a dragged tip."""
 
 import asyncio
+import cmath
 import math
 import sys
 from collections.abc import Mapping
@@ -16,7 +17,7 @@ from shapely import Point, Polygon
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
-from vinefab.core.validation import LARGEST_MM, Floats, number
+from vinefab.core.validation import LARGEST_MM, number
 from vinefab.growth.engine import Engine
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.simulator import grow_on
@@ -176,10 +177,24 @@ def live_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict
         while an obstacle is dragged: the page keeps what it has; ``obstacle``: index of the one
         that is chosen, which is drawn for itself.
     """
-    answer: dict[str, Any] = {"engine": current_engine(), "growth": _growth(state)}
+    growth = {
+        "values": state.growth.values,
+        "usual": GrowthChoice.of([state.design]).options.values,
+        "trained": bool(state.design.origin.get(ORIGIN_GROWTH)),
+        "text": growth_text(state.growth, [state.design]),
+    }
+    answer: dict[str, Any] = {"engine": current_engine(), "growth": growth}
     if state.world is None or state.ground is None:
         return {**answer, "ground_key": "", "facts": _planned(state.design)}
-    key = state.ground.key
+    key, index, chosen = state.ground.key, ask.get("obstacle"), None
+    if type(index) is int and 0 <= index < len(state.ground.world.obstacles):
+        frame = state.ground.frame(index)
+        chosen = {
+            "index": index,
+            "frame": frame.content,
+            "path": shape_path(state.ground.world.obstacles[index]),
+            "svg": frame_svg(frame.place_mm),
+        }
     wanted = ask.get("ground", True) and ask.get("have") != key
     answer |= {
         "ground_key": key,
@@ -188,22 +203,9 @@ def live_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict
         "map_size_mm": list(state.world.size_mm),
         "targets": [target.content for target in state.world.targets],
         "targets_svg": targets_svg(state.world.targets),
-        "obstacle": _obstacle(state.ground, ask.get("obstacle")),
+        "obstacle": chosen,
     }
     return answer | _grown(state, state.world, with_scores=bool(ask.get("scores", True)))
-
-
-def _obstacle(ground: EditedMap, index: object) -> dict[str, Any] | None:
-    """Return frame and drawing of the obstacle that is chosen."""
-    if type(index) is not int or not 0 <= index < len(ground.world.obstacles):
-        return None
-    frame = ground.frame(index)
-    return {
-        "index": index,
-        "frame": frame.content,
-        "path": shape_path(ground.world.obstacles[index]),
-        "svg": frame_svg(frame.place_mm),
-    }
 
 
 def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, Any]:
@@ -220,46 +222,35 @@ def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, An
         deployment, _ = grown(state, start)
     except BadInputError as error:
         return place | _not_grown(state.design, str(error))
-    widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
-    return (
-        place
-        | _touched(deployment, world)
-        | {
-            "robot_svg": robot_svg(deployment, widths_mm),
-            "front_full_mm": deployment.full_mm,
-            "facts": _facts(state.design, deployment),
-            "problems": _troubles(state, deployment),
+    answer: dict[str, Any] = {**place}
+    if (found := touched_targets([(deployment, world)])) is not None:
+        states = [outcome.state for outcome in found.outcomes]
+        answer |= {
+            "targets": [
+                {**content, "state": state}
+                for content, state in zip(found.content, states, strict=True)
+            ],
+            "targets_svg": targets_svg(world.targets, states),
+            "targets_headline": found.headline,
+            "targets_tone": found.tone,
         }
-        | (_scores(deployment, prepared_map(state)) if with_scores else {})
-    )
-
-
-def _touched(deployment: Deployment, world: Map) -> dict[str, Any]:
-    """Return which targets of the map are touched, and the others with what is missing."""
-    found = touched_targets([(deployment, world)])
-    if found is None:
-        return {}
-    states = [outcome.state for outcome in found.outcomes]
-    return {
-        "targets": [
-            {**content, "state": state}
-            for content, state in zip(found.content, states, strict=True)
-        ],
-        "targets_svg": targets_svg(world.targets, states),
-        "targets_headline": found.headline,
-        "targets_tone": found.tone,
+    widths_mm = state.design.build.widths_mm
+    needed_kpa = float(worst_pressures_of([deployment], state.design)[0, 0])
+    answer |= {
+        "robot_svg": robot_svg(deployment, state.growth.drawn_widths_mm(widths_mm)),
+        "front_full_mm": deployment.full_mm,
+        "facts": {
+            "branches": len(deployment.tree),
+            "deployed": int(deployment.deployed.sum()),
+            "grown_mm": float(deployment.grown_mm.sum()),
+            "planned_mm": deployment.tree.total_length_mm,
+            "text": _grown_text(deployment),
+            "pressure_needed_kpa": None if math.isnan(needed_kpa) else needed_kpa,
+            "inflated_mm": [2.0 * inflated_radius_mm(width_mm) for width_mm in widths_mm],
+        },
+        "problems": _troubles(state, deployment),
     }
-
-
-def _growth(state: StudioState) -> dict[str, Any]:
-    """Return the growth options in force, those that the design has by itself, and a line."""
-    usual = GrowthChoice.of([state.design]).options.values
-    return {
-        "values": state.growth.values,
-        "usual": usual,
-        "trained": bool(state.design.origin.get(ORIGIN_GROWTH)),
-        "text": growth_text(state.growth, [state.design]),
-    }
+    return answer | (_scores(deployment, prepared_map(state)) if with_scores else {})
 
 
 def not_followed(design: Design) -> str:
@@ -312,19 +303,6 @@ def _planned(design: Design) -> dict[str, Any]:
     return {"branches": design.branch_count, "text": counted(design.branch_count, "branch")}
 
 
-def _facts(design: Design, deployment: Deployment) -> dict[str, Any]:
-    needed_kpa = float(worst_pressures_of([deployment], design)[0, 0])
-    return {
-        "branches": len(deployment.tree),
-        "deployed": int(deployment.deployed.sum()),
-        "grown_mm": float(deployment.grown_mm.sum()),
-        "planned_mm": deployment.tree.total_length_mm,
-        "text": _grown_text(deployment),
-        "pressure_needed_kpa": None if math.isnan(needed_kpa) else needed_kpa,
-        "inflated_mm": [2.0 * inflated_radius_mm(w) for w in design.build.widths_mm],
-    }
-
-
 def _grown_text(deployment: Deployment) -> str:
     """Return the share of the planned length that grew, and where the rest was lost."""
     tree, stop = deployment.tree, deployment.stop
@@ -345,7 +323,7 @@ def _grown_text(deployment: Deployment) -> str:
 
 
 def _troubles(state: StudioState, deployment: Deployment) -> list[str]:
-    """Return what a user should know about how the robot grew, as `vinefab grow` says it."""
+    """Return the problems of the growth, as `vinefab grow` says them."""
     lost = without_room(state.design, deployment, state.growth)
     unknown = [
         f"level {number}: grown at its designed angles; no table says what it deploys as"
@@ -398,10 +376,26 @@ def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     chain_mm = deployment.chain_mm(branch)
     if len(chain_mm) < 2:
         return {"level": None, "values": {}}
-    (x0, y0), (x1, y1) = chain_mm[-2:].tolist()
-    heading_rad = math.atan2(y1 - y0, x1 - x0)
-    along_mm, turn_rad = _pull(chain_mm, np.array(to_mm), heading_rad)
-    return _values(state, deployment, branch, along_mm, turn_rad)
+    # How much longer the last stretch gets, and by how much it turns about its base.
+    stretch, reach = complex(*(chain_mm[-1] - chain_mm[-2])), complex(*(to_mm - chain_mm[-2]))
+    along_mm, turn_rad = max(LEAST_MM, abs(reach)) - abs(stretch), 0.0
+    if abs(reach) >= LEAST_MM:
+        turn_rad = math.remainder(cmath.phase(reach) - cmath.phase(stretch), math.tau)
+    wanted_mm = max(LEAST_MM, float(deployment.grown_mm[branch]) + along_mm)
+    index = int(deployment.tree.level[branch]) - 2
+    if index < 0:
+        free = "trunk.length" not in state.locks
+        return {"level": -1, "values": {"length": min(wanted_mm, LARGEST_MM)} if free else {}}
+    level, sibling = state.design.levels[index], int(ids[branch].rsplit(".", 1)[-1])
+    values: dict[str, float] = {}
+    if f"level.{index}.length" not in state.locks:
+        share = float(child_lengths_mm(level)[sibling]) / level.length_mm
+        values["length"] = min(wanted_mm / share, LARGEST_MM)
+    # By this share of the fan a child leans to the left of its parent; 0 in the middle.
+    lean = sibling / (level.branches - 1) - 0.5 if level.branches > 1 else 0.0
+    if lean and f"level.{index}.angle_deg" not in state.locks:
+        values["angle_deg"] = min(360.0, max(0.0, deg(level.fan_rad + turn_rad / lean)))
+    return {"level": index, "values": values}
 
 
 def deployed_robot(state: StudioState) -> tuple[Deployment, Terrain]:
@@ -411,50 +405,6 @@ def deployed_robot(state: StudioState) -> tuple[Deployment, Terrain]:
     if problem := not_followed(state.design):
         raise VinefabError(problem)
     return grown(state, state.start)
-
-
-def _pull(chain_mm: Floats, to_mm: Floats, heading_rad: float) -> tuple[float, float]:
-    """Return how much longer the last stretch gets, and by how much it turns about its base."""
-    base_mm, tip_mm = chain_mm[-2], chain_mm[-1]
-    reach = to_mm - base_mm
-    length_mm = float(np.hypot(*reach))
-    if length_mm < LEAST_MM:
-        return LEAST_MM - float(np.hypot(*(tip_mm - base_mm))), 0.0
-    turn_rad = math.atan2(reach[1], reach[0]) - heading_rad
-    turn_rad = math.remainder(turn_rad, math.tau)
-    return length_mm - float(np.hypot(*(tip_mm - base_mm))), turn_rad
-
-
-def _values(
-    state: StudioState, deployment: Deployment, branch: int, along_mm: float, turn_rad: float
-) -> dict[str, Any]:
-    design, index = state.design, int(deployment.tree.level[branch]) - 2
-    grown_mm = float(deployment.grown_mm[branch])
-    wanted_mm = max(LEAST_MM, grown_mm + along_mm)
-    if index < 0:
-        free = "trunk.length" not in state.locks
-        return {"level": -1, "values": {"length": min(wanted_mm, LARGEST_MM)} if free else {}}
-    level = design.levels[index]
-    sibling = int(deployment.tree.ids[branch].rsplit(".", 1)[-1])
-    values: dict[str, float] = {}
-    if f"level.{index}.length" not in state.locks:
-        share = float(child_lengths_mm(level)[sibling]) / level.length_mm
-        values["length"] = min(wanted_mm / share, LARGEST_MM)
-    lean = _lean(level, sibling)
-    if lean and f"level.{index}.angle_deg" not in state.locks:
-        fan_deg = deg(level.fan_rad + turn_rad / lean)
-        values["angle_deg"] = min(360.0, max(0.0, fan_deg))
-    return {"level": index, "values": values}
-
-
-def _lean(level: Level, sibling: int) -> float:
-    """Return by what share of the fan a child leans to the left of its parent; 0 in the middle."""
-    if level.branches == 1:
-        return 0.0
-    return sibling / (level.branches - 1) - 0.5
-
-
-_LEAST_MM = 1e-6
 
 
 def front_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict[str, Any]:
@@ -476,7 +426,7 @@ def front_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dic
         final=final,
     )
     given: Any = ask.get("front_mm")
-    front_mm = number("front_mm", given, _LEAST_MM, LARGEST_MM, "mm")
+    front_mm = number("front_mm", given, 1e-6, LARGEST_MM, "mm")
     frame = history.at(front_mm, engine=current_engine())
     widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
     return {

@@ -11,13 +11,11 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.view import plain_blocks
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.rules.pressure_rules import SENSITIVITY, degrees_text
-from vinefab.inflation.compensation import FlatJoint
 from vinefab.inflation.pattern import Pattern, PatternJoint, pattern_of
 from vinefab.inflation.robot import with_short_tail
 from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.laser import LaserProfile
 from vinefab.pages.plan_svg import area_svg, lines_svg, outline_svg
-from vinefab.prediction.inflation_report import inflate_design
 from vinefab.studio.executors import Progress
 from vinefab.studio.state import StudioState
 
@@ -37,19 +35,18 @@ def cut_answer(state: StudioState, _ask: Mapping[str, Any], _progress: Progress)
     if state.design.branch_count > MOST_FLAT:
         return {"cut": {}, "outline_svg": "", "outline_box": None}
     pattern = pattern_of(state.design, state.profile, known_only=True)
-    return {"cut": cut_notes(pattern, state.profile), **_outline(pattern.flat)}
-
-
-def _outline(flat: Design) -> dict[str, Any]:
+    notes = cut_notes(pattern, state.profile)
     try:
-        contour = body_outline(flat).contour
+        contour = body_outline(pattern.flat).contour
     except BadInputError as error:  # a tree that no sheet could hold
-        return {"outline_svg": "", "outline_box": None, "outline_problem": str(error)}
-    return {"outline_svg": outline_svg(contour), "outline_box": list(contour.box_mm)}
+        return {"cut": notes, "outline_svg": "", "outline_box": None, "outline_problem": str(error)}
+    return {
+        "cut": notes, "outline_svg": outline_svg(contour), "outline_box": list(contour.box_mm)
+    }  # fmt: skip
 
 
 def cut_notes(pattern: Pattern, profile: LaserProfile) -> dict[str, dict[str, str]]:
-    """Return what stands at the angle of each level, by its key: kind, words and more words.
+    """Return the note at the angle of each level, by its key: kind, text and details.
 
     Kinds are ``known``, ``sensitive`` (errors are multiplied), ``bad`` (nothing deploys so), and
     ``pending`` (a simulation will tell).
@@ -69,7 +66,7 @@ def cut_notes(pattern: Pattern, profile: LaserProfile) -> dict[str, dict[str, st
 
 
 def _note(joint: PatternJoint, *, compensated: bool) -> tuple[str, str, str]:
-    """Return kind, words and more words on one level."""
+    """Return kind, text and details of the note on one level."""
     if not joint.is_known:
         why = "This joint is not in the table: it is simulated once the design rests."
         return "pending", "simulated when you pause", why
@@ -81,11 +78,17 @@ def _note(joint: PatternJoint, *, compensated: bool) -> tuple[str, str, str]:
     how = "cut" if compensated else "deploys at"
     kind = "sensitive" if found.sensitivity > SENSITIVITY.limits["warning"] else "known"
     text = f"{how} {_fan(shown)}°, x{found.sensitivity:.1f} sensitive"
-    return kind, text, _about(found)
+    source = "from the table" if found.source == "table" else "simulated joint"
+    about = (
+        f"Children cut at {degrees_text(found.flat.angles_deg)}° deploy at "
+        f"{degrees_text(found.deployed_deg)}° ({source}, good for {found.within_deg:.1f}°; "
+        f"unverified). 1° of error in the flat angles becomes {found.sensitivity:.1f}°."
+    )
+    return kind, text, about
 
 
 def _nearest(design: Design, profile: LaserProfile, place: int) -> str:
-    """Return the narrowest fan of a level, wider than its own, that the table knows, as words."""
+    """Return the narrowest fan of a level, wider than designed, that the table knows, as text."""
     level = design.levels[place]
     if isinstance(level, UnevenLevel) or level.branches == 1:
         return ""
@@ -112,17 +115,11 @@ def _fan(angles_deg: tuple[float, ...]) -> str:
     return f"{fan:.1f}"
 
 
-def _about(found: FlatJoint) -> str:
-    source = "from the table" if found.source == "table" else "simulated joint"
-    return (
-        f"Children cut at {degrees_text(found.flat.angles_deg)}° deploy at "
-        f"{degrees_text(found.deployed_deg)}° ({source}, good for {found.within_deg:.1f}°; "
-        f"unverified). 1° of error in the flat angles becomes {found.sensitivity:.1f}°."
-    )
-
-
 def inflated_answer(state: StudioState, _: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Return flat outline, inflated body and designed branches, as `vinefab inflate` draws them."""
+    # The thread that draws the flat outline has no use for it.
+    from vinefab.prediction.inflation_report import inflate_design  # noqa: PLC0415
+
     found = inflate_design(state.design, state.profile, alone=True, progress=progress)
     shape = found.deployed
     contour = body_outline(with_short_tail(shape.pattern.flat)).contour

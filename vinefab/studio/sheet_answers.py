@@ -26,14 +26,13 @@ from vinefab.fabrication.rules.pressure_rules import WINDOW, WorstBranch, pressu
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
-from vinefab.inflation.pattern import Pattern, pattern_of
-from vinefab.model.design import Design
+from vinefab.inflation.pattern import pattern_of
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile, Standing
 from vinefab.model.map import Map, Start
 from vinefab.prediction.deploy import growth_on_maps
-from vinefab.prediction.fix_proposal import FIX_TASKS, ProposedFix, propose_fix
+from vinefab.prediction.fix_proposal import FIX_TASKS, propose_fix
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 from vinefab.search.fix import KEEPS, parsed_keeps
 from vinefab.studio.executors import Progress
@@ -44,7 +43,7 @@ MOST_FINDINGS = 200
 """Most findings that are listed and marked, errors first; the others are counted."""
 
 
-def rules_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -> dict[str, Any]:  # noqa: ARG001  one form
+def rules_answer(state: StudioState, _: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Return the full check of what is open on the page, with the sheet that it is about."""
     progress(0.1, "growth")
     deployed, problem = deployed_on_page(state)
@@ -54,6 +53,11 @@ def rules_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress)
         state.design, state.profile, deployed=deployed, corridors=corridors
     )
     progress(0.8, "sheet")
+    pattern = subject.pattern
+    if pattern is None:  # cut as it is: simulated where the table is silent
+        pattern = pattern_of(state.design, state.profile, known_only=True)
+        if not all(joint.is_known for joint in pattern.joints):
+            pattern = pattern_of(state.design, state.profile)
     return {
         **report_content(report),
         **_sheet_content(subject, report),
@@ -62,16 +66,8 @@ def rules_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress)
         "bill": _bill_content(subject, state.profile),
         "deployed": [name for name, _ in deployed],
         "deployed_problem": problem,
-        "cut": cut_notes(subject.pattern or _uncompensated(state), state.profile),
+        "cut": cut_notes(pattern, state.profile),
     }
-
-
-def _uncompensated(state: StudioState) -> Pattern:
-    """Return how a design that is cut as it is deploys, simulated where the table is silent."""
-    known = pattern_of(state.design, state.profile, known_only=True)
-    if all(joint.is_known for joint in known.joints):
-        return known
-    return pattern_of(state.design, state.profile)
 
 
 def deployed_on_page(state: StudioState) -> tuple[Deployed, str]:
@@ -148,29 +144,27 @@ def _sheet_content(subject: Subject, report: CheckReport) -> dict[str, Any]:
     pairs = zip(findings, placed, strict=True)
     return {
         **drawing,
-        "findings": [_finding_content(finding, place) for finding, place in pairs],
+        "findings": [
+            {
+                "rule": finding.rule,
+                "title": finding.title,
+                "reason": RULES[finding.rule].reason,
+                "severity": str(finding.severity),
+                "message": finding.message,
+                "measured": _finite(finding.measured),
+                "limit": _finite(finding.limit),
+                "unit": finding.unit,
+                "branches": list(finding.branches),
+                "at_mm": None if place.at_mm is None else list(place.at_mm),
+                "marker": place.marker,
+                "fingerprint": finding.fingerprint,
+                "waived": finding.waived,
+                "waiver_reason": finding.reason,
+            }
+            for finding, place in pairs
+        ],
         "signs": {str(severity): path for severity, path in SEVERITY_SIGNS.items()},
         "findings_left_out": len(report.findings) - len(findings),
-    }
-
-
-def _finding_content(finding: Finding, placed: PlacedFinding) -> dict[str, Any]:
-    rule = RULES[finding.rule]
-    return {
-        "rule": finding.rule,
-        "title": finding.title,
-        "reason": rule.reason,
-        "severity": str(finding.severity),
-        "message": finding.message,
-        "measured": _finite(finding.measured),
-        "limit": _finite(finding.limit),
-        "unit": finding.unit,
-        "branches": list(finding.branches),
-        "at_mm": None if placed.at_mm is None else list(placed.at_mm),
-        "marker": placed.marker,
-        "fingerprint": finding.fingerprint,
-        "waived": finding.waived,
-        "waiver_reason": finding.reason,
     }
 
 
@@ -179,7 +173,7 @@ def _finite(value: float | None) -> float | None:
 
 
 def _pieces_content(subject: Subject) -> dict[str, Any]:
-    """Return in how many pieces, sheets and tiles the robot is cut, in words too."""
+    """Return the numbers of pieces, sheets and tiles, and a text on the pieces."""
     partition, job = subject.partition, subject.job
     count = 1 if partition is None else len(partition.pieces)
     words = counted(count, "piece")
@@ -195,7 +189,7 @@ def _pieces_content(subject: Subject) -> dict[str, Any]:
 
 
 def _gauge_content(subject: Subject, profile: LaserProfile) -> dict[str, Any]:
-    """Return what growth takes, what the widest part may take, and the working pressure."""
+    """Return the pressure for growth, that of the widest part, and the working pressure."""
     changed = by_rule(changed_limits(subject.design, profile))
     gauge = pressure_gauge(subject, profile, WINDOW.limits_with(changed.get(WINDOW.id, {})))
     seam = profile.material.seam
@@ -276,8 +270,51 @@ def fix_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -
         keep=keep,
     )
     progress(_SEARCH_SHARE, "scoring")
-    return {**_proposal_content(proposal, state), "keep": sorted(keep), "keep_words": words,
-            **_score_content(state, proposal.design, maps)}  # fmt: skip
+    content: dict[str, Any] = {
+        "nothing_to_fix": not proposal.before.blocking,
+        "failed": proposal.failed,
+        "lines": [line.strip().removeprefix("fix: ") for line in proposal.lines()],
+        "in_the_way": list(proposal.in_the_way),
+        "changes": [
+            {name: getattr(change, name) for name in ("what", "before", "after", "unit", "text")}
+            for change in proposal.changes
+        ],
+        "cost": sum(change.cost for change in proposal.changes),
+        "design": None,
+        "report": None,
+        "keep": sorted(keep),
+        "keep_words": words,
+        "scores": [],
+        "scores_note": "",
+    }
+    if proposal.after is not None:
+        content["report"] = report_content(replace(proposal.after, design=state.design.name))
+    if proposal.design is None:
+        return content
+    # On the page it is the same design, changed: it keeps its name and its file.
+    content["design"] = design_content(proposal.design.changed(name=state.design.name))
+    before, after = design_content(state.design), content["design"]
+    # Locked values that a proposal changes all the same: no word keeps them.
+    locks = sorted(state.locks)
+    content["locks_changed"] = [key for key in locks if _at(before, key) != _at(after, key)]
+    if not maps:
+        content["scores_note"] = "no map is open: what it costs in score is not known"
+        return content
+    for task in FIX_TASKS:
+        old, new = (
+            score_design_on_task(one, maps, ScorePlan(task=task, poses=1), state.growth)
+            for one in (state.design, proposal.design)
+        )
+        content["scores"].append(
+            {
+                "task": new.title_of_task,
+                "before": old.composite["mean"],
+                "after": new.composite["mean"],
+            }
+        )
+    note = f"simulated, on {maps[0].name} from its start: one pose, so no interval"
+    content["scores_note"] = note
+    return content
 
 
 def kept_kinds(locks: frozenset[str], asked: object) -> tuple[frozenset[str], list[str]]:
@@ -299,32 +336,6 @@ def kept_kinds(locks: frozenset[str], asked: object) -> tuple[frozenset[str], li
 _ONE = {"branches": "number of branches", "length": "length", "angle": "angle", "width": "width"}
 
 
-def _proposal_content(proposal: ProposedFix, state: StudioState) -> dict[str, Any]:
-    content: dict[str, Any] = {
-        "nothing_to_fix": not proposal.before.blocking,
-        "failed": proposal.failed,
-        "lines": [line.strip().removeprefix("fix: ") for line in proposal.lines()],
-        "in_the_way": list(proposal.in_the_way),
-        "changes": [
-            {name: getattr(change, name) for name in ("what", "before", "after", "unit", "text")}
-            for change in proposal.changes
-        ],
-        "cost": sum(change.cost for change in proposal.changes),
-        "design": None,
-        "report": None,
-    }
-    if proposal.after is not None:
-        content["report"] = report_content(replace(proposal.after, design=state.design.name))
-    if proposal.design is not None:
-        # On the page it is the same design, changed: it keeps its name and its file.
-        content["design"] = design_content(proposal.design.changed(name=state.design.name))
-        before, after = design_content(state.design), content["design"]
-        # Locked values that a proposal changes all the same: no word keeps them.
-        locks = sorted(state.locks)
-        content["locks_changed"] = [key for key in locks if _at(before, key) != _at(after, key)]
-    return content
-
-
 def _at(content: Any, key: str) -> Any:  # noqa: ANN401  plain values
     """Return a value by its dotted key; None where there is none."""
     for name in key.split("."):
@@ -333,28 +344,3 @@ def _at(content: Any, key: str) -> Any:  # noqa: ANN401  plain values
         else:
             content = content.get(name) if isinstance(content, Mapping) else None
     return content
-
-
-def _score_content(
-    state: StudioState, proposed: Design | None, maps: tuple[Map, ...]
-) -> dict[str, Any]:
-    """Return the scores of every task before and after on the open map, from its start."""
-    if proposed is None:
-        return {"scores": [], "scores_note": ""}
-    if not maps:
-        return {"scores": [], "scores_note": "no map is open: what it costs in score is not known"}
-    scores = []
-    for task in FIX_TASKS:
-        before, after = (
-            score_design_on_task(one, maps, ScorePlan(task=task, poses=1), state.growth)
-            for one in (state.design, proposed)
-        )
-        scores.append(
-            {
-                "task": after.title_of_task,
-                "before": before.composite["mean"],
-                "after": after.composite["mean"],
-            }
-        )
-    note = f"simulated, on {maps[0].name} from its start: one pose, so no interval"
-    return {"scores": scores, "scores_note": note}

@@ -33,15 +33,13 @@ from vinefab.model.map import Map
 from vinefab.pages.plan_svg import legend_rows
 from vinefab.studio.executors import Progress, answer_of
 from vinefab.studio.live_answers import load_kernel
+from vinefab.studio.server import MODULES, PAGE_FOLDER
 from vinefab.studio.state import PAGE, StudioState, design_form, growth_form, is_name, world_of
 
 _SCHEMA = "vinefab/snapshot-1"
 MOST_BYTES = 1 << 27
 _MOST_MAPS = 100
-_PAGE_FOLDER = Path(__file__).with_name("page")
 _PLAN_STYLE = Path(__file__).parents[1] / "pages" / "templates" / "plan.css"
-_MODULES = "<!-- modules -->"
-"""What in ``index.html`` is replaced by the state and the modules."""
 
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' data:; style-src 'unsafe-inline'; "
@@ -131,9 +129,22 @@ def snapshot_html(
         "map": map_text(world_of({"source": source})) if "file" in source else None,
         "answers": answers,
     }
-    page = (_PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
+    page = (PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
     page = _LINK.sub(_style, page.replace(_CHARSET, f"{_CHARSET}\n{_HEAD}", 1))
-    return page.replace(_MODULES, f"{_stored_script(stored)}{_modules()}", 1).encode()
+    # In a script that is none; no reader finds an end or a comment in it.
+    text = json.dumps(stored, allow_nan=False, default=plain, separators=(",", ":"))
+    text = text.replace("<", "\\u003c")
+    imports = {
+        f"studio/{module.name}": "data:text/javascript;base64,"
+        + base64.b64encode(module.read_bytes()).decode()
+        for module in sorted(PAGE_FOLDER.glob("*.js"))
+    }
+    scripts = (
+        f'<script type="application/json" id="stored">{text}</script>\n'
+        f'<script type="importmap">{json.dumps({"imports": imports})}</script>\n'
+        '<script type="module">import "studio/app.js";</script>'
+    )
+    return page.replace(MODULES, scripts, 1).encode()
 
 
 def stored_state(path: Path) -> dict[str, Any]:
@@ -148,21 +159,30 @@ def stored_state(path: Path) -> dict[str, Any]:
     VinefabError
         If the file is no snapshot, or something in its state cannot be used here.
     """
-    found = _STORED.search(read_text(path, MOST_BYTES))
-    if found is None:
+    script = _STORED.search(read_text(path, MOST_BYTES))
+    if script is None:
         raise UnreadableFileError(path, "is no snapshot of the studio")
-    stored = _document(path, found[1])
+    try:
+        stored = json.loads(script[1])
+    except (ValueError, RecursionError) as error:
+        raise UnreadableFileError(path, f"its state is not JSON: {error}") from error
+    schema = stored.get("schema") if isinstance(stored, dict) else None
+    if schema != _SCHEMA:
+        raise BadInputError("schema", schema, _SCHEMA, path)
     hello = stored.get("hello")
     state = hello.get("state") if isinstance(hello, dict) else None
     if not isinstance(state, dict):
         raise BadInputError("state", state, "names with values", path)
-    with _found_in(path):
+    with _naming(path):
         check_plain(state, finite=False)
         if isinstance(state.get("family"), dict):
             state["family"].pop("files", None)
         recipe, source = state.get("recipe"), _source(state)
         if recipe and not is_name(recipe):
-            state["recipe"] = str(_recipe_file(path, recipe))
+            # It lies beside the snapshot, or where the command was started.
+            folders = (path.parent, Path.cwd())
+            found = [path_inside("recipe", recipe, folders, path, base) for base in folders]
+            state["recipe"] = str(next((file for file in found if file.is_file()), found[0]))
         if "file" not in source:
             StudioState.of(state)
             return state
@@ -186,30 +206,12 @@ def snapshot_frame(
 
 
 @contextmanager
-def _found_in(path: Path) -> Iterator[None]:
+def _naming(path: Path) -> Iterator[None]:
     """Name the snapshot where an error would name the page."""
     try:
         yield
     except (BadInputError, UnknownNameError) as error:
         raise (error.at(path) if error.source in {None, PAGE} else error) from error
-
-
-def _document(path: Path, text: str) -> dict[str, Any]:
-    try:
-        stored = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise UnreadableFileError(path, f"its state is not JSON: {error}") from error
-    schema = stored.get("schema") if isinstance(stored, dict) else None
-    if schema != _SCHEMA:
-        raise BadInputError("schema", schema, _SCHEMA, path)
-    return dict(stored)
-
-
-def _recipe_file(path: Path, recipe: object) -> Path:
-    """Return the recipe file of a snapshot: beside it, or where the command was started."""
-    folders = (path.parent, Path.cwd())
-    found = [path_inside("recipe", recipe, folders, path, base) for base in folders]
-    return next((file for file in found if file.is_file()), found[0])
 
 
 def _map_text(path: Path, file: Path, text: object) -> str:
@@ -256,34 +258,15 @@ def _portable(state: Mapping[str, Any]) -> dict[str, Any]:
     return given
 
 
-def _stored_script(value: object) -> str:
-    """Return JSON in a script that is none, in which no reader finds an end or a comment."""
-    text = json.dumps(value, allow_nan=False, default=plain, separators=(",", ":"))
-    text = text.replace("<", "\\u003c")
-    return f'<script type="application/json" id="stored">{text}</script>\n'
-
-
 def _style(link: re.Match[str]) -> str:
     """Return a linked style as it stands in its file; an icon stays as it is."""
     address = link[1]
     if not address.endswith(".css"):
         return link[0]
     name = address.rpartition("/")[2]
-    path = _PLAN_STYLE if name == _PLAN_STYLE.name else _PAGE_FOLDER / name
+    path = _PLAN_STYLE if name == _PLAN_STYLE.name else PAGE_FOLDER / name
     text = path.read_text(encoding="utf-8").replace("</", "<\\/")
     return f"<style>\n{text}</style>"
-
-
-def _modules() -> str:
-    """Return the import map with every module of the page in it, and the script that begins."""
-    imports = {}
-    for path in sorted(_PAGE_FOLDER.glob("*.js")):
-        encoded = base64.b64encode(path.read_bytes()).decode()
-        imports[f"studio/{path.name}"] = f"data:text/javascript;base64,{encoded}"
-    return (
-        f'<script type="importmap">{json.dumps({"imports": imports})}</script>\n'
-        '<script type="module">import "studio/app.js";</script>'
-    )
 
 
 def _silent(_share: float, _text: str) -> None:

@@ -15,10 +15,15 @@ from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
-from vinefab.physics.growth_pressure import FITTED, growth_pressure_kpa
+from vinefab.physics.growth_pressure import (
+    FITTED,
+    constants_by_level,
+    growth_pressure_kpa,
+    growth_pressures_kpa,
+)
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.prediction.deploy import History
-from vinefab.prediction.measures import LOOSE, growth_pressures_kpa
+from vinefab.prediction.measures import LOOSE
 
 PRESSED = GrowthOptions.published(pressure_stop=True)
 OPEN = Terrain.of(Map(name="open", bounds=box(-4000.0, -4000.0, 4000.0, 4000.0)))
@@ -123,10 +128,16 @@ def test_a_slide_ends_where_drag_and_turn_have_used_up_the_pressure(engine, vine
     assert_allclose(grown.tips_mm[0], [100.0, 100.0 * math.tan(angle_rad)], rtol=1e-9)
 
 
+def pressures_kpa(deployment, robot, constants):
+    widths_mm = robot.build.widths_mm
+    by_level = constants_by_level(widths_mm, constants)
+    return growth_pressures_kpa([deployment], widths_mm, [by_level])[0]
+
+
 def some_pressure_kpa(robot, terrain, pose, options, constants, rng):
     """Return a pressure that some of the branches need, where any grew."""
     free = grow_on(robot, terrain, pose, options)
-    (needed_kpa,) = growth_pressures_kpa([free], robot, [constants])
+    needed_kpa = pressures_kpa(free, robot, constants)
     known = needed_kpa[np.isfinite(needed_kpa)]
     return float(rng.uniform(0.98 * known.min(), known.max())) if len(known) else 10.0
 
@@ -155,7 +166,7 @@ def test_twins_agree_and_pressure_is_used_up_where_it_stops(
         plain = grow_reference(robot, terrain, pose, options)
         assert fast.stop.tolist() == plain.stop.tolist(), number
         assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
-        (needed_kpa,) = growth_pressures_kpa([fast], robot, [constants])
+        needed_kpa = pressures_kpa(fast, robot, constants)
         working_kpa = robot.build.pressure_kpa
         ended = fast.stop == Stop.PRESSURE
         inside = fast.deployed & ~ended

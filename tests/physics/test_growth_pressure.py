@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.oracles.grown_paths import grown_paths
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.growth.options import GrowthOptions
@@ -24,7 +25,6 @@ from vinefab.physics.growth_pressure import (
     FITTED,
     GrowthPath,
     capstan_factor,
-    grown_paths,
     growth_pressure_kpa,
     planned_growth_kpa,
     planned_paths,

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
+from tests.oracles.grown_paths import grown_paths
 from vinefab.core.statistics import mean_interval
-from vinefab.model.deployment import Deployment, Stop
-from vinefab.model.design import Build, Design, Level
+from vinefab.model.deployment import Stop
 from vinefab.model.map import Pose
-from vinefab.model.tree import branch_tree
-from vinefab.physics.growth_pressure import grown_paths, riding_mm
+from vinefab.physics.growth_pressure import constants_by_level, growth_pressures_kpa, riding_mm
 from vinefab.prediction.family_deployments import PredictionPlan, PreparedFamily, deploy_family
 from vinefab.prediction.measures import (
     ANCHORING,
@@ -26,8 +25,6 @@ from vinefab.prediction.measures import (
     UNDEPLOYED,
     MeasureSpread,
     MeasureTable,
-    constants_by_level,
-    growth_pressures_kpa,
     shares_percent,
 )
 
@@ -49,13 +46,14 @@ def test_a_straight_vine_in_an_empty_room_gives_what_paper_and_pencil_give(strai
 
 
 def test_pressures_on_arrays_are_those_of_paths_from_the_base(result, explorer):
-    riding = riding_mm(result.deployments[0].tree, explorer.build.widths_mm)
+    widths_mm = explorer.build.widths_mm
+    riding = riding_mm(result.deployments[0].tree, widths_mm)
+    several = [constants_by_level(widths_mm, fit) for fit in (LOOSE, TIGHT)]
     turned = 0
     for deployment in result.deployments:
-        rows = growth_pressures_kpa([deployment], explorer)
+        rows = growth_pressures_kpa([deployment], widths_mm, several)
         assert (np.isfinite(rows) == deployment.deployed).all()
-        for fit, row in zip((LOOSE, TIGHT), rows, strict=True):
-            levels = constants_by_level(explorer, fit)
+        for levels, row in zip(several, rows, strict=True):
             for branch, path in grown_paths(deployment).items():
                 own = levels[deployment.tree.level[branch] - 1]
                 turned += path.turn_rad > 1.0
@@ -123,20 +121,11 @@ def test_numbers_are_shown_with_their_digits_and_unit(measure, value, text):
 
 
 def test_shares_of_branches_are_counted():
-    fan = Level(branches=3, length_mm=40.0, fan_rad=1.0)
-    design = Design(name="d", trunk_length_mm=80.0, levels=(fan,), build=Build.standard(2))
-    tree = branch_tree(design)
-    deployment = Deployment(
-        tree=tree,
-        pose=Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.0),
-        points_mm=np.array([[0, 0], [80, 0], [80, 0], [80, 40], [80, 0], [90, 0]], dtype=float),
-        first_point=np.array([0, 2, 4, 6, 6]),
-        stop=np.array([Stop.FULL_LENGTH, Stop.HEAD_ON, Stop.CORNER, Stop.NOT_DEPLOYED]),
-        grown_mm=np.array([80.0, 40.0, 10.0, 0.0]),
-        contact_turn_rad=np.zeros(4),
-    )
-    # 130 of 200 mm; two of four branches stuck, one never emerged.
-    assert shares_percent(deployment) == pytest.approx((65.0, 50.0, 25.0))
+    stop = [Stop.FULL_LENGTH, Stop.HEAD_ON, Stop.CORNER, Stop.NOT_DEPLOYED, Stop.FULL_LENGTH]
+    grown_mm = np.array([80.0, 40.0, 10.0, 0.0, 50.0])
+    found = shares_percent(np.array(stop), grown_mm, np.array([0, 4, 5]), np.array([200.0, 50.0]))
+    # 130 of 200 mm; two of four branches stuck, one never emerged. Then one that grew in full.
+    assert pytest.approx(np.array([(65.0, 50.0, 25.0), (100.0, 0.0, 0.0)])) == found.T
 
 
 def test_measures_of_a_straight_vine_with_tight_film_and_one_leaf(straight):

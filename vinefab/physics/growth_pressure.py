@@ -13,7 +13,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
-from vinefab.core.validation import Floats
+from vinefab.core.validation import Floats, Ints
 from vinefab.model.deployment import Deployment
 from vinefab.model.laser import GrowthConstants, Quantity, Standing
 from vinefab.model.tree import BranchTree
@@ -171,28 +171,6 @@ def planned_paths(tree: BranchTree) -> tuple[GrowthPath, ...]:
     return tuple(_path(found) for found in steps)
 
 
-def grown_paths(deployment: Deployment) -> dict[int, GrowthPath]:
-    """Return the path to the tip of every branch that deployed, by its index.
-
-    Notes
-    -----
-    Turns are taken from the chains: between two segments, and at a branch's base between the
-    parent's last heading and the first segment. So a joint and the hinge that bends it back are
-    one turn, the difference of the two.
-    """
-    tree = deployment.tree
-    steps: dict[int, Steps] = {}
-    headings_rad: dict[int, float] = {}
-    for branch in np.flatnonzero(deployment.deployed).tolist():
-        parent = int(tree.parent[branch])
-        joint_rad = float(tree.offset_rad[branch])
-        before = headings_rad[parent] if parent >= 0 else deployment.pose.heading_rad
-        own, heading_rad = _chain_steps(deployment.chain_mm(branch), before, joint_rad)
-        steps[branch] = [*(steps[parent] if parent >= 0 else []), *own]
-        headings_rad[branch] = heading_rad
-    return {branch: _path(found) for branch, found in steps.items()}
-
-
 def riding_mm(tree: BranchTree, widths_mm: tuple[float, ...]) -> Floats:
     """Return the film inside each branch for its descendants, as a length of its own film.
 
@@ -214,24 +192,6 @@ def riding_mm(tree: BranchTree, widths_mm: tuple[float, ...]) -> Floats:
     for branch in range(len(tree) - 1, 0, -1):
         inside_mm2[tree.parent[branch]] += inside_mm2[branch] + film_mm2[branch]
     return np.asarray(inside_mm2 / width_mm)
-
-
-def _chain_steps(chain_mm: Floats, before_rad: float, joint_rad: float) -> tuple[Steps, float]:
-    """Return turn and length of each segment of a chain, and the last heading.
-
-    The film comes to the chain's base along ``before_rad``.
-    """
-    runs = np.diff(chain_mm, axis=0)
-    lengths = np.hypot(runs[:, 0], runs[:, 1])
-    # A step as short as the rounding of its places has no direction.
-    long = lengths > _ROUNDING * np.abs(chain_mm).max()
-    runs, lengths = runs[long], lengths[long]
-    if len(runs) == 0:  # it emerged and stopped at once
-        return [(abs(joint_rad), 0.0)], before_rad + joint_rad
-    headings = np.concatenate([[before_rad], np.arctan2(runs[:, 1], runs[:, 0])])
-    turns = np.abs(np.remainder(np.diff(headings) + math.pi, math.tau) - math.pi)
-    steps = list(zip(turns.tolist(), lengths.tolist(), strict=True))
-    return steps, float(headings[-1])
 
 
 def _path(steps: Steps) -> GrowthPath:
@@ -279,3 +239,128 @@ def planned_growth_kpa(
     unscaled = constants.yield_kpa.value + store_kpa * factor + before_kpa + own_kpa
     diameter_mm = inflated_diameter_mm(1.0) * np.array(widths_mm)
     return np.asarray(unscaled * (fitted_diameter_mm / diameter_mm)[tree.level - 1])
+
+
+# --- Paths of deployments ------------------------------------------------------------------------
+
+
+def constants_by_level(
+    widths_mm: Sequence[float],
+    constants: GrowthConstants,
+    fitted_diameter_mm: float = FITTED_DIAMETER_MM.value,
+) -> list[GrowthConstants]:
+    """Return the growth constants of tubes by their lay-flat widths."""
+    return [
+        constants.at_diameter(inflated_diameter_mm(width_mm), fitted_diameter_mm)
+        for width_mm in widths_mm
+    ]
+
+
+def growth_pressures_kpa(
+    deployments: Sequence[Deployment],
+    widths_mm: tuple[float, ...],
+    several: Sequence[Sequence[GrowthConstants]],
+) -> Floats:
+    """Return the pressure for growth to the tip of every branch that deployed; NaN for others.
+
+    Of several deployments the tips come one after the other.
+
+    Parameters
+    ----------
+    widths_mm
+        Lay-flat width of each level, trunk first.
+    several
+        Constants of the tube of each level, trunk first; several sets with the same friction.
+
+    Returns
+    -------
+    array
+        A row for each set of constants, kPa; shape (sets, n).
+
+    Notes
+    -----
+    ``P = Y + (T + f l_r) G + f M``: G is the product of ``e^(mu theta)`` over all turns of the
+    path, M the sum of its lengths, each times that product over the turns behind it. Turns are
+    taken from the chains: between two segments, and at a branch's base between the parent's last
+    heading and the first segment. So a joint and the hinge that bends it back are one turn.
+    """
+    gain, drawn_mm = _path_gains(deployments, several[0][0].friction.value)
+    own = np.concatenate([deployment.tree.level for deployment in deployments]) - 1
+    of_tree: dict[int, Floats] = {}  # deployments of one plan share their tree
+    for deployment in deployments:
+        if id(deployment.tree) not in of_tree:
+            of_tree[id(deployment.tree)] = riding_mm(deployment.tree, widths_mm)
+    riding = np.concatenate([of_tree[id(deployment.tree)] for deployment in deployments])
+    rows = []
+    for levels in several:
+        yielding = np.array([level.yield_kpa.value for level in levels])[own]
+        storage = np.array([level.storage_kpa.value for level in levels])[own]
+        drag_kpa_mm = np.array([level.drag_kpa_m.value / 1000.0 for level in levels])[own]
+        rows.append(yielding + (storage + drag_kpa_mm * riding) * gain + drag_kpa_mm * drawn_mm)
+    return np.array(rows)
+
+
+def _path_gains(deployments: Sequence[Deployment], friction: float) -> tuple[Floats, Floats]:
+    """Return G and M (mm) of the path to each tip; NaN where none emerged.
+
+    All deployments are worked out together, as one forest: its arrays are theirs one after the
+    other, shape (n,) each in all.
+    """
+    counts = [len(deployment.tree) for deployment in deployments]
+    begin = np.repeat(np.cumsum([0, *counts[:-1]]), counts)
+    levels = np.concatenate([deployment.tree.level for deployment in deployments])
+    parent = np.concatenate([deployment.tree.parent for deployment in deployments]) + begin
+    offset_rad = np.concatenate([deployment.tree.offset_rad for deployment in deployments])
+    deployed = np.concatenate([deployment.deployed for deployment in deployments])
+    start_rad = np.repeat([deployment.pose.heading_rad for deployment in deployments], counts)
+    runs = _Runs.of(deployments)
+    gain, drawn_mm, heading = np.full((3, len(levels)), np.nan)
+    for level in range(1, int(levels.max()) + 1):
+        members = np.flatnonzero((levels == level) & deployed)
+        parents, joint = parent[members], offset_rad[members]
+        if level == 1:
+            before, g, m = start_rad[members], np.ones(len(members)), np.zeros(len(members))
+        else:
+            before, g, m = heading[parents], gain[parents], drawn_mm[parents]
+        turn = np.abs(joint)
+        for step in range(max(1, int(runs.count[members].max(initial=0)))):
+            has = runs.count[members] > step
+            at = runs.first[members[has]] + step
+            # At the base net: a joint and the hinge that bends it back are one turn.
+            between = np.remainder(runs.heading[at] - before[has] + math.pi, math.tau) - math.pi
+            turn[has] = np.abs(between)
+            bend = np.exp(friction * turn)
+            g, m = g * bend, m * bend
+            m[has] += runs.length_mm[at]
+            before[has] = runs.heading[at]
+            turn = np.zeros(len(members))
+        straight = runs.count[members] == 0  # it emerged and stopped at once
+        gain[members], drawn_mm[members] = g, m
+        heading[members] = np.where(straight, before + joint, before)
+    return gain, drawn_mm
+
+
+@dataclass(frozen=True, slots=True)
+class _Runs:
+    """The straight stretches of all branches, one branch after the other."""
+
+    heading: Floats
+    length_mm: Floats
+    first: Ints
+    count: Ints
+
+    @classmethod
+    def of(cls, deployments: Sequence[Deployment]) -> "_Runs":
+        """Return the stretches of deployments; one as short as rounding has no direction."""
+        points = np.concatenate([deployment.points_mm for deployment in deployments])
+        of_branch = np.concatenate([np.diff(one.first_point) for one in deployments])
+        run = np.diff(points, axis=0)
+        length = np.hypot(run[:, 0], run[:, 1])
+        branch = np.repeat(np.arange(len(of_branch)), of_branch)
+        largest = np.zeros(len(of_branch))
+        np.maximum.at(largest, branch, np.abs(points).max(axis=1, initial=0.0))
+        real = (branch[:-1] == branch[1:]) & (length > _ROUNDING * largest[branch[:-1]])
+        count = np.bincount(branch[:-1][real], minlength=len(of_branch))
+        return cls(
+            np.arctan2(run[real, 1], run[real, 0]), length[real], np.cumsum(count) - count, count
+        )

@@ -1,6 +1,5 @@
 """Sections on deployments: how measures are spread, some of them drawn, how branches ended."""
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -177,32 +176,25 @@ def _capital(text: str) -> str:
 
 def stop_table(label: str, deployments: Sequence[Deployment]) -> Rows:
     """Return how the branches of some deployments ended, a row for each level."""
-    levels: dict[int, Counter[int]] = {}
-    shares: dict[int, list[float]] = {}
-    for deployment in deployments:
-        tree = deployment.tree
-        part = 100.0 * deployment.grown_mm / tree.length_mm
-        for level, stop, grown in zip(
-            tree.level.tolist(), deployment.stop.tolist(), part.tolist(), strict=True
-        ):
-            levels.setdefault(level, Counter())[stop] += 1
-            if stop in STUCK_STOPS:
-                shares.setdefault(level, []).append(grown)
+    found = [(one.tree.level, one.stop, one.grown_mm / one.tree.length_mm) for one in deployments]
+    levels, stops, shares = (np.concatenate(column) for column in zip(*found, strict=True))
     # Stops that only some rules of growth have are shown where they occur.
-    met = [s for s in Stop if s <= Stop.PRESSURE or any(c[s] for c in levels.values())]
-    rows = tuple(
-        (
-            str(level),
-            *(f"{100 * counts[stop] / counts.total():.1f} %" for stop in met),
-            f"{np.median(shares[level]):.0f} %" if level in shares else "-",
+    met = [stop for stop in Stop if stop <= Stop.PRESSURE or (stops == stop).any()]
+    rows = list[tuple[str, ...]]()
+    for level in range(1, int(levels.max()) + 1):
+        ended, grown = stops[levels == level], shares[levels == level]
+        stuck = grown[np.isin(ended, STUCK_STOPS)]
+        rows.append(
+            (
+                str(level),
+                *(f"{100 * np.mean(ended == stop):.1f} %" for stop in met),
+                f"{100 * np.median(stuck):.0f} %" if len(stuck) else "-",
+            )
         )
-        for level, counts in sorted(levels.items())
-    )
-    total = sum(len(deployment.tree) for deployment in deployments)
     return Rows(
-        caption=f"{_capital(label)}: how {counted(total, 'branch')} of "
+        caption=f"{_capital(label)}: how {counted(len(stops), 'branch')} of "
         f"{counted(len(deployments), 'deployment')} ended "
         "(simulated)",
         headings=("level", *(STOP_WORDS[stop] for stop in met), "grown when stuck (median)"),
-        rows=rows,
+        rows=tuple(rows),
     )

@@ -1,5 +1,6 @@
 """A design deployed on families of maps from many poses, and what each deployment measures."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -62,10 +63,12 @@ def unseen_maps(
 
 def numbered_names(names: Sequence[str]) -> tuple[str, ...]:
     """Return names that are all different: equal ones get a number."""
-    return tuple(
-        f"{name} ({names[: index + 1].count(name)})" if names.count(name) > 1 else name
-        for index, name in enumerate(names)
-    )
+    total, seen = Counter(names), Counter[str]()
+    found = []
+    for name in names:
+        seen[name] += 1
+        found.append(f"{name} ({seen[name]})" if total[name] > 1 else name)
+    return tuple(found)
 
 
 ProgressCallback = Callable[[float, str], None]
@@ -117,6 +120,12 @@ class PreparedFamily:
     def names(self) -> tuple[str, ...]:
         """Name of each map; maps of one name are told apart by a number."""
         return numbered_names([prepared_map.world.name for prepared_map in self.maps])
+
+    @property
+    def launch_names(self) -> list[str]:
+        """The name of the map of each deployment."""
+        names = self.names
+        return [name for name, places in zip(names, self.poses, strict=True) for _ in places]
 
     @property
     def distinct(self) -> "PreparedFamily":

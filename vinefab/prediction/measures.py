@@ -13,17 +13,15 @@ from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import Number, bracketed
 from vinefab.growth.batch import GrowthBlock
-from vinefab.model.deployment import STUCK_STOPS, Deployment
+from vinefab.model.deployment import STUCK_STOPS, Deployment, Stop
 from vinefab.model.design import Design
-from vinefab.model.laser import GrowthConstants
 from vinefab.model.map import Pose
 from vinefab.physics.growth_pressure import (
     FITTED,
-    FITTED_DIAMETER_MM,
     NO_TENSION,
-    riding_mm,
+    constants_by_level,
+    growth_pressures_kpa,
 )
-from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.map_context import MapContext
@@ -338,16 +336,17 @@ def measured_shapes(
     """Return all but the last two of `MEASURES`, which are the pressures, a row per growth."""
     coverage = Coverage().evaluate_block(block, contexts)
     reach = Reach().evaluate_block(block, [one.without_targets for one in contexts])
-    rows = []
+    held_by = []
     for index, terrain in enumerate(block.terrain.tolist()):
         grown = block.deployment(index)
         held = anchoring.anchored(grown, design.build, contexts[terrain])
         amplified = held.amplification(anchoring.friction)[0]
         # A robot has one of both, so that neither is taken for the other.
         both = (amplified, math.nan) if held.has_pouches[0] else (math.nan, amplified)
-        rows.append((*both, *shares_percent(grown)))
+        held_by.append(both)
     areas = coverage.score, 100.0 * coverage.terms["area"], 100.0 * reach.score
-    return np.column_stack([*areas, touched_percent(block, contexts), np.array(rows)])
+    anchored, touched = np.array(held_by).T, touched_percent(block, contexts)
+    return np.column_stack([*areas, touched, *anchored, *block_shares_percent(block)])
 
 
 def touched_percent(block: GrowthBlock, contexts: Sequence[MapContext]) -> Floats:
@@ -357,11 +356,34 @@ def touched_percent(block: GrowthBlock, contexts: Sequence[MapContext]) -> Float
     return 100.0 * Reach(falloff_mm=0.0).evaluate_block(block, contexts).score
 
 
-def shares_percent(deployment: Deployment) -> tuple[float, float, float]:
-    """Return length grown, branches that got stuck and branches never emerged, in percent."""
-    grown = deployment.grown_mm.sum() / deployment.tree.total_length_mm
-    stuck = np.isin(deployment.stop, STUCK_STOPS).mean()
-    return 100.0 * float(grown), 100.0 * float(stuck), 100.0 * float((~deployment.deployed).mean())
+def block_shares_percent(block: GrowthBlock) -> Floats:
+    """Return `shares_percent` of every growth of a block."""
+    growth = block.growth
+    return shares_percent(growth.stop, growth.grown, block.branch, block.planned_mm())
+
+
+def shares_percent(stop: Ints, grown_mm: Floats, first: Ints, planned_mm: Floats) -> Floats:
+    """Return length grown, branches that got stuck and branches never emerged, in percent.
+
+    Parameters
+    ----------
+    stop, grown_mm
+        Of every branch, growth after growth.
+    first
+        Where the branches of each growth begin, with the total at the end, shape (j + 1,).
+    planned_mm
+        Planned length of each growth's tree, shape (j,).
+
+    Returns
+    -------
+    array
+        Shape (3, j).
+    """
+    stuck, inside = np.isin(stop, STUCK_STOPS), stop == Stop.NOT_DEPLOYED
+    sums = np.add.reduceat(
+        np.array([grown_mm, stuck, inside], dtype=np.float64), first[:-1], axis=1
+    )
+    return np.asarray(100.0 * sums / np.array([planned_mm, *[np.diff(first)] * 2]))
 
 
 def worst_pressures_of(deployments: Sequence[Deployment], design: Design) -> Floats:
@@ -369,7 +391,9 @@ def worst_pressures_of(deployments: Sequence[Deployment], design: Design) -> Flo
 
     Shape (2, n); NaN where nothing emerged.
     """
-    pressures = growth_pressures_kpa(deployments, design)
+    widths_mm = design.build.widths_mm
+    several = [constants_by_level(widths_mm, fit) for fit in (LOOSE, TIGHT)]
+    pressures = growth_pressures_kpa(deployments, widths_mm, several)
     first = np.cumsum([0, *(len(deployment.tree) for deployment in deployments[:-1])])
     worst = np.fmax.reduceat(pressures, first, axis=1)
     return np.asarray(worst)
@@ -379,116 +403,3 @@ LOOSE = FITTED.changed(storage_kpa=NO_TENSION)
 
 TIGHT = FITTED
 """Film that nothing holds back as it leaves its store, and film on a tight spool."""
-
-
-def growth_pressures_kpa(
-    deployments: Sequence[Deployment],
-    design: Design,
-    fits: Sequence[GrowthConstants] = (LOOSE, TIGHT),
-) -> Floats:
-    """Return the pressure that growth to each tip takes, a row per fit, shape (fits, n).
-
-    Of several deployments the tips come one after the other.
-
-    The same model as `physics.growth_pressure`, which says what counts as a turn. There every
-    path is worked out from its base; here each branch goes on from its parent's result, on arrays.
-    Branches that never emerged get NaN.
-
-    Parameters
-    ----------
-    fits
-        Constants of the tube that was measured, with the same friction; they are scaled to the
-        diameter of each level.
-
-    Notes
-    -----
-    ``P = Y + (T + f l_r) G + f M``: G is the product of ``e^(mu theta)`` over all turns of the
-    path, M the sum of its lengths, each times that product over the turns behind it.
-    """
-    gain, drawn_mm = _path_gains(deployments, fits[0].friction.value)
-    own = np.concatenate([deployment.tree.level for deployment in deployments]) - 1
-    of_tree: dict[int, Floats] = {}  # deployments of one plan share their tree
-    for deployment in deployments:
-        if id(deployment.tree) not in of_tree:
-            of_tree[id(deployment.tree)] = riding_mm(deployment.tree, design.build.widths_mm)
-    riding = np.concatenate([of_tree[id(deployment.tree)] for deployment in deployments])
-    rows = []
-    for fit in fits:
-        levels = constants_by_level(design, fit)
-        yielding = np.array([level.yield_kpa.value for level in levels])[own]
-        storage = np.array([level.storage_kpa.value for level in levels])[own]
-        drag_kpa_mm = np.array([level.drag_kpa_m.value / 1000.0 for level in levels])[own]
-        rows.append(yielding + (storage + drag_kpa_mm * riding) * gain + drag_kpa_mm * drawn_mm)
-    return np.array(rows)
-
-
-def constants_by_level(design: Design, fit: GrowthConstants) -> tuple[GrowthConstants, ...]:
-    """Return the growth constants of each level's tube, trunk first."""
-    return tuple(
-        fit.at_diameter(inflated_diameter_mm(width_mm), FITTED_DIAMETER_MM.value)
-        for width_mm in design.build.widths_mm
-    )
-
-
-def _path_gains(deployments: Sequence[Deployment], friction: float) -> tuple[Floats, Floats]:
-    """Return G and M (mm) of the path to each tip; NaN where none emerged.
-
-    All deployments are worked out together, as one forest: its arrays are theirs one after the
-    other, shape (n,) each in all.
-    """
-    counts = [len(deployment.tree) for deployment in deployments]
-    begin = np.repeat(np.cumsum([0, *counts[:-1]]), counts)
-    levels = np.concatenate([deployment.tree.level for deployment in deployments])
-    parent = np.concatenate([deployment.tree.parent for deployment in deployments]) + begin
-    offset_rad = np.concatenate([deployment.tree.offset_rad for deployment in deployments])
-    deployed = np.concatenate([deployment.deployed for deployment in deployments])
-    start_rad = np.repeat([deployment.pose.heading_rad for deployment in deployments], counts)
-    runs = _Runs.of(deployments)
-    gain, drawn_mm, heading = np.full((3, len(levels)), np.nan)
-    for level in range(1, int(levels.max()) + 1):
-        members = np.flatnonzero((levels == level) & deployed)
-        parents, joint = parent[members], offset_rad[members]
-        if level == 1:
-            before, g, m = start_rad[members], np.ones(len(members)), np.zeros(len(members))
-        else:
-            before, g, m = heading[parents], gain[parents], drawn_mm[parents]
-        turn = np.abs(joint)
-        for step in range(max(1, int(runs.count[members].max(initial=0)))):
-            has = runs.count[members] > step
-            at = runs.first[members[has]] + step
-            # At the base net: a joint and the hinge that bends it back are one turn.
-            between = np.remainder(runs.heading[at] - before[has] + math.pi, math.tau) - math.pi
-            turn[has] = np.abs(between)
-            bend = np.exp(friction * turn)
-            g, m = g * bend, m * bend
-            m[has] += runs.length_mm[at]
-            before[has] = runs.heading[at]
-            turn = np.zeros(len(members))
-        straight = runs.count[members] == 0  # it emerged and stopped at once
-        gain[members], drawn_mm[members] = g, m
-        heading[members] = np.where(straight, before + joint, before)
-    return gain, drawn_mm
-
-
-@dataclass(frozen=True, slots=True)
-class _Runs:
-    """The straight stretches of all branches, one branch after the other."""
-
-    heading: Floats
-    length_mm: Floats
-    first: Ints
-    count: Ints
-
-    @classmethod
-    def of(cls, deployments: Sequence[Deployment]) -> "_Runs":
-        """Return the stretches of deployments that have a length."""
-        points = np.concatenate([deployment.points_mm for deployment in deployments])
-        of_branch = np.concatenate([np.diff(one.first_point) for one in deployments])
-        run = np.diff(points, axis=0)
-        length = np.hypot(run[:, 0], run[:, 1])
-        branch = np.repeat(np.arange(len(of_branch)), of_branch)
-        real = (branch[:-1] == branch[1:]) & (length > 0.0)
-        count = np.bincount(branch[:-1][real], minlength=len(of_branch))
-        return cls(
-            np.arctan2(run[real, 1], run[real, 0]), length[real], np.cumsum(count) - count, count
-        )

@@ -5,9 +5,9 @@ tube that the growth pressure was fitted to, and how the film is stored. None of
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.growth.batch import Batch, GrowthBlock
 from vinefab.growth.options import BRANCH_CONTACTS, GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.model.deployment import STUCK_STOPS, Stop
+from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
 from vinefab.pages.page_svg import page_svg
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, FITTED_DIAMETER_RANGE_MM
@@ -36,6 +36,7 @@ from vinefab.prediction.measures import (
     TOUCHED,
     Measure,
     MeasureTable,
+    block_shares_percent,
     means_by_map,
     samples_text,
     touched_percent,
@@ -132,11 +133,15 @@ def contact_angles_words(angles_deg: Sequence[float], standing: str) -> str:
 def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptions) -> ContactRange:
     """Deploy a design from a family's poses at every half-angle of the range."""
     prepared = prepared.distinct
-    names = [prepared.names[index] for index in prepared.launches().terrain.tolist()]
+    names = prepared.launch_names
+
+    @cache  # some ranges have a choice in common: the one of the prediction
+    def measured(choice: GrowthOptions) -> dict[Measure, Floats]:
+        return _contact_measures(design, prepared, choice)
+
     columns = dict[str, list[ContactValue]]()
     for angle_deg in options.contact_angles_deg:
-        at_angle = options.changed(head_on_half_angle_rad=rad(angle_deg))
-        table = _contact_measures(design, prepared, at_angle)
+        table = measured(options.changed(head_on_half_angle_rad=rad(angle_deg)))
         for measure, values in table.items():
             columns.setdefault(measure.key, []).append(contact_value(values, names, measure))
     return ContactRange(
@@ -145,19 +150,29 @@ def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptio
         values={key: tuple(values) for key, values in columns.items()},
         angles_deg=options.contact_angles_deg,
         standing=options.contact_angles_standing,
-        rules=rule_ranges(design, prepared, options) if design.levels else (),
+        rules=_rule_ranges(measured, names, options) if design.levels else (),
     )
 
 
-def rule_ranges(
-    design: Design, prepared: PreparedFamily, options: GrowthOptions
+def _rule_ranges(
+    measured: Callable[[GrowthOptions], dict[Measure, Floats]],
+    names: Sequence[str],
+    options: GrowthOptions,
 ) -> tuple[RuleRange, ...]:
-    """Deploy a design from a family's poses under every other choice that contacts leave open."""
+    """Return measures under every other choice that contacts leave open."""
+
+    def over(variants: Sequence[GrowthOptions], **words: Any) -> RuleRange:  # noqa: ANN401
+        tables = [measured(one) for one in variants]
+        values = {
+            measure.key: tuple(contact_value(table[measure], names) for table in tables)
+            for measure in tables[0]
+        }
+        choices = tuple(getattr(one, words["option"]) for one in variants)
+        return RuleRange(choices=choices, values=values, **words)
+
     chances = options.emergences
     return (
-        _rule_range(
-            design,
-            prepared,
+        over(
             [options.changed(branch_contact=choice) for choice in BRANCH_CONTACTS],
             option="branch_contact",
             title="What a tip does at the body of another branch",
@@ -166,9 +181,7 @@ def rule_ranges(
             short="branches pass, or stop at each other",
             standing="assumed",
         ),
-        _rule_range(
-            design,
-            prepared,
+        over(
             [options.changed(emergence=chance) for chance in chances],
             option="emergence",
             title="Probability that a child comes out of its parent's tip",
@@ -179,22 +192,6 @@ def rule_ranges(
             standing=options.emergences_standing,
         ),
     )
-
-
-def _rule_range(
-    design: Design,
-    prepared: PreparedFamily,
-    variants: Sequence[GrowthOptions],
-    **words: Any,  # noqa: ANN401  the words of `RuleRange`
-) -> RuleRange:
-    names = [prepared.names[index] for index in prepared.launches().terrain.tolist()]
-    tables = [_contact_measures(design, prepared, options) for options in variants]
-    values = {
-        measure.key: tuple(contact_value(table[measure], names) for table in tables)
-        for measure in tables[0]
-    }
-    choices = tuple(getattr(options, words["option"]) for options in variants)
-    return RuleRange(choices=choices, values=values, **words)
 
 
 def known(values: Mapping[str, object]) -> tuple[Measure, ...]:
@@ -212,12 +209,9 @@ def _contact_measures(
     def measured(block: GrowthBlock) -> Floats:
         coverage = outcomes(Coverage(area="fast"), block, contexts)
         reach = outcomes(Reach(area="fast"), block, areas)
-        edges = block.branch[:-1]
-        grown = np.add.reduceat(block.growth.grown, edges) / block.planned_mm()
-        stuck = np.isin(block.growth.stop, STUCK_STOPS).astype(np.float64)
-        share = np.add.reduceat(stuck, edges) / np.diff(block.branch)
-        rows = (coverage.score, 100 * coverage.terms["area"], 100 * reach.score, 100 * grown)
-        return np.array([*rows, 100 * share, touched_percent(block, contexts)])
+        grown, stuck, _ = block_shares_percent(block)
+        rows = (coverage.score, 100 * coverage.terms["area"], 100 * reach.score, grown, stuck)
+        return np.array([*rows, touched_percent(block, contexts)])
 
     batch = Batch(Plans.of([design], options), prepared.launches(), options)
     table = np.concatenate(list(batch.each(measured)), axis=1)

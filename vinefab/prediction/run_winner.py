@@ -129,7 +129,7 @@ class WinnerTrial:
 
     def failures(self, family: PreparedFamily) -> Failures:
         """Return in how many deployments it touches no target, or hardly leaves its base."""
-        launches, names = family.launches(), names_of(family)
+        launches, names = family.launches(), family.launch_names
         worlds = [place.world for place in family.maps]
         touched = design_touches(self.design, worlds, launches, self.growth, self.task)
         if touched is not None and all(len(one.touched) == len(names) for one in touched.outcomes):
@@ -144,7 +144,7 @@ class WinnerTrial:
 
     def over_contacts(self, family: PreparedFamily) -> tuple[ContactValue, ...]:
         """Return the mean score at every half-angle that predictions are shown for."""
-        names = names_of(family)
+        names = family.launch_names
         at_angles = [
             self.growth.changed(head_on_half_angle_rad=rad(angle))
             for angle in self.growth.contact_angles_deg
@@ -163,7 +163,7 @@ class WinnerTrial:
             variants = [self.growth.changed(**{option: choice}) for choice in choices]
             means = {
                 key: [
-                    _value(contact_value(self.scores(family, growth), names_of(family)))
+                    _value(contact_value(self.scores(family, growth), family.launch_names))
                     for growth in variants
                 ]
                 for key, family in families.items()
@@ -200,18 +200,13 @@ class WinnerTrial:
         kept = tuple(tuple(pose for pose in row if pose) for row in poses)
         values = np.full(len(exact), np.nan)
         values[free] = self.scores(replace(family, poses=kept))
-        change = contact_value(values - exact, names_of(family))
+        change = contact_value(values - exact, family.launch_names)
         return {
             "deployments": int(free.sum()),
             "change": change.mean,
             **_ends(change.low, change.high),
             "over": change.over,
         }
-
-
-def names_of(family: PreparedFamily) -> list[str]:
-    """Return the map of each deployment."""
-    return [family.names[index] for index in family.launches().terrain.tolist()]
 
 
 def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
@@ -258,7 +253,7 @@ def _family_content(trial: WinnerTrial, family: PreparedFamily) -> dict[str, Any
         "label": family.label,
         "maps": len(family.maps),
         "deployments": len(scores),
-        "score": _value(contact_value(scores, names_of(family))),
+        "score": _value(contact_value(scores, family.launch_names)),
         "scores": [round(score, 4) for score in scores.tolist()],
         "failed": asdict(trial.failures(family)),
         "over_contacts": [_value(value) for value in trial.over_contacts(family)],

@@ -35,9 +35,9 @@ from vinefab.prediction.measures import (
     SEEN,
     STUCK,
     Measure,
+    block_shares_percent,
     means_by_map,
     samples_text,
-    shares_percent,
     worst_pressures_of,
 )
 from vinefab.prediction.pictures import effect_panels
@@ -183,10 +183,9 @@ class VariantEvaluator:
         def measured(block: GrowthBlock) -> Floats:
             seen = outcomes(Coverage(area="fast"), block, contexts).terms["area"]
             reached = outcomes(Reach(area="fast"), block, contexts).score
-            deployments = [block.deployment(index) for index in range(len(block))]
-            unpressed.extend(deployments)
-            shares = np.array([shares_percent(deployment)[:2] for deployment in deployments])
-            return np.column_stack([100.0 * seen, 100.0 * reached, shares])
+            unpressed.extend(block.deployment(index) for index in range(len(block)))
+            grown, stuck, _ = block_shares_percent(block)
+            return np.column_stack([100.0 * seen, 100.0 * reached, grown, stuck])
 
         batch = Batch(Plans.joined(plans), launches, options, self._workspaces)
         rows = np.concatenate(list(batch.each(measured)))

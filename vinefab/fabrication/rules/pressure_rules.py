@@ -8,7 +8,7 @@ deployed shape read the subject's pattern (simulated, `vinefab.inflation`) and s
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 
@@ -43,7 +43,8 @@ from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 from vinefab.physics.growth_pressure import (
     FITTED,
     FITTED_DIAMETER_MM,
-    grown_paths,
+    constants_by_level,
+    growth_pressures_kpa,
     planned_paths,
     riding_mm,
 )
@@ -321,27 +322,47 @@ def worst_growths(
     build, tree = subject.design.build, subject.grown_tree
     riding, level = riding_mm(tree, build.widths_mm).tolist(), tree.level.tolist()
     # A tapered branch is narrowest, and needs most, at its tip.
-    diameters_mm = [inflated_diameter_mm(end_mm) for end_mm in build.end_widths_mm]
-    by_level = [[c.at_diameter(d_mm, fitted_mm) for d_mm in diameters_mm] for c in several]
-    found: list[list[WorstBranch]] = [[] for _ in several]
+    by_level = [constants_by_level(build.end_widths_mm, one, fitted_mm) for one in several]
     # A branch that got stuck on a map still has to grow in free space, which is always checked.
-    walks = [("in free space", dict(enumerate(planned_paths(tree))))]
-    named = zip(subject.deployment_names, subject.deployments, strict=True)
-    for place, paths in chain(
-        walks, ((f"on {name}", grown_paths(deployment)) for name, deployment in named)
-    ):
-        for worst, constants in zip(found, by_level, strict=True):
-            here = (
+    paths = planned_paths(tree)
+    found = [
+        max(
+            (
                 WorstBranch(
                     pressure_kpa=path.pressure_kpa(constants[level[branch] - 1], riding[branch]),
                     branch=branch,
-                    place=place,
+                    place="in free space",
                 )
-                for branch, path in paths.items()
+                for branch, path in enumerate(paths)
+            ),
+            key=_comparable,
+        )
+        for constants in by_level
+    ]
+    named = zip(subject.deployment_names, subject.deployments, strict=True)
+    while some := list(islice(named, _TOGETHER)):
+        deployments = [deployment for _, deployment in some]
+        branches = np.concatenate([np.arange(len(each.tree)) for each in deployments])
+        owner = np.repeat(np.arange(len(some)), [len(each.tree) for each in deployments])
+        needed_kpa = growth_pressures_kpa(deployments, build.widths_mm, by_level)
+        for row, each_kpa in enumerate(np.nan_to_num(needed_kpa, nan=0.0)):
+            at = int(np.argmax(np.round(each_kpa, 9)))
+            worst = WorstBranch(
+                pressure_kpa=float(each_kpa[at]),
+                branch=int(branches[at]),
+                place=f"on {some[owner[at]][0]}",
             )
-            # Equal tips differ in the last digits only: the first of them stands for all.
-            worst[:] = [max((*worst, *here), key=lambda each: round(each.pressure_kpa, 9))]
-    return [worst for (worst,) in found]
+            found[row] = max(found[row], worst, key=_comparable)
+    return found
+
+
+_TOGETHER = 128
+"""Deployments that are looked at together."""
+
+
+def _comparable(worst: WorstBranch) -> float:
+    """Return a pressure; equal tips differ in the last digits only, and the first is taken."""
+    return round(worst.pressure_kpa, 9)
 
 
 def _violation(

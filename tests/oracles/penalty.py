@@ -4,25 +4,24 @@ import math
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
-from tests.oracles.quick_cuts import PieceLimits, quick_cuts
+import numpy as np
+
+from tests.oracles.quick_cuts import PieceLimits, pair_depths, quick_cuts, straight_begins_mm
 from vinefab.fabrication.job.passes import bare_sheet_mm, taken_mm
 from vinefab.fabrication.outline.ends import pouch_takes_mm
 from vinefab.fabrication.outline.joint import (
+    crotch_reach_mm,
     largest_fillet_mm,
-    largest_turn_rad,
     level_lengths_mm,
     level_tapers_rad,
-    straight_begins_mm,
 )
 from vinefab.fabrication.outline.layout import flat_layout
-from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
+from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM, Point
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits
 from vinefab.fabrication.rules.clearance_rules import (
     ANGLE,
     CLEARANCE,
     CROTCH,
-    bare_gaps,
-    gap_angles_rad,
     least_gap_mm,
 )
 from vinefab.fabrication.rules.laser_rules import PATHS
@@ -37,14 +36,19 @@ from vinefab.fabrication.rules.rule import MOST_OF_ONE, LimitChanges, Rule, rela
 from vinefab.fabrication.rules.spacing import (
     capsules_of,
     excess_mm,
-    pair_depths,
     spacing,
 )
 from vinefab.fabrication.rules.tree_rules import PACKING, occupancies
 from vinefab.inflation.law import quick_pattern
-from vinefab.model.design import Design
+from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.laser import LaserProfile
-from vinefab.model.tree import branch_tree, child_lengths_mm, fan_offsets_rad, least_gap_rad
+from vinefab.model.tree import (
+    branch_tree,
+    child_lengths_mm,
+    fan_offsets_rad,
+    least_gap_rad,
+    widest_turn_rad,
+)
 from vinefab.physics.growth_pressure import planned_growth_kpa
 from vinefab.search.penalty_batch import MOST_CHECKED_BRANCHES, FilletSizes, width_violations
 
@@ -335,3 +339,70 @@ def _drawn_fillets_mm(design: Design) -> list[float]:
             found.append(max(0.0, min(designed, most)))
         above_mm = child_mm
     return found
+
+
+def gap_angles_rad(design: Design, number: int) -> tuple[float, ...]:
+    """Return the least angles beside the parent and between children at the end of a level.
+
+    Tapered parents count with the side that leans most, tapered children with the one that leans
+    least. A single child has a gap beside its parent only.
+    """
+    beside, *between = _gaps_rad(design, number)
+    return (beside, min(between)) if between else (beside,)
+
+
+def _gaps_rad(design: Design, number: int) -> list[float]:
+    """Return the least angle beside the parent, and that of each gap between children."""
+    level, lean = design.levels[number - 1], least_lean_rad(design, number + 1)
+    beside = math.pi - widest_turn_rad(level) - max(level_tapers_rad(design, number)) + lean
+    if isinstance(level, UnevenLevel):
+        between = np.diff(fan_offsets_rad(level)).tolist()
+    else:  # all alike, and equal to the last digit
+        between = [least_gap_rad(level)] * (level.branches - 1) if level.branches > 1 else []
+    return [beside, *(angle + 2.0 * lean for angle in between)]
+
+
+def bare_gaps(design: Design) -> list[tuple[float, float]]:
+    """Return angle and share in the crotch of every kind of gap, in closed form, without fillets.
+
+    For each level that is the gap beside the parent and, between children, the least angle and the
+    largest share. Fillets are drawn no larger than the crotch allows, so these shares exceed one
+    half exactly when those of `share_in_crotch` do.
+    """
+    found = []
+    widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
+    above_mm = design.trunk_length_mm
+    for number, level in enumerate(design.levels, start=1):
+        wide, narrow = ends_mm[number - 1] / 2.0, widths_mm[number] / 2.0
+        lengths_mm = child_lengths_mm(level).tolist()
+        shortest_mm = min(lengths_mm)
+        disc = max(wide, narrow)
+        beside, *between = _gaps_rad(design, number)
+        reach = _bare_reach_mm(beside, (wide, narrow), disc)
+        length_mm = shortest_mm if reach <= disc else min(shortest_mm, above_mm)
+        found.append((beside, reach / length_mm))
+        shares = [
+            _bare_reach_mm(angle, (narrow, narrow), disc) / min(pair)
+            for angle, pair in zip(between, pairwise(lengths_mm), strict=True)
+        ]
+        if shares:
+            found.append((min(between), max(shares)))
+        above_mm = shortest_mm
+    return found
+
+
+def least_lean_rad(design: Design, level: int) -> float:
+    """Return by how much the sides of every branch of a level lean towards its axis at least."""
+    return min(level_tapers_rad(design, level)) if design.build.taper else 0.0
+
+
+def _bare_reach_mm(angle_rad: float, halves_mm: tuple[float, float], disc_mm: float) -> float:
+    """Return how far from the joint two sides part: where they cross, or at the joint's disc."""
+    hidden = sum(math.asin(half / disc_mm) for half in halves_mm)
+    return disc_mm if hidden <= angle_rad else crotch_reach_mm(angle_rad, *halves_mm)
+
+
+def largest_turn_rad(angle_rad: float, halves_mm: Point, radius_mm: float, disc_mm: float) -> float:
+    """Return the largest angle that a fillet between two even neighbours turns through."""
+    hidden = [math.asin((half + radius_mm) / (disc_mm + radius_mm)) for half in halves_mm]
+    return math.pi / 2.0 - min(hidden) if sum(hidden) <= angle_rad else math.pi - angle_rad

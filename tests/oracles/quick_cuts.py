@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import (
     STRAIGHT_BEFORE_MM,
     SleeveSize,
@@ -23,9 +24,10 @@ from vinefab.fabrication.outline.ends import pouch_takes_mm
 from vinefab.fabrication.outline.joint import (
     largest_fillet_mm,
     level_lengths_mm,
-    straight_begins_mm,
+    neck_length_mm,
 )
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
+from vinefab.fabrication.outline.stroke import Point
 from vinefab.fabrication.pieces.partition import (
     BodyKind,
     StraightSides,
@@ -37,7 +39,7 @@ from vinefab.fabrication.pieces.partition import (
 from vinefab.fabrication.rules.clearance_rules import CLEARANCE, least_gap_mm
 from vinefab.fabrication.rules.piece_rules import LAP_PACKING, fullest_laps, widest_cut_mm
 from vinefab.fabrication.rules.rule import LimitChanges, relative_excess
-from vinefab.fabrication.rules.spacing import Capsules, RotatedSpan, pair_depths, spacing
+from vinefab.fabrication.rules.spacing import Capsules, RotatedSpan, Spacing, spacing
 from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import fan_offsets_rad
@@ -489,3 +491,32 @@ class _FewestCuts:
             ends = conflict[1:]
         ways = set(tree.between(*ends)) - banned
         return sorted(ways, key=lambda row: (tree.weight[row], row), reverse=True)
+
+
+def straight_begins_mm(
+    angle_rad: float, halves_mm: Point, radius_mm: float, disc_mm: float = 0.0
+) -> Point:
+    """Return how far from the joint the straight sides of two neighbours begin."""
+    disc = max(disc_mm, *halves_mm)
+    one, two = (half + radius_mm for half in halves_mm)
+    hidden = sum(math.asin(reach / (disc + radius_mm)) for reach in (one, two))
+    if hidden <= angle_rad:
+        first, second = (neck_length_mm(half, disc, radius_mm) for half in halves_mm)
+        return first, second
+    sin, cos = math.sin(angle_rad), math.cos(angle_rad)
+    if sin < 1e-9:
+        return math.inf, math.inf
+    return max(0.0, (two + one * cos) / sin), max(0.0, (one + two * cos) / sin)
+
+
+def pair_depths(capsules: Capsules, found: Spacing, clearance_mm: float) -> Floats:
+    """Return how deep pairs are in each other's clearance, shape (k,).
+
+    From 0 (just clear) to 1 (centre lines touch), and where centre lines cross from 1 to 2, by how
+    far the nearer end would have to be drawn back.
+    """
+    wide_mm = capsules.most_half_mm[found.first] + capsules.most_half_mm[found.second]
+    room_mm = clearance_mm + wide_mm
+    near = np.maximum(0.0, (clearance_mm - found.gap_mm) / room_mm)
+    crossing: Floats = found.crossing_mm / (found.crossing_mm + room_mm)
+    return near + crossing

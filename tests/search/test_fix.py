@@ -12,9 +12,10 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from tests.oracles.penalty import bare_gaps
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.rules.catalog import run_checks
-from vinefab.fabrication.rules.clearance_rules import bare_gaps, level_joints
+from vinefab.fabrication.rules.clearance_rules import level_joints
 from vinefab.fabrication.rules.pressure_rules import worst_growths
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design, Pouch

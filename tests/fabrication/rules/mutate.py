@@ -66,7 +66,7 @@ def subjects(rule_id: str, make: Callable[..., object]) -> list[Subject]:
 
 def outcome(rule: Rule, subject: Subject) -> Outcome:
     """Return what a rule finds in a fixture."""
-    applied = rule.check(subject, rule.limits_with({}))
+    applied = rule.apply(subject, rule.limits_with({}))
     violations = applied.violations if isinstance(applied, RuleApplied) else ()
     return tuple(sorted((_WEIGHTS[violation.severity] for violation in violations), reverse=True))
 

@@ -809,7 +809,7 @@ def test_laps_count_where_they_are_and_below_one_parent_only(make: Make) -> None
 
 @pytest.mark.parametrize("rule", ["VF-R01", "VF-R02", "VF-R03", "VF-R04"])
 def test_skipped_rules_about_rigs_say_what_is_missing(rule: str, make: Make) -> None:
-    outcome = RULES[rule].check(Subject.of(make()), Limits({}))
+    outcome = RULES[rule].apply(Subject.of(make()), Limits({}))
     assert isinstance(outcome, RuleNotApplicable)
     assert "needs a" in outcome.reason
 

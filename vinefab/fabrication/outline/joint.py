@@ -157,28 +157,6 @@ def neck_length_mm(half_mm: float, disc_mm: float, radius_mm: float) -> float:
     return math.sqrt(max(0.0, (disc_mm - half_mm) * (disc_mm + half_mm + 2.0 * radius_mm)))
 
 
-def straight_begins_mm(
-    angle_rad: float, halves_mm: Point, radius_mm: float, disc_mm: float = 0.0
-) -> Point:
-    """Return how far from the joint the straight sides of two neighbours begin."""
-    disc = max(disc_mm, *halves_mm)
-    one, two = (half + radius_mm for half in halves_mm)
-    hidden = sum(math.asin(reach / (disc + radius_mm)) for reach in (one, two))
-    if hidden <= angle_rad:
-        first, second = (neck_length_mm(half, disc, radius_mm) for half in halves_mm)
-        return first, second
-    sin, cos = math.sin(angle_rad), math.cos(angle_rad)
-    if sin < 1e-9:
-        return math.inf, math.inf
-    return max(0.0, (two + one * cos) / sin), max(0.0, (one + two * cos) / sin)
-
-
-def largest_turn_rad(angle_rad: float, halves_mm: Point, radius_mm: float, disc_mm: float) -> float:
-    """Return the largest angle that a fillet between two even neighbours turns through."""
-    hidden = [math.asin((half + radius_mm) / (disc_mm + radius_mm)) for half in halves_mm]
-    return math.pi / 2.0 - min(hidden) if sum(hidden) <= angle_rad else math.pi - angle_rad
-
-
 def neck(half_mm: float, disc_mm: float, radius_mm: float) -> Neck:
     """Return how a side at ``half_mm`` from the axis meets a disc, with a fillet.
 

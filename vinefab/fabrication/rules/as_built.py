@@ -14,11 +14,11 @@ from vinefab.fabrication.rules.rule import (
     Limits,
     Rule,
     RuleApplied,
-    RuleNotApplicable,
     Violation,
-    branch_middle_mm,
-    branch_violation,
+    branch_point_mm,
+    made,
     mark_branches,
+    needed,
 )
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import Severity
@@ -125,12 +125,11 @@ def _owner(path: LaserPath, paths: tuple[LaserPath, ...]) -> str:
     return f" of {path.label!r}" if len(paths) > 1 else ""
 
 
-def check_built_width(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_built_width(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-W04: both sides of a branch, less seam and kerf, leave the designed lumen between them."""
-    if subject.job is None or subject.profile is None:
-        return RuleNotApplicable(reason="needs a recipe, for seam and kerf")
-    operation = Operation.WELDCUT if subject.job.along(Operation.WELDCUT) else Operation.WELD
-    beam = subject.profile.settings(operation)
+    job, profile = made(subject, "needs a recipe, for seam and kerf")
+    operation = Operation.WELDCUT if job.along(Operation.WELDCUT) else Operation.WELD
+    beam = profile.settings(operation)
     # How far outside the lumen the beam runs: s + k/2 in one pass, s/2 to weld alone. Not
     # `weldcut_offset_mm` that the paths were drawn with: the rule must notice if that is wrong.
     offset_mm = beam.seam_width_mm.value / 2.0
@@ -152,8 +151,8 @@ def check_built_width(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
                 f"the branch{of} comes out {built_mm:.2f} mm wide in the paths: its joint took "
                 "its sides, or their seam and kerf are not the recipe's"
             )
-            violations.append(branch_violation(subject, [row], message, broken))
-    shrinkage = subject.profile.material.shrinkage_percent
+            violations.append(broken.on(subject, [row], message))
+    shrinkage = profile.material.shrinkage_percent
     if shrinkage.value:
         violations.append(_shrunk(subject, shrinkage, limits))
     return RuleApplied(checked=checked, violations=tuple(violations))
@@ -177,16 +176,15 @@ def _shrunk(subject: Subject, shrinkage: Quantity, limits: Limits) -> Violation:
     )
 
 
-def check_readback(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+def check_readback(subject: Subject, _: Limits) -> RuleApplied:
     """VF-X01: every file written equals the model when it is read back."""
-    if subject.readback is None:
-        return RuleNotApplicable(reason="no file was written and read back")
+    files = needed(subject.readback, "no file was written and read back")
     violations = [
         Violation(message=f"{name}: {problem}; write the package again", aspect=name)
-        for name, problems in subject.readback.items()
+        for name, problems in files.items()
         for problem in problems
     ]
-    return RuleApplied(checked=len(subject.readback), violations=tuple(violations))
+    return RuleApplied(checked=len(files), violations=tuple(violations))
 
 
 BUILT_WIDTH = Rule(
@@ -213,11 +211,10 @@ _ON_LINE_MM = 0.05
 """An end of the outline within this distance of the mouth's cut lies on it."""
 
 
-def check_seams(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_seams(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-P05: the paths leave the recipe's seam, and cuts cross or overlap by its overcut."""
-    if subject.job is None or subject.profile is None:
-        return RuleNotApplicable(reason="needs a recipe, for seam and overcut")
-    profile, slack_mm = subject.profile, limits["slack"]
+    _, profile = made(subject, "needs a recipe, for seam and overcut")
+    slack_mm = limits["slack"]
     seams_mm = _seams_mm(subject, profile)
     overcuts_mm, cuts = list(_overcuts_mm(subject)), subject.own(Operation.CUT)
     # By how much each closed cut runs past its start.
@@ -242,7 +239,7 @@ def check_seams(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
                     measured=least,
                     limit=seam_mm,
                     branches=(worst,),
-                    at_mm=branch_middle_mm(subject.layout, subject.names.index(worst)),
+                    at_mm=branch_point_mm(subject.layout, subject.names.index(worst), 0.5),
                     marker=mark_branches(subject.layout, map(subject.names.index, low)),
                     aspect="seam",
                 )

@@ -5,7 +5,7 @@ Recipe, design and command line change limits.
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from vinefab.core.errors import UnknownNameError, located
 from vinefab.core.hashing import fingerprint
@@ -21,7 +21,7 @@ from vinefab.fabrication.rules import (
     rig_rules,
     tree_rules,
 )
-from vinefab.fabrication.rules.rig_rules import RIG_CHECKS, RigSubject
+from vinefab.fabrication.rules.rig_rules import RIG_RULES, RigSubject
 from vinefab.fabrication.rules.rule import (
     LimitChanges,
     Limits,
@@ -221,16 +221,7 @@ class RuleBook(Result, dict[str, Rule]):
         yield Data({"rules": [rule.content for rule in self.values()]})
 
 
-class _OfRule(Protocol):
-    """An entry of a report that belongs to one rule."""
-
-    @property
-    def rule(self) -> str:
-        """The rule's id."""
-        ...
-
-
-_Entry = TypeVar("_Entry", bound=_OfRule)
+_Entry = TypeVar("_Entry", bound=RuleRun | RuleSkipped | Finding)
 
 
 def run_checks(
@@ -280,8 +271,8 @@ def _outcome(rule: Rule, subject: Subject, limits: Limits) -> RuleApplied | Rule
     """Return what a rule finds; rules about one flat outline look at every piece of a robot."""
     if not subject.pieces or rule.id not in PIECE_RULES:
         with RULES.calling(rule.id):
-            return rule.check(subject, limits)
-    found = [rule.check(piece, limits) for piece in subject.pieces]
+            return rule.apply(subject, limits)
+    found = [rule.apply(piece, limits) for piece in subject.pieces]
     for outcome in found:
         if isinstance(outcome, RuleNotApplicable):
             return outcome
@@ -314,19 +305,20 @@ def _replaced(old: Sequence[_Entry], new: Sequence[_Entry], rules: set[str]) -> 
     place = {rule: number for number, rule in enumerate(RULES)}
     entries = [*(entry for entry in old if entry.rule not in rules), *new]
     # A rule of another package that does not load has no place.
-    return tuple(sorted(entries, key=lambda entry: place.get(entry.rule, len(place))))
+    entries.sort(key=lambda entry: place.get(entry.rule, len(place)))
+    return tuple(entries)
 
 
 def run_rig_checks(subject: RigSubject) -> CheckReport:
     """Return the report of the rules about test rigs, the only ones that need no design."""
-    changed = changed_limits(subject.design, None, None) if subject.design else ()
-    own = tuple(limit for limit in changed if limit.rule in RIG_CHECKS)
+    design = subject.design
+    ids = {rule.id for rule in RIG_RULES}
+    own = tuple(limit for limit in (changed_limits(design) if design else ()) if limit.rule in ids)
     values = by_rule(own)
     outcomes = [
-        (rule, check(subject, rule.limits_with(values.get(rule.id, {}))))
-        for rule, check in RIG_CHECKS.values()
+        (rule, rule.apply(subject, rule.limits_with(values.get(rule.id, {})))) for rule in RIG_RULES
     ]
-    name, waivers = (subject.design.name, subject.design.waivers) if subject.design else ("", ())
+    name, waivers = (design.name, design.waivers) if design else ("", ())
     return replace(_report(name, outcomes, waivers), limits=own)
 
 

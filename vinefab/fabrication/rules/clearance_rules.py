@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -11,8 +10,7 @@ from numpy.typing import NDArray
 
 from vinefab.core.validation import Floats
 from vinefab.fabrication.outline.body_outline import ProblemKind
-from vinefab.fabrication.outline.joint import Gap, crotch_reach_mm, joint_of, level_tapers_rad
-from vinefab.fabrication.outline.stroke import Point
+from vinefab.fabrication.outline.joint import Gap, joint_of
 from vinefab.fabrication.rules.rule import (
     BrokenLimit,
     LimitChanges,
@@ -20,9 +18,7 @@ from vinefab.fabrication.rules.rule import (
     Rule,
     RuleApplied,
     Violation,
-    branch_start_mm,
-    branch_tip_mm,
-    branch_violation,
+    branch_point_mm,
     mark_line,
     outline_violations,
 )
@@ -34,15 +30,11 @@ from vinefab.fabrication.rules.spacing import (
     spacing,
 )
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.model.design import Design, UnevenLevel
+from vinefab.model.design import Design
 from vinefab.model.finding import Severity
 from vinefab.model.outline import Part, Segment
 from vinefab.model.tree import (
     BranchTree,
-    child_lengths_mm,
-    fan_offsets_rad,
-    least_gap_rad,
-    widest_turn_rad,
 )
 from vinefab.physics.growth_pressure import FITTED, capstan_factor
 
@@ -50,26 +42,14 @@ _MOST_FINDINGS = 100
 """Most pairs that a rule reports, tightest first; one more finding counts the rest."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NearBranches:
-    """Two branches and where they are nearest."""
-
-    branches: tuple[str, ...]  # ids of both
-    gap_mm: float  # free distance, negative where they overlap
-    at_mm: Point  # middle of the gap
-    marker: str  # line across the gap, from centre line to centre line
-
-    def violation(self, message: str, broken: BrokenLimit) -> Violation:
-        """Return the violation by this pair."""
-        return broken.violation(
-            message, branches=self.branches, at_mm=self.at_mm, marker=self.marker
-        )
-
-
 def nearest_pairs(
     subject: Subject, found: Spacing, chosen: NDArray[np.bool_]
-) -> tuple[list[NearBranches], int]:
-    """Return chosen pairs of branches by their smallest gap, tightest first, and their count."""
+) -> tuple[list[BrokenLimit], int]:
+    """Return the chosen pairs of branches as violations of a limit of 0, and their count.
+
+    Measured is the smallest gap of a pair, negative where it overlaps, the tightest pair first. A
+    pair is marked by the line across the gap, from centre line to centre line.
+    """
     capsules, rows = subject.capsules, np.flatnonzero(chosen)
     rows = rows[np.argsort(found.gap_mm[rows] - found.crossing_mm[rows], kind="stable")]
     one, two = capsules.branch[found.first[rows]], capsules.branch[found.second[rows]]
@@ -82,9 +62,10 @@ def nearest_pairs(
         branches = sorted(int(capsules.branch[side[row]]) for side in (found.first, found.second))
         (x0, y0), (x1, y1) = found.first_mm[row].tolist(), found.second_mm[row].tolist()
         pairs.append(
-            NearBranches(
+            BrokenLimit(
+                limit=0.0,
+                measured=float(found.gap_mm[row]),
                 branches=subject.ids(*branches),
-                gap_mm=float(found.gap_mm[row]),
                 at_mm=((x0 + x1) / 2.0, (y0 + y1) / 2.0),
                 marker=mark_line((x0, y0), (x1, y1)),
             )
@@ -105,12 +86,7 @@ def check_overlap(subject: Subject, _: Limits) -> RuleApplied:
     found = spacing(subject.capsules, 0.0)
     nears, pairs = nearest_pairs(subject, found, ~found.joined & (found.gap_mm < 0.0))
     message = "two branches lie on one place: widen the fan, shorten one of them, or allow pieces"
-    violations = [
-        near.violation(
-            message, BrokenLimit(severity=Severity.ERROR, limit=0.0, measured=near.gap_mm)
-        )
-        for near in nears
-    ]
+    violations = [replace(near, message=message) for near in nears]
     return RuleApplied(
         checked=len(subject.layout.tree),
         violations=(*violations, *_remaining(pairs, "overlap when flat")),
@@ -165,7 +141,9 @@ def _gap_violations(
     nears, pairs = nearest_pairs(subject, found, low)
     message = "cuts and seams leave a strip of film that melts: move the branches apart"
     violations = [
-        near.violation(message, broken) for near in nears if (broken := limits.least(near.gap_mm))
+        replace(near, message=message, severity=broken.severity, limit=broken.limit)
+        for near in nears
+        if (broken := limits.least(near.measured))
     ]
     return (*violations, *_remaining(pairs, "come too near each other"))
 
@@ -235,9 +213,9 @@ def check_foreign(subject: Subject, limits: Limits) -> RuleApplied:
         if broken := limits.least(gap_mm):
             points = shapely.get_coordinates(shapely.shortest_line(web.area, hulls[row])).tolist()
             start, end = (points[0][0], points[0][1]), (points[-1][0], points[-1][1])
-            marker = mark_line(start, end)
+            marker, names = mark_line(start, end), subject.ids(*pair)
             violations.append(
-                broken.violation(message, branches=subject.ids(*pair), at_mm=start, marker=marker)
+                replace(broken, message=message, branches=names, at_mm=start, marker=marker)
             )
     rest = _remaining(len(order), "are reached by a fillet of another joint")
     return RuleApplied(
@@ -362,18 +340,11 @@ def check_pouch(subject: Subject, limits: Limits) -> RuleApplied:
         sizes.append(("length", pouch.length_mm, fault))
     if pouch.flat_width_mm <= width_mm:
         sizes.append(("width", pouch.flat_width_mm, "no wider than its branch: widen"))
-    at_mm = branch_tip_mm(subject.layout, leaves[0])
     for aspect, size_mm, fault in sizes:
-        small = branch_violation(
-            subject,
-            leaves[:1],
-            f"the pouch is {fault} it or leave it out",
-            BrokenLimit(severity=Severity.ERROR, limit=width_mm, measured=size_mm),
-            at_mm=at_mm,
-            marked=leaves,
-            aspect=aspect,
-        )
-        violations = (small, *violations)
+        message = f"the pouch is {fault} it or leave it out"
+        small = Violation(limit=width_mm, measured=size_mm)
+        one = small.on(subject, leaves[:1], message, at=1.0, marked=leaves, aspect=aspect)
+        violations = (one, *violations)
     more = outline_violations(subject, ProblemKind.POUCH_WIDTH, known=violations)
     return RuleApplied(checked=len(leaves), violations=(*violations, *more))
 
@@ -480,67 +451,6 @@ def share_in_crotch(gap: Gap) -> float:
     return gap.reach_mm / shorter_mm(gap) if gap.angle_rad > PARALLEL_RAD else math.inf
 
 
-def gap_angles_rad(design: Design, number: int) -> tuple[float, ...]:
-    """Return the least angles beside the parent and between children at the end of a level.
-
-    Tapered parents count with the side that leans most, tapered children with the one that leans
-    least. A single child has a gap beside its parent only.
-    """
-    beside, *between = _gaps_rad(design, number)
-    return (beside, min(between)) if between else (beside,)
-
-
-def _gaps_rad(design: Design, number: int) -> list[float]:
-    """Return the least angle beside the parent, and that of each gap between children."""
-    level, lean = design.levels[number - 1], least_lean_rad(design, number + 1)
-    beside = math.pi - widest_turn_rad(level) - max(level_tapers_rad(design, number)) + lean
-    if isinstance(level, UnevenLevel):
-        between = np.diff(fan_offsets_rad(level)).tolist()
-    else:  # all alike, and equal to the last digit
-        between = [least_gap_rad(level)] * (level.branches - 1) if level.branches > 1 else []
-    return [beside, *(angle + 2.0 * lean for angle in between)]
-
-
-def bare_gaps(design: Design) -> list[tuple[float, float]]:
-    """Return angle and share in the crotch of every kind of gap, in closed form, without fillets.
-
-    For each level that is the gap beside the parent and, between children, the least angle and the
-    largest share. Fillets are drawn no larger than the crotch allows, so these shares exceed one
-    half exactly when those of `share_in_crotch` do.
-    """
-    found = []
-    widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
-    above_mm = design.trunk_length_mm
-    for number, level in enumerate(design.levels, start=1):
-        wide, narrow = ends_mm[number - 1] / 2.0, widths_mm[number] / 2.0
-        lengths_mm = child_lengths_mm(level).tolist()
-        shortest_mm = min(lengths_mm)
-        disc = max(wide, narrow)
-        beside, *between = _gaps_rad(design, number)
-        reach = _bare_reach_mm(beside, (wide, narrow), disc)
-        length_mm = shortest_mm if reach <= disc else min(shortest_mm, above_mm)
-        found.append((beside, reach / length_mm))
-        shares = [
-            _bare_reach_mm(angle, (narrow, narrow), disc) / min(pair)
-            for angle, pair in zip(between, pairwise(lengths_mm), strict=True)
-        ]
-        if shares:
-            found.append((min(between), max(shares)))
-        above_mm = shortest_mm
-    return found
-
-
-def least_lean_rad(design: Design, level: int) -> float:
-    """Return by how much the sides of every branch of a level lean towards its axis at least."""
-    return min(level_tapers_rad(design, level)) if design.build.taper else 0.0
-
-
-def _bare_reach_mm(angle_rad: float, halves_mm: tuple[float, float], disc_mm: float) -> float:
-    """Return how far from the joint two sides part: where they cross, or at the joint's disc."""
-    hidden = sum(math.asin(half / disc_mm) for half in halves_mm)
-    return disc_mm if hidden <= angle_rad else crotch_reach_mm(angle_rad, *halves_mm)
-
-
 def check_angle(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-C02: neighbours round a joint, the parent's body among them, part at an angle."""
     joints = level_joints(subject.design)
@@ -613,7 +523,7 @@ def check_fillet(subject: Subject, limits: Limits) -> RuleApplied:
             )
             violations.append(_violation(subject, joint, joint.gaps[0], predicate, large))
         elif joint.fillet_mm < designed_mm * (1.0 - 1e-9):
-            less = BrokenLimit(severity=Severity.INFO, limit=designed_mm, measured=joint.fillet_mm)
+            less = Violation(severity=Severity.INFO, limit=designed_mm, measured=joint.fillet_mm)
             predicate = (
                 f"joined with a fillet of {joint.fillet_mm:.2f} mm: the angle has no room for more"
             )
@@ -622,15 +532,15 @@ def check_fillet(subject: Subject, limits: Limits) -> RuleApplied:
 
 
 def _violation(
-    subject: Subject, joint: LevelJoint, gap: Gap, predicate: str, broken: BrokenLimit
+    subject: Subject, joint: LevelJoint, gap: Gap, predicate: str, broken: Violation
 ) -> Violation:
     """Return a violation by all joints of a level, placed at the first of them."""
     rows = sorted(joint.branch(strip.owner) for strip in (gap.first, gap.second))
     all_joints = f" (and at {joint.joints - 1} more joints)" if joint.joints > 1 else ""
     names = " and ".join(subject.ids(*rows))
     message = f"branches {names}{all_joints} are {predicate}"
-    at_mm = branch_start_mm(subject.layout, joint.first_child)
-    return branch_violation(subject, rows, message, broken, at_mm=at_mm)
+    at_mm = branch_point_mm(subject.layout, joint.first_child, 0.0)
+    return broken.on(subject, rows, message, at=at_mm)
 
 
 ANGLE = Rule(
@@ -687,8 +597,7 @@ def check_turn(subject: Subject, limits: Limits) -> RuleApplied:
         worst = int(rows[np.argmax(turns_rad[rows])])
         if broken := limits.most(math.degrees(turns_rad[worst]), "joint"):
             message = "the branch turns back at its joint: narrow the fan"
-            at_mm = branch_start_mm(subject.layout, worst)
-            violations.append(branch_violation(subject, [worst], message, broken, at_mm=at_mm))
+            violations.append(broken.on(subject, [worst], message, at=0.0))
     contacts_rad = np.zeros(len(tree))
     for deployment in subject.deployments:
         along_rad = _summed_along(tree, deployment.contact_turn_rad)
@@ -704,10 +613,7 @@ def check_turn(subject: Subject, limits: Limits) -> RuleApplied:
         )
         at_limit = math.degrees(math.log(broken.limit) / friction)
         as_turn = replace(broken, limit=at_limit, measured=math.degrees(path_rad[worst]))
-        at_mm = branch_start_mm(subject.layout, worst)
-        violations.append(
-            branch_violation(subject, [worst], message, as_turn, at_mm=at_mm, aspect="capstan")
-        )
+        violations.append(as_turn.on(subject, [worst], message, at=0.0, aspect="capstan"))
     return RuleApplied(checked=len(tree), violations=tuple(violations))
 
 

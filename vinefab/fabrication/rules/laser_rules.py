@@ -12,17 +12,20 @@ from numpy.typing import NDArray
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints
 from vinefab.fabrication.job.passes import GUIDE, bodies_of_paths, closes, frees
+from vinefab.fabrication.job.placement import box_around_mm, fact_rows
 from vinefab.fabrication.job.tiling import LEAST_PINS, PIN_HOLE
 from vinefab.fabrication.outline.body_outline import ProblemKind
 from vinefab.fabrication.outline.stroke import LEAST_ARC_RADIUS_MM, LEAST_CUT_MM
 from vinefab.fabrication.rules.as_built import flat_place_mm
 from vinefab.fabrication.rules.rule import (
     Limits,
+    MissingInputError,
     Rule,
     RuleApplied,
-    RuleNotApplicable,
     Violation,
+    made,
     mark_point,
+    needed,
     outline_violations,
 )
 from vinefab.fabrication.rules.spacing import closest
@@ -176,17 +179,16 @@ def _near_own_end(
     return found
 
 
-_NO_PATHS = RuleNotApplicable(reason="needs a recipe, which the paths follow from")
+_NO_PATHS = "needs a recipe, which the paths follow from"
 _ORDER = tuple(Operation)
 _MOST_MEETINGS = 100
 
 
-def check_marks(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_marks(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-L01: marks stay off the pressurised body; those left out are reported."""
-    if subject.job is None or subject.profile is None:
-        return _NO_PATHS
-    marks = [path for path in subject.job.along(Operation.MARK) if not _is_guide(path)]
-    sealed = (*subject.job.along(Operation.WELD), *subject.job.along(Operation.WELDCUT))
+    job, profile = made(subject, _NO_PATHS)
+    marks = [path for path in job.along(Operation.MARK) if not _is_guide(path)]
+    sealed = (*job.along(Operation.WELD), *job.along(Operation.WELDCUT))
     bodies = [_Body(runs) for runs in bodies_of_paths(sealed)] if marks else []
     lines = [mark.contour.flattened_mm() for mark in marks]
     shapes = np.array([_line(mark) for mark in marks], dtype=object)
@@ -200,20 +202,17 @@ def check_marks(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
             mark.label not in violations or away_mm < (violations[mark.label].measured or 0.0)
         ):
             message = f"{mark.label} weakens the body's rim: leave more room beside the robot"
-            violations[mark.label] = broken.violation(message, aspect=mark.label)
-    can_mark = Operation.MARK in subject.profile.recipe.by_operation
-    note = "" if can_mark else "the recipe has no mark: no fold line, no label"
-    reasons = subject.job.facts.get("marks_left_out", ())
+            violations[mark.label] = replace(broken, message=message, aspect=mark.label)
+    can_mark = Operation.MARK in profile.recipe.by_operation
+    advice = Violation(severity=Severity.INFO)
     left_out = [
-        Violation(
-            message=f"{reason}: write it on the film by hand", severity=Severity.INFO, aspect=reason
-        )
-        for reason in (reasons if isinstance(reasons, list) else ())
+        replace(advice, message=f"{reason}: write it on the film by hand", aspect=reason)
+        for reason in fact_rows(job, "marks_left_out")
     ]
     return RuleApplied(
         checked=len(marks),
-        violations=(*violations.values(), *left_out, *_without_pins(subject.job, subject.profile)),
-        note=note,
+        violations=(*violations.values(), *left_out, *_without_pins(job, profile)),
+        note="" if can_mark else "the recipe has no mark: no fold line, no label",
     )
 
 
@@ -244,12 +243,11 @@ def _without_pins(job: Job, profile: LaserProfile) -> Iterator[Violation]:
             )
 
 
-def check_paths(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_paths(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-L02: no path runs into what another or itself takes, no segment is too small to be run."""
-    if subject.job is None or subject.profile is None:
-        return _NO_PATHS
-    paths = [path for path in subject.job.paths if path.operation.is_machined]
-    violations = []
+    job, profile = made(subject, _NO_PATHS)
+    paths = [path for path in job.paths if path.operation.is_machined]
+    violations: list[Violation] = []
     for path in paths:
         segments = list(path.contour.segments)
         short = min(segments, key=lambda segment: segment.length_mm)
@@ -260,14 +258,15 @@ def check_paths(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
         ):
             if broken := limits.least(size_mm, name):
                 violations.append(
-                    broken.violation(
-                        f"{what} of {path.label!r} is too small to be run: lengthen the branch, or "
-                        "enlarge its fillet",
+                    replace(
+                        broken,
+                        message=f"{what} of {path.label!r} is too small to be run: lengthen "
+                        "the branch, or enlarge its fillet",
                         branches=(segment.branch,) if segment.branch else (),
                         aspect=f"{name} {path.label}",
                     )
                 )
-    violations += _meetings(subject, subject.profile, paths, limits)
+    violations += _meetings(subject, profile, paths, limits)
     violations += _marked_twice(paths, limits)
     violations += outline_violations(subject, ProblemKind.SHORT_SEGMENT, known=tuple(violations))
     return RuleApplied(checked=len(paths), violations=tuple(violations))
@@ -283,8 +282,9 @@ def _meetings(
             other = "itself" if meeting.one is meeting.two else f"{meeting.one.label!r}"
             message = f"the beam reaches into {other} along {meeting.two.label!r}"
             at_mm = flat_place_mm(subject, meeting.one, meeting.at_mm)
-            yield broken.violation(
-                f"{message}: move the branches apart",
+            yield replace(
+                broken,
+                message=f"{message}: move the branches apart",
                 branches=meeting.branches,
                 at_mm=at_mm,
                 marker=mark_point(at_mm) if at_mm else "",
@@ -306,14 +306,12 @@ def _marked_twice(paths: Sequence[LaserPath], limits: Limits) -> Iterator[Violat
         shared_mm = float(shapely.length(shapely.intersection(lines[one], lines[two])))
         if broken := limits.most(shared_mm, "shared"):
             message = f"{paths[one].label!r} and {paths[two].label!r} burn one place: part them"
-            yield broken.violation(message, aspect="shared")
+            yield replace(broken, message=message, aspect="shared")
 
 
-def check_order(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+def check_order(subject: Subject, _: Limits) -> RuleApplied:
     """VF-L03: marks, welds, weld-cuts, cuts; among cuts, what lies inside comes first."""
-    if subject.job is None:
-        return _NO_PATHS
-    paths = [path for path in subject.job.paths if path.operation.is_machined]
+    paths = [path for path in needed(subject.job, _NO_PATHS).paths if path.operation.is_machined]
     violations = []
     for before, after in pairwise(paths):
         if _ORDER.index(before.operation) > _ORDER.index(after.operation):
@@ -409,18 +407,12 @@ ORDER = Rule(
 )
 
 
-_NO_RECIPE = RuleNotApplicable(reason="needs a recipe")
-
-
-def check_ply(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_ply(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-L04: the film is one that the recipe's laser can weld."""
-    if subject.profile is None:
-        return _NO_RECIPE
-    if not all(settings.by_laser for settings in subject.profile.recipe.by_operation.values()):
-        return RuleNotApplicable(
-            reason="an impulse sealer makes the seams of this recipe, not the laser"
-        )
-    material = subject.profile.material
+    profile = needed(subject.profile, "needs a recipe")
+    if not all(settings.by_laser for settings in profile.recipe.by_operation.values()):
+        raise MissingInputError("an impulse sealer makes the seams of this recipe, not the laser")
+    material = profile.material
     broken = limits.most(material.ply_mm.value)
     if material.weldable and not broken:
         return RuleApplied(checked=1)
@@ -433,20 +425,18 @@ def check_ply(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicab
     return RuleApplied(checked=1, violations=(violation,))
 
 
-def check_machine(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+def check_machine(subject: Subject, _: Limits) -> RuleApplied:
     """VF-L05: the recipe asks the machine for no more speed and acceleration than it has."""
-    if subject.profile is None or subject.job is None:
-        return _NO_RECIPE
-    machine = subject.profile.machine
+    job, profile = made(subject, "needs a recipe")
+    machine, operations = profile.machine, profile.recipe.by_operation
     violations = []
-    operations = subject.profile.recipe.by_operation
     for operation, settings in operations.items():
         speed = settings.speed_mm_s.value
         top = machine.speed_max_mm_s.value
         if speed > top:
             message = f"{operation} is faster than the machine runs: set its speed to {top:g} mm/s"
-            violations.append(_warning(message, f"speed {operation}", (speed, top)))
-        paths = [path for path in subject.job.along(Operation(operation)) if not _goes(path)]
+            violations.append(_warning(message, f"speed {operation}", speed, top))
+        paths = [path for path in job.along(Operation(operation)) if not _goes(path)]
         radius_mm = min(
             (s.radius_mm for path in paths for s in path.contour.segments), default=math.inf
         )
@@ -454,29 +444,25 @@ def check_machine(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicabl
             fit = math.sqrt(machine.acceleration_mm_s2.value * radius_mm)
             message = f"{operation} takes arcs of {radius_mm:.2f} mm too fast: the machine slows"
             message += f" there and burns; run it at {fit:.0f} mm/s or less"
-            violations.append(_warning(message, f"arcs {operation}", (speed, fit)))
+            violations.append(_warning(message, f"arcs {operation}", speed, fit))
     return RuleApplied(checked=len(operations), violations=tuple(violations))
 
 
-def check_status(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_status(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-L06: the recipe is calibrated on the user's machine and runs energies that passed."""
-    if subject.profile is None:
-        return _NO_RECIPE
-    recipe = subject.profile.recipe
+    profile = needed(subject.profile, "needs a recipe")
+    recipe = profile.recipe
     violations = []
     for window in recipe.coupons.windows:
         run = recipe.by_operation.get(window.operation)
         if run is None or run.focus_offset_mm.value != window.focus_mm:
             continue
-        energy = run.line_energy_mj_mm(subject.profile.machine)
+        energy = run.line_energy_mj_mm(profile.machine)
         if not window.holds(energy):
             message = f"{window.operation} runs {energy:.1f} mJ/mm, but the coupons say: "
-            violations.append(
-                replace(
-                    _warning(f"{message}{window.words()}", f"energy {window.operation}"),
-                    title="settings differ from those that coupons confirmed",
-                )
-            )
+            one = _warning(f"{message}{window.words()}", f"energy {window.operation}")
+            title = "settings differ from those that coupons confirmed"
+            violations.append(replace(one, title=title))
     if settings := recipe.by_operation.get(Operation.WELDCUT):
         kerf, seam = settings.kerf_mm, settings.seam_width_mm
         if broken := limits.most(kerf.value / seam.value if seam.value else math.inf, "kerf"):
@@ -485,9 +471,8 @@ def check_status(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
                 f"{seam.value:g} mm ({seam.standing}) beside it: measure both on coupons, or focus "
                 "less"
             )
-            violations.append(
-                broken.violation(message, aspect="kerf", title="the kerf is wider than the seam")
-            )
+            title = "the kerf is wider than the seam"
+            violations.append(replace(broken, message=message, aspect="kerf", title=title))
     if recipe.status is RecipeStatus.UNVERIFIED:
         message = (
             f"no coupon has confirmed recipe {recipe.name}: cut the coupons of `vinefab coupon`, "
@@ -498,15 +483,10 @@ def check_status(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
 
 
 def _warning(
-    message: str, aspect: str, found: tuple[float, float] | tuple[None, None] = (None, None)
+    message: str, aspect: str, measured: float | None = None, limit: float | None = None
 ) -> Violation:
-    """Return a warning; ``found`` is the measured value and its limit."""
     return Violation(
-        message=message,
-        severity=Severity.WARNING,
-        measured=found[0],
-        limit=found[1],
-        aspect=aspect,
+        message=message, severity=Severity.WARNING, measured=measured, limit=limit, aspect=aspect
     )
 
 
@@ -541,40 +521,36 @@ STATUS = Rule(
 )
 
 
-_NO_PROFILE = RuleNotApplicable(reason="needs a recipe, for the machine's bed and the film")
+_NO_BED = "needs a recipe, for the machine's bed and the film"
 _SLACK_MM = 1e-6
 
 
-def check_bed(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+def check_bed(subject: Subject, _: Limits) -> RuleApplied:
     """VF-S01: every machined path lies on the bed, inside its margins."""
-    if subject.profile is None or subject.job is None:
-        return _NO_PROFILE
-    machine, facts = subject.profile.machine, subject.job.facts
+    job, profile = made(subject, _NO_BED)
+    machine, facts = profile.machine, job.facts
     wanted, placed = facts.get("robots_wanted", 1), facts.get("robots_placed", 1)
     if wanted != placed:
         message = f"only {placed} of {wanted} robots find room on the bed: make fewer at once"
         return RuleApplied(checked=1, violations=(Violation(message=message, aspect="copies"),))
-    if subject.job.tiles:
-        count = len(subject.job.tiles)
+    if job.tiles:
+        count = len(job.tiles)
         note = f"the robot is larger than the bed and cut in {counted(count, 'tile')}, one after "
         note += "the other: its film is moved and aligned between them"
         violations = []
-        for number, tile in enumerate(subject.job.tiles, start=1):
-            over_mm = _over_mm(tile, machine)[0]
+        for number, tile in enumerate(job.tiles, start=1):
+            over_mm = _over_mm(tile, machine)
             if over_mm > _SLACK_MM:
                 message, aspect = f"tile {number} lies over the rim: allow pieces", f"tile {number}"
                 violations.append(
                     Violation(message=message, measured=over_mm, limit=0.0, aspect=aspect)
                 )
-            found = tile.facts["targets_found_mm"]
-            if number > 1 and not (isinstance(found, list) and len(found) >= 2):
+            if number > 1 and len(fact_rows(tile, "targets_found_mm")) < 2:
                 message = f"tile {number} lacks two targets to align it by: allow pieces"
                 violations.append(Violation(message=message, aspect=f"targets {number}"))
         return RuleApplied(checked=count, violations=tuple(violations), note=note)
-    over_mm, checked = -math.inf, 0
-    for sheet in subject.job.runs:
-        sheet_over_mm, count = _over_mm(sheet, machine)
-        over_mm, checked = max(over_mm, sheet_over_mm), checked + count
+    over_mm = max(_over_mm(sheet, machine) for sheet in job.runs)
+    checked = sum(path.operation.is_machined for sheet in job.runs for path in sheet.paths)
     if over_mm <= _SLACK_MM:
         return RuleApplied(checked=checked)
     wide_mm, high_mm = machine.usable_mm
@@ -589,24 +565,18 @@ def check_bed(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
     return RuleApplied(checked=checked, violations=(violation,))
 
 
-def _over_mm(job: Job, machine: Machine) -> tuple[float, int]:
-    """Return how far a job's paths exceed the usable bed, and the number of paths."""
-    paths = [path for path in job.paths if path.operation.is_machined]
+def _over_mm(job: Job, machine: Machine) -> float:
+    """Return how far a job's paths exceed the usable bed."""
     margin_mm = machine.margin_mm.value
     right_mm = machine.bed_width_mm.value - margin_mm
     top_mm = machine.bed_height_mm.value - margin_mm
-    boxes = [path.contour.box_mm for path in paths]
-    over_mm = max(
-        max(margin_mm - x0, margin_mm - y0, x1 - right_mm, y1 - top_mm) for x0, y0, x1, y1 in boxes
-    )
-    return over_mm, len(paths)
+    x0, y0, x1, y1 = box_around_mm(p.contour for p in job.paths if p.operation.is_machined)
+    return max(margin_mm - x0, margin_mm - y0, x1 - right_mm, y1 - top_mm)
 
 
-def check_film(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+def check_film(subject: Subject, _: Limits) -> RuleApplied:
     """VF-S02: what is cut from one sheet of film, in its best rotation, fits the roll's width."""
-    if subject.profile is None:
-        return _NO_PROFILE
-    roll_mm = subject.profile.material.roll_width_mm.value
+    roll_mm = needed(subject.profile, _NO_BED).material.roll_width_mm.value
     if subject.job is None:
         cut = {"the robot": [subject.outline.contour]}
     else:
@@ -624,16 +594,10 @@ def check_film(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
     for name, contours in cut.items():
         width_mm = least_width_mm(np.concatenate([c.flattened_mm(0.05) for c in contours]))
         if width_mm > roll_mm:
-            violations.append(
-                Violation(
-                    message=f"{name} does not lie on the roll in any turn: shorten branches, "
-                    "narrow fans or nest less on one sheet",
-                    severity=Severity.WARNING,
-                    measured=width_mm,
-                    limit=roll_mm,
-                    aspect="" if name == "the robot" else name,
-                )
-            )
+            message = f"{name} does not lie on the roll in any turn: shorten branches, "
+            message += "narrow fans or nest less on one sheet"
+            aspect = "" if name == "the robot" else name
+            violations.append(_warning(message, aspect, width_mm, roll_mm))
     return RuleApplied(checked=len(cut), violations=tuple(violations))
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 from vinefab.core.plain_text import agreeing, counted
 from vinefab.fabrication.job.marks import PLUG, SOCKET, joint_mark, piece_mark
@@ -12,11 +13,10 @@ from vinefab.fabrication.rules.rule import (
     Limits,
     Rule,
     RuleApplied,
-    RuleNotApplicable,
     Violation,
-    branch_middle_mm,
-    branch_violation,
+    branch_point_mm,
     mark_branches,
+    needed,
 )
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.fabrication.rules.tree_rules import lap_occupancies, passages_of
@@ -24,31 +24,27 @@ from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.finding import Severity
 from vinefab.model.job import Operation
 from vinefab.model.laser import LaserProfile
-from vinefab.model.pieces import Sleeve
+from vinefab.model.pieces import Partition, Sleeve
 from vinefab.model.tree import branch_tree
 from vinefab.physics.seam import lap_load_n_mm
 
 
-def _no_partition(subject: Subject) -> RuleNotApplicable:
-    """Return why a robot is not looked at in pieces."""
-    if subject.design.build.pieces is None:
-        return RuleNotApplicable(reason="one flat outline: the design has no build.pieces")
-    if subject.profile is None:
-        return RuleNotApplicable(reason="needs a recipe, for the size of its sleeves")
-    return RuleNotApplicable(
-        reason=f"{counted(len(subject.names), 'branch')} are too many to look for the fewest pieces"
+def _cut(subject: Subject) -> tuple[Partition, LaserProfile, PieceSettings]:
+    """Return the pieces of a robot, its recipe and what the design says of pieces."""
+    many = f"{counted(len(subject.names), 'branch')} are too many to look for the fewest pieces"
+    settings = needed(
+        subject.design.build.pieces, "one flat outline: the design has no build.pieces"
     )
+    profile = needed(subject.profile, "needs a recipe, for the size of its sleeves")
+    return needed(subject.partition, many), profile, settings
 
 
 _MOST_NAMED = 4
 
 
-def check_sleeve_room(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+def check_sleeve_room(subject: Subject, _: Limits) -> RuleApplied:
     """VF-J01: where a robot must be parted, a branch has room for a sleeve."""
-    partition = subject.partition
-    if partition is None:
-        return _no_partition(subject)
-    violations = []
+    partition, violations = _cut(subject)[0], []
     for found in partition.unparted:
         named = found.branches[:_MOST_NAMED]
         names = ", ".join(subject.ids(*named))
@@ -68,7 +64,7 @@ def check_sleeve_room(subject: Subject, _: Limits) -> RuleApplied | RuleNotAppli
                 measured=found.room_mm,
                 limit=found.needed_mm,
                 branches=subject.ids(*named),
-                at_mm=branch_middle_mm(subject.layout, found.branches[0]),
+                at_mm=branch_point_mm(subject.layout, found.branches[0], 0.5),
                 marker=mark_branches(subject.layout, found.branches),
                 aspect=found.why,
             )
@@ -77,11 +73,9 @@ def check_sleeve_room(subject: Subject, _: Limits) -> RuleApplied | RuleNotAppli
     return RuleApplied(checked=checked, violations=tuple(violations))
 
 
-def check_piece_count(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+def check_piece_count(subject: Subject, _: Limits) -> RuleApplied:
     """VF-J02: a robot needs no more pieces than its design allows."""
-    partition, settings = subject.partition, subject.design.build.pieces
-    if partition is None or settings is None:
-        return _no_partition(subject)
+    partition, _profile, settings = _cut(subject)
     count = len(partition.pieces)
     least = "no fewer possible" if partition.proven_least else "fewer may be possible"
     if partition.unparted:
@@ -97,21 +91,17 @@ def check_piece_count(subject: Subject, _: Limits) -> RuleApplied | RuleNotAppli
     return RuleApplied(checked=count, violations=(violation,))
 
 
-def check_laps(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_laps(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-J03: the laps of sleeves bear the working pressure with a safety factor."""
-    if subject.partition is None or subject.profile is None:
-        return _no_partition(subject)
-    sleeves = subject.partition.sleeves
-    recipe, pieces = subject.profile.recipe, subject.design.build.pieces
+    partition, profile, pieces = _cut(subject)
+    sleeves, recipe = partition.sleeves, profile.recipe
     if not sleeves:
         return RuleApplied(checked=0)
-    if recipe.lap is None:
-        reason = f"recipe {recipe.name} has no table [lap]: nothing is known of the bond of sleeves"
-        return RuleNotApplicable(reason=f"{reason}; burst lap coupons and calibrate it")
-    bond = recipe.lap
+    reason = f"recipe {recipe.name} has no table [lap]: nothing is known of the bond of sleeves"
+    bond = needed(recipe.lap, f"{reason}; burst lap coupons and calibrate it")
     limit_n_mm = bond.load_n_per_mm.value / limits["safety_factor"]
     severity = Severity.ERROR if bond.is_measured_limit else Severity.WARNING
-    bears, layout, violations = Limits({severity.value: limit_n_mm}), subject.layout, []
+    bears, violations = Limits({severity.value: limit_n_mm}), []
     for sleeve in sleeves:
         row = sleeve.branch
         load_n_mm = lap_load_n_mm(subject.design.build.pressure_kpa, sleeve.width_mm)
@@ -122,11 +112,9 @@ def check_laps(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplica
                 "pressure or narrow the branch"
                 f"{'' if bond.is_measured_limit else ', or burst lap coupons'}"
             )
-            along = layout.end_mm[row] - layout.start_mm[row]
-            share = sleeve.outer_from_mm / layout.tree.length_mm[row]
-            x, y = (layout.start_mm[row] + along * share).tolist()
-            violations.append(branch_violation(subject, [row], message, broken, at_mm=(x, y)))
-    if pieces is not None and pieces.lap_mm < bond.band_mm.value:
+            share = sleeve.outer_from_mm / float(subject.layout.tree.length_mm[row])
+            violations.append(broken.on(subject, [row], message, at=share))
+    if pieces.lap_mm < bond.band_mm.value:
         rows = [sleeve.branch for sleeve in sleeves]
         violations.append(
             Violation(
@@ -141,12 +129,10 @@ def check_laps(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplica
     return RuleApplied(checked=len(sleeves), violations=tuple(violations))
 
 
-def check_ease(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_ease(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-J06: plugs go into their sockets, and these lie on them without steep folds."""
-    partition, pieces = subject.partition, subject.design.build.pieces
-    if partition is None or pieces is None or subject.profile is None:
-        return _no_partition(subject)
-    bond, film_mm = subject.profile.recipe.lap, subject.profile.material.film_mm
+    partition, profile, pieces = _cut(subject)
+    bond, film_mm = profile.recipe.lap, profile.material.film_mm
     room_mm = max(0.0, pieces.lap_mm - (bond.band_mm.value if bond else 0.0)) / 2.0
     least_mm, most_mm = limits["films"] * film_mm, limits["rooms"] * room_mm
     tight = Limits({"error": least_mm}).least(pieces.ease_mm)
@@ -160,8 +146,9 @@ def check_ease(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplica
         else f"the lap has {room_mm:g} mm beside its band on each side, where a socket must be"
         " gathered onto its plug: lessen the ease, or lengthen the lap"
     )
-    violation = broken.violation(
-        f"{message} ([build] pieces.ease_mm)",
+    violation = replace(
+        broken,
+        message=f"{message} ([build] pieces.ease_mm)",
         branches=subject.ids(*(sleeve.branch for sleeve in partition.sleeves)),
     )
     return RuleApplied(checked=len(partition.sleeves), violations=(violation,))
@@ -199,17 +186,16 @@ def widest_cut_mm(build: Build, profile: LaserProfile, changed: LimitChanges) ->
     return (1.0 + ROUNDING) * bond.load_n_per_mm.value / factor / load
 
 
-def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-J04: folded film leaves room in the lumen that it rides in also where laps double it.
 
     As for VF-W03, what rides in a child comes through its joint's passage, where that is known.
     """
-    if subject.partition is None or subject.profile is None:
-        return _no_partition(subject)
+    partition, profile, _ = _cut(subject)
     fullest = fullest_laps(
         subject.design,
-        subject.partition.sleeves,
-        subject.profile.material.film_mm,
+        partition.sleeves,
+        profile.material.film_mm,
         limits["packing"],
         passages_of(subject.pattern),
     )
@@ -218,20 +204,19 @@ def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
         "or a wider branch"
     )
     violations = [
-        branch_violation(subject, [branch], message, broken)
+        broken.on(subject, [branch], message)
         for branch, share in fullest.values()
         if (broken := limits.most(100.0 * share))
     ]
     return RuleApplied(checked=len(fullest), violations=tuple(violations))
 
 
-def check_piece_labels(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+def check_piece_labels(subject: Subject, _: Limits) -> RuleApplied:
     """VF-J05: every piece and both ends of every joint are labelled beside them."""
-    partition, job, profile = subject.partition, subject.job, subject.profile
-    if partition is None:
-        return _no_partition(subject)
-    if job is None or profile is None:
-        return RuleNotApplicable(reason="needs a recipe, which the marks follow from")
+    partition, job = (
+        _cut(subject)[0],
+        needed(subject.job, "needs a recipe, which the marks follow from"),
+    )
     if len(partition.pieces) == 1:
         return RuleApplied(checked=0)
     design = subject.design.name

@@ -15,21 +15,17 @@ import numpy as np
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.rules.clearance_rules import nearest_pairs
 from vinefab.fabrication.rules.rule import (
-    BrokenLimit,
     Limits,
     Rule,
     RuleApplied,
-    RuleNotApplicable,
     Violation,
-    branch_start_mm,
-    branch_tip_mm,
-    branch_violation,
+    needed,
 )
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of, spacing
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.inflation.compensation import MESH_DEG, FlatJoint
 from vinefab.inflation.pattern import Pattern, PatternJoint
-from vinefab.model.design import Build, Design
+from vinefab.model.design import Build
 from vinefab.model.finding import Severity
 from vinefab.model.laser import (
     GrowthConstants,
@@ -51,14 +47,12 @@ from vinefab.physics.growth_pressure import (
 from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, line_load_n_mm, seam_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm, inflated_radius_mm
 
-_NO_RECIPE = RuleNotApplicable(reason="needs a recipe, for the film and its seam")
+_NO_RECIPE = "needs a recipe, for the film and its seam"
 
 
-def check_burst(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_burst(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-P01: the working pressure keeps a safety factor below the burst pressure of each width."""
-    if subject.profile is None:
-        return _NO_RECIPE
-    material = subject.profile.material
+    material = needed(subject.profile, _NO_RECIPE).material
     width_mm, branch = widest(subject)
     limit_kpa = safe_pressure_kpa(width_mm, material, limits)
     severity = Severity.ERROR if material.seam.is_measured_limit else Severity.WARNING
@@ -71,11 +65,9 @@ def check_burst(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
     return _applied(subject, branch, message, broken)
 
 
-def check_rating(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+def check_rating(subject: Subject, _: Limits) -> RuleApplied:
     """VF-P02: the working pressure is not above that of the seam's test, at any width."""
-    if subject.profile is None:
-        return _NO_RECIPE
-    material = subject.profile.material
+    material = needed(subject.profile, _NO_RECIPE).material
     tested_kpa = material.seam.pressure_kpa.value
     # In a narrower tube the same load on a seam takes more pressure: an extrapolation, so no error.
     broken = Limits({"warning": tested_kpa}).most(subject.design.build.pressure_kpa)
@@ -86,11 +78,9 @@ def check_rating(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable
     return _applied(subject, 0, message, broken)
 
 
-def check_strain(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_strain(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-P04: the film does not balloon at the working pressure."""
-    if subject.profile is None:
-        return _NO_RECIPE
-    film, (width_mm, branch) = subject.profile.material, widest(subject)
+    film, (width_mm, branch) = needed(subject.profile, _NO_RECIPE).material, widest(subject)
     strain = hoop_strain(
         subject.design.build.pressure_kpa, width_mm, film.ply_mm.value, film.modulus_mpa.value
     )
@@ -125,10 +115,8 @@ def _or_test(material: Material) -> str:
     return "" if material.seam.is_measured_limit else ", or burst a balloon to know the limit"
 
 
-def _applied(
-    subject: Subject, branch: int, message: str, broken: BrokenLimit | None
-) -> RuleApplied:
-    found = (branch_violation(subject, [branch], message, broken),) if broken else ()
+def _applied(subject: Subject, branch: int, message: str, broken: Violation | None) -> RuleApplied:
+    found = (broken.on(subject, [branch], message),) if broken else ()
     return RuleApplied(checked=1, violations=found)
 
 
@@ -266,7 +254,7 @@ def pressure_gauge(subject: Subject, profile: LaserProfile, limits: Limits) -> P
     )
 
 
-def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_window(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-P03: growth to the worst tip takes less than the widest tube stands, with a margin.
 
     Checked are the paths in free space and, where there are deployments, those on the maps.
@@ -275,9 +263,7 @@ def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
     it back takes more: a note says so, where it would be too much. An error needs a seam and growth
     that were measured; a working pressure below growth is one where growth was.
     """
-    if subject.profile is None:
-        return RuleNotApplicable(reason="needs a recipe, for the seam")
-    gauge = pressure_gauge(subject, subject.profile, limits)
+    gauge = pressure_gauge(subject, needed(subject.profile, "needs a recipe, for the seam"), limits)
     loose, tight, top_kpa = gauge.loose, gauge.tight, gauge.safe_kpa
     violations, measured = [], gauge.growth_measured and gauge.seam_measured
     worse = Severity.ERROR if measured else Severity.WARNING
@@ -366,17 +352,14 @@ def _comparable(worst: WorstBranch) -> float:
 
 
 def _violation(
-    subject: Subject, worst: WorstBranch, message: str, broken: BrokenLimit, aspect: str = ""
+    subject: Subject, worst: WorstBranch, message: str, broken: Violation, aspect: str = ""
 ) -> Violation:
     """Return a violation at a tip; marked are its branch and all ancestors."""
     rows, row = [], worst.branch
     while row >= 0:
         rows.append(row)
         row = int(subject.layout.tree.parent[row])
-    at_mm = branch_tip_mm(subject.layout, worst.branch)
-    return branch_violation(
-        subject, rows[:1], message, broken, at_mm=at_mm, marked=rows, aspect=aspect
-    )
+    return broken.on(subject, rows[:1], message, at=1.0, marked=rows, aspect=aspect)
 
 
 WINDOW = Rule(
@@ -398,23 +381,12 @@ WINDOW = Rule(
 )
 
 
-_NO_STRETCH = RuleNotApplicable(reason="needs a recipe, for how far the film stretches")
+_NO_PATTERN = "needs a recipe, for how far the film stretches"
 
 
 def degrees_text(angles_deg: tuple[float, ...]) -> str:
     """Return angles as words, without a zero that has a sign."""
     return ", ".join(f"{round(angle, 1) + 0.0:.1f}" for angle in angles_deg)
-
-
-def _joint_violation(
-    subject: Subject, level: int, message: str, broken: BrokenLimit, aspect: str = ""
-) -> Violation:
-    """Return a violation by all joints whose children are of one level, placed at the first."""
-    rows = np.flatnonzero(subject.layout.tree.level == level).tolist()
-    at_mm = branch_start_mm(subject.layout, rows[0])
-    return branch_violation(
-        subject, rows[:1], message, broken, at_mm=at_mm, marked=rows, aspect=aspect
-    )
 
 
 def _simulated(pattern: Pattern) -> Iterator[tuple[PatternJoint, FlatJoint]]:
@@ -427,25 +399,27 @@ def _simulated(pattern: Pattern) -> Iterator[tuple[PatternJoint, FlatJoint]]:
 # --- Deploys as designed --------------------------------------------------------------------------
 
 
-def check_deployed(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_deployed(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-I01: the children of every joint deploy at their designed angles.
 
     Those are turned by up to 0.8 degrees where that brings tips nearer (`vinefab.inflation`).
     """
-    pattern = subject.pattern
-    if pattern is None:
-        return _NO_STRETCH
+    pattern = needed(subject.pattern, _NO_PATTERN)
     compensated = pattern.design.build.compensation != "none"
-    violations = [] if compensated else _flat_is_not_deployed(pattern.design)
+    violations = []
+    if not compensated and any(np.any(fan_offsets_rad(one)) for one in pattern.design.levels):
+        message = (
+            "cut at the designed angles, which pressure changes (`vinefab inflate` shows by how "
+            'much): `[build] compensation = "inflation"` cuts the robot that deploys as designed'
+        )
+        violations.append(Violation(message=message, severity=Severity.INFO))
     for joint in pattern.joints:
         wanted = degrees_text(joint.wanted_deg)
         helps = "widen the fan, or have fewer or narrower children"
         if joint.found is None:
-            unknown = BrokenLimit(severity=Severity.ERROR, limit=0.0, measured=0.0)
             crossed = f"level {joint.level}: siblings pass through each other when inflated"
             message = f"{joint.problem or crossed}: {helps}"
-            one = _joint_violation(subject, joint.level, message, unknown)
-            violations.append(replace(one, measured=None, limit=None))
+            violations.append(Violation().on_level(subject, joint.level, message, at=0.0))
             continue
         off = np.subtract(joint.found.deployed_deg, joint.aimed_deg)
         off -= 360.0 * np.round(off / 360.0)
@@ -454,19 +428,8 @@ def check_deployed(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApp
                 f"level {joint.level} is designed at {wanted} degrees, and the nearest that a flat "
                 f"joint deploys at is {degrees_text(joint.found.deployed_deg)} (simulated): {helps}"
             )
-            violations.append(_joint_violation(subject, joint.level, message, broken))
+            violations.append(broken.on_level(subject, joint.level, message, at=0.0))
     return RuleApplied(checked=len(pattern.joints), violations=tuple(violations))
-
-
-def _flat_is_not_deployed(design: Design) -> list[Violation]:
-    """Return what to know of a robot whose flat angles are not made for inflation."""
-    if not any(np.any(fan_offsets_rad(level)) for level in design.levels):
-        return []
-    message = (
-        "cut at the designed angles, which pressure changes (`vinefab inflate` shows by how much): "
-        '`[build] compensation = "inflation"` cuts the robot that deploys as designed'
-    )
-    return [Violation(message=message, severity=Severity.INFO)]
 
 
 DEPLOYED = Rule(
@@ -485,19 +448,17 @@ DEPLOYED = Rule(
 # --- Sensitive joints -----------------------------------------------------------------------------
 
 
-def check_sensitivity(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_sensitivity(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-I02: errors of flat angles do not grow much under pressure."""
-    pattern = subject.pattern
-    if pattern is None:
-        return _NO_STRETCH
+    pattern = needed(subject.pattern, _NO_PATTERN)
     violations = [
-        _joint_violation(
+        broken.on_level(
             subject,
             joint.level,
             f"an error of 1 degree in the flat angles of level {joint.level} becomes "
             f"{found.sensitivity:.1f} degrees under pressure (simulated): widen the gaps between "
             "siblings, or have fewer or narrower ones",
-            broken,
+            at=0.0,
         )
         for joint, found in _simulated(pattern)
         if (broken := limits.most(found.sensitivity))
@@ -537,19 +498,15 @@ def fillet_gain(before: float, after: float) -> float:
     return float(two / one)
 
 
-def check_crotch_load(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_crotch_load(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-I03: the weld in a crotch bears no more than the seam of the recipe is known to stand.
 
     The load of a straight seam is taken from pressure and flat width, as in VF-P01. The crotch's is
     so many times as large for some millimetres only, and published pressures come from robots with
     crotches, so that this warns and never forbids.
     """
-    pattern = subject.pattern
-    if pattern is None:
-        return _NO_STRETCH
-    if subject.profile is None:
-        return RuleNotApplicable(reason="needs a recipe, for the seam")
-    seam = subject.profile.material.seam
+    pattern = needed(subject.pattern, _NO_PATTERN)
+    seam = needed(subject.profile, "needs a recipe, for the seam").material.seam
     stands = Limits({"warning": seam_load_n_mm(seam) / limits["safety_factor"]})
     pressure_kpa = subject.design.build.pressure_kpa
     violations = []
@@ -567,7 +524,7 @@ def check_crotch_load(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
                 f"times as hard as a straight seam (simulated; {seam.words()}): "
                 f"{', then '.join(helps)}"
             )
-            violations.append(_joint_violation(subject, joint.level, message, broken))
+            violations.append(broken.on_level(subject, joint.level, message, at=0.0))
     return RuleApplied(checked=len(pattern.joints), violations=tuple(violations))
 
 
@@ -626,16 +583,14 @@ def contact_mm(gap_deg: float, width_mm: float) -> float:
     return inflated_radius_mm(width_mm) / math.sin(half_rad) if half_rad > 0.0 else math.inf
 
 
-def check_bodies(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_bodies(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-I04: inflated branches do not lie on each other, siblings at most near their joint.
 
     Between branches that share no joint the free distance in plan counts, between siblings the
     length from their joint along which they lie on each other. The nearest pair stands for all of
     one robot: robots in pieces cross themselves on purpose, at many places.
     """
-    pattern = subject.pattern
-    if pattern is None:
-        return _NO_STRETCH
+    pattern = needed(subject.pattern, _NO_PATTERN)
     violations = []
     share = Limits({"warning": limits["sibling_share"], "error": limits["collapsed_share"]})
     for joint, found in _simulated(pattern):
@@ -659,12 +614,12 @@ def check_bodies(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
             )
             in_mm = replace(broken, limit=broken.limit * length_mm, measured=along_mm)
             violations.append(
-                _joint_violation(subject, joint.level, message, in_mm, aspect="siblings")
+                in_mm.on_level(subject, joint.level, message, at=0.0, aspect="siblings")
             )
     inflated = replace(subject, capsules=deployed_capsules(pattern))
     near = spacing(inflated.capsules, max(0.0, limits["warning"]))
     nears, pairs = nearest_pairs(inflated, near, ~near.joined & (near.gap_mm < limits["warning"]))
-    if nears and (broken := limits.least(nears[0].gap_mm)):
+    if nears and (broken := limits.least(nears[0].measured)):
         more = f" (and {pairs - 1} more pairs)" if pairs > 1 else ""
         message = (
             f"the branches{more} lie on each other when inflated (simulated): widen the fan, or "
@@ -672,7 +627,7 @@ def check_bodies(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
         )
         rows = [[subject.names.index(name) for name in pair.branches] for pair in nears]
         marked = {row for pair in rows for row in pair}
-        violations.append(branch_violation(subject, rows[0], message, broken, marked=marked))
+        violations.append(broken.on(subject, rows[0], message, marked=marked))
     pouched = subject.design.build.pouch is not None
     return RuleApplied(
         checked=len(subject.layout.tree),

@@ -1,10 +1,9 @@
 """Rules about the test rig that a robot is tested on, and about the corridors of maps."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
 
-from vinefab.fabrication.rules.rule import Limits, Rule, RuleApplied, RuleNotApplicable, Violation
+from vinefab.fabrication.rules.rule import Limits, Rule, RuleApplied, Violation, needed
 from vinefab.fabrication.rules.subject import MapCorridors, RigFacts, Subject
 from vinefab.model.design import Design
 from vinefab.physics.tube import inflated_diameter_mm
@@ -22,49 +21,42 @@ class RigSubject:
     corridors: tuple[MapCorridors, ...] = ()  # of maps, or of the rig
 
 
-RigCheck = Callable[["RigSubject | Subject", Limits], RuleApplied | RuleNotApplicable]
-
-_NO_RIG = RuleNotApplicable(reason="needs a test rig: vinefab rig makes one, --rig names one")
+_NO_RIG = "needs a test rig: vinefab rig makes one, --rig names one"
 
 
-def check_solids(subject: RigSubject | Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+def check_solids(subject: RigSubject | Subject, _: Limits) -> RuleApplied:
     """VF-R01: every part, read again, is closed, oriented and has the right volume."""
-    if subject.rig is None:
-        return _NO_RIG
+    rig = needed(subject.rig, _NO_RIG)
     violations = [
         Violation(message=f"{part.name} {problem}: make the rig anew", aspect=part.name)
-        for part in subject.rig.parts
+        for part in rig.parts
         for problem in part.problems
     ]
-    return RuleApplied(checked=len(subject.rig.parts), violations=tuple(violations))
+    return RuleApplied(checked=len(rig.parts), violations=tuple(violations))
 
 
-def check_fits(subject: RigSubject | Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+def check_fits(subject: RigSubject | Subject, _: Limits) -> RuleApplied:
     """VF-R02: every part fits the machine, the margin of its bed kept."""
-    if subject.rig is None:
-        return _NO_RIG
-    room, violations = subject.rig.room_mm, []
-    for part in subject.rig.parts:
-        axes = zip(part.size_mm, room, ("wide", "deep", "high"), strict=True)
+    rig, violations = needed(subject.rig, _NO_RIG), []
+    for part in rig.parts:
+        axes = zip(part.size_mm, rig.room_mm, ("wide", "deep", "high"), strict=True)
         size_mm, most_mm, axis = max(axes, key=lambda axis: axis[0] - axis[1])
         if size_mm > most_mm + _SLACK_MM:
-            message = f"{part.name} is too {axis} for {subject.rig.printer}: split or scale the rig"
+            message = f"{part.name} is too {axis} for {rig.printer}: split or scale the rig"
             violations.append(
                 Violation(message=message, measured=size_mm, limit=most_mm, aspect=part.name)
             )
-    return RuleApplied(checked=len(subject.rig.parts), violations=tuple(violations))
+    return RuleApplied(checked=len(rig.parts), violations=tuple(violations))
 
 
-def check_corridors(
-    subject: RigSubject | Subject, limits: Limits
-) -> RuleApplied | RuleNotApplicable:
+def check_corridors(subject: RigSubject | Subject, limits: Limits) -> RuleApplied:
     """VF-R03: corridors take the inflated diameter of every level."""
-    if subject.design is None or not subject.corridors:
-        missing = "a map or a rig (--map)" if subject.design else "a design (--design)"
-        return RuleNotApplicable(reason=f"needs {missing}, to compare corridors with the robot")
+    why = "to compare corridors with the robot"
+    design = needed(subject.design, f"needs a design (--design), {why}")
+    corridors = needed(subject.corridors or None, f"needs a map or a rig (--map), {why}")
     violations = []
-    levels = list(enumerate(map(inflated_diameter_mm, subject.design.build.widths_mm), start=1))
-    for place, (level, diameter_mm) in product(subject.corridors, levels):
+    levels = list(enumerate(map(inflated_diameter_mm, design.build.widths_mm), start=1))
+    for place, (level, diameter_mm) in product(corridors, levels):
         # A dead end with less free area than the branch's cross-section is no corridor: a notch.
         usable = [one for one in place.corridors if one.dead_end_mm >= diameter_mm]
         narrow = [one for one in usable if limits.least(one.width_mm / diameter_mm)]
@@ -75,32 +67,34 @@ def check_corridors(
         every = "all" if len(narrow) == len(usable) else f"{len(narrow)}"
         in_mm = replace(broken, measured=least.width_mm, limit=broken.limit * diameter_mm)
         violations.append(
-            in_mm.violation(
-                f"level {level} inflates to {diameter_mm:.1f} mm: {every} of the "
+            replace(
+                in_mm,
+                message=f"level {level} inflates to {diameter_mm:.1f} mm: {every} of the "
                 f"{len(usable)} narrowest corridors of {place.name} are narrower, the least at "
                 f"({least.x_mm:.1f}, {least.y_mm:.1f}) mm: narrow the tubes, or scale up the map",
                 aspect=f"{place.name} level {level}",
             )
         )
     return RuleApplied(
-        checked=sum(len(place.corridors) for place in subject.corridors),
+        checked=sum(len(place.corridors) for place in corridors),
         violations=tuple(violations),
     )
 
 
-def check_height(subject: RigSubject | Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_height(subject: RigSubject | Subject, limits: Limits) -> RuleApplied:
     """VF-R04: obstacles are higher than the inflated trunk, so that it does not climb over them."""
-    if subject.design is None or subject.rig is None:
-        missing = "a test rig (--rig)" if subject.rig is None else "a design (--design)"
-        return RuleNotApplicable(reason=f"needs {missing}, to compare heights with the trunk")
-    diameter_mm = inflated_diameter_mm(subject.design.build.widths_mm[0])
-    broken = limits.least(subject.rig.height_mm / diameter_mm)
+    why = "to compare heights with the trunk"
+    rig = needed(subject.rig, f"needs a test rig (--rig), {why}")
+    design = needed(subject.design, f"needs a design (--design), {why}")
+    diameter_mm = inflated_diameter_mm(design.build.widths_mm[0])
+    broken = limits.least(rig.height_mm / diameter_mm)
     if not broken:
         return RuleApplied(checked=1)
-    in_mm = replace(broken, measured=subject.rig.height_mm, limit=broken.limit * diameter_mm)
-    violation = in_mm.violation(
-        f"a trunk that inflates to {diameter_mm:.1f} mm climbs over them: make them higher "
-        "(--height-mm)"
+    in_mm = replace(broken, measured=rig.height_mm, limit=broken.limit * diameter_mm)
+    violation = replace(
+        in_mm,
+        message=f"a trunk that inflates to {diameter_mm:.1f} mm climbs over them: make them higher "
+        "(--height-mm)",
     )
     return RuleApplied(checked=1, violations=(violation,))
 
@@ -146,10 +140,5 @@ OBSTACLE_HEIGHT = Rule(
     remedy="higher obstacles, or a narrower trunk",
     check=check_height,
 )
-RIG_CHECKS: dict[str, tuple[Rule, RigCheck]] = {
-    RIG_SOLIDS.id: (RIG_SOLIDS, check_solids),
-    RIG_SIZE.id: (RIG_SIZE, check_fits),
-    CORRIDORS.id: (CORRIDORS, check_corridors),
-    OBSTACLE_HEIGHT.id: (OBSTACLE_HEIGHT, check_height),
-}
-"""The rules that can be applied without a design's layout, by id."""
+RIG_RULES = (RIG_SOLIDS, RIG_SIZE, CORRIDORS, OBSTACLE_HEIGHT)
+"""The rules that can be applied without a design's layout, to a `RigSubject`."""

@@ -1,8 +1,9 @@
-"""What a design rule is, what its check returns, and how a violation is placed and marked."""
+"""Design rules with their limits, the outcome of a check, and the place of a violation."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Any, TypeVar
 
 import numpy as np
 import shapely
@@ -15,6 +16,8 @@ from vinefab.fabrication.outline.layout import FlatLayout
 from vinefab.fabrication.outline.stroke import Point
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import Severity
+from vinefab.model.job import Job
+from vinefab.model.laser import LaserProfile
 
 ROUNDING = 1e-9
 """Relative slack, so that a value set exactly to a limit keeps it after unit conversions."""
@@ -24,6 +27,8 @@ MOST_OF_ONE = 10.0
 
 PICTURES_PAGE = "docs/reference/rules.md in vinefab's source (not in the installed package)"
 """Where every rule stands with its picture."""
+
+_Input = TypeVar("_Input")
 
 LimitChanges = Mapping[str, Mapping[str, float]]
 """Limits to be changed, by rule id and by name: ``{"VF-C01": {"warning": 6.0}}``."""
@@ -46,11 +51,11 @@ class Limits:
         return self.values[name]
 
     def least(self, value: float, name: str = "") -> "BrokenLimit | None":
-        """Return the most severe limit that a value falls below, or None."""
+        """Return the violation by a value below a limit, the most severe one, or None."""
         return self._worst(value, lambda limit: value < limit - ROUNDING * abs(limit), name)
 
     def most(self, value: float, name: str = "") -> "BrokenLimit | None":
-        """Return the most severe limit that a value exceeds, or None."""
+        """Return the violation by a value above a limit, the most severe one, or None."""
         return self._worst(value, lambda limit: value > limit + ROUNDING * abs(limit), name)
 
     def _worst(
@@ -66,9 +71,12 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Violation:
-    """One place where a design breaks a rule; `run_checks` turns it into a `Finding`."""
+    """One place where a design breaks a rule; `run_checks` turns it into a `Finding`.
 
-    message: str  # one sentence: what is wrong, and what would fix it
+    Limits yield it without message and place; `on`, `on_level` and ``replace`` add them.
+    """
+
+    message: str = ""  # one sentence: what is wrong, and what would fix it
     severity: Severity = Severity.ERROR
     measured: float | None = None  # in the rule's unit; None if nothing was measured
     limit: float | None = None  # in the rule's unit; None if there is no limit
@@ -78,37 +86,51 @@ class Violation:
     aspect: str = ""  # separates findings of one rule at one place; part of the fingerprint
     title: str = ""  # what is wrong, where that differs from the rule's ``broken``
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BrokenLimit:
-    """A limit that a value breaks."""
-
-    severity: Severity  # that of the most severe limit broken
-    limit: float  # the value of that limit
-    measured: float  # what breaks it
-
-    def violation(
+    def on(
         self,
+        subject: Subject,
+        branches: Sequence[int],
         message: str,
         *,
-        branches: tuple[str, ...] = (),
-        at_mm: Point | None = None,
-        marker: str = "",
+        at: float | Point = 0.5,
+        marked: Iterable[int] | None = None,
         aspect: str = "",
-        title: str = "",
-    ) -> Violation:
-        """Return the violation by this value; see there."""
-        return Violation(
+    ) -> "Violation":
+        """Return this violation by branches.
+
+        Parameters
+        ----------
+        branches
+            Indices of the branches named.
+        at
+            The place: coordinates (mm), or a share of the length of the first branch named.
+        marked
+            Indices of the branches marked; those named by default.
+        """
+        layout = subject.layout
+        return replace(
+            self,
             message=message,
-            severity=self.severity,
-            measured=self.measured,
-            limit=self.limit,
-            branches=branches,
-            at_mm=at_mm,
-            marker=marker,
+            branches=subject.ids(*branches),
+            at_mm=at if isinstance(at, tuple) else branch_point_mm(layout, branches[0], at),
+            marker=mark_branches(layout, branches if marked is None else marked),
             aspect=aspect,
-            title=title,
         )
+
+    def on_level(
+        self, subject: Subject, level: int, message: str, *, at: float = 0.5, aspect: str = ""
+    ) -> "Violation":
+        """Return this violation by a level: its first branch is named, all of them are marked."""
+        rows = np.flatnonzero(subject.layout.tree.level == level).tolist()
+        return self.on(subject, rows[:1], message, at=at, marked=rows, aspect=aspect)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BrokenLimit(Violation):
+    """The violation of a limit by a measured value."""
+
+    measured: float
+    limit: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,6 +149,22 @@ class RuleNotApplicable:
     """The outcome of a check whose input is missing."""
 
     reason: str  # what is missing
+
+
+class MissingInputError(Exception):
+    """An input of a check is missing, for the reason given; `Rule.apply` catches it."""
+
+
+def needed(value: _Input | None, reason: str) -> _Input:
+    """Return an input of a check; without it the rule is not applicable, for a reason."""
+    if value is None:
+        raise MissingInputError(reason)
+    return value
+
+
+def made(subject: Subject, reason: str) -> tuple[Job, LaserProfile]:
+    """Return the job and recipe of a subject; without them the rule is not applicable."""
+    return needed(subject.job, reason), needed(subject.profile, reason)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,6 +263,13 @@ class Rule(Result):
             "remedy": self.remedy,
         }
 
+    def apply(self, subject: Any, limits: Limits) -> RuleApplied | RuleNotApplicable:  # noqa: ANN401  or a `RigSubject`
+        """Check a subject; the outcome says if an input is missing."""
+        try:
+            return self.check(subject, limits)
+        except MissingInputError as missing:
+            return RuleNotApplicable(reason=str(missing))
+
     def limits_with(self, changed: Mapping[str, float]) -> Limits:
         """Return the default limits with some of them changed.
 
@@ -267,59 +312,14 @@ def mark_branches(layout: FlatLayout, branches: Iterable[int]) -> str:
     return _well_known(shapely.MultiLineString(ends.tolist()))
 
 
-def branch_middle_mm(layout: FlatLayout, branch: int) -> Point:
-    """Return the midpoint of a branch's centre line."""
-    x, y = (layout.start_mm[branch] + layout.end_mm[branch]) / 2.0
-    return float(x), float(y)
-
-
-def branch_start_mm(layout: FlatLayout, branch: int) -> Point:
-    """Return where a branch begins."""
-    x, y = layout.start_mm[branch]
-    return float(x), float(y)
-
-
-def branch_tip_mm(layout: FlatLayout, branch: int) -> Point:
-    """Return where a branch ends."""
-    x, y = layout.end_mm[branch]
+def branch_point_mm(layout: FlatLayout, branch: int, share: float) -> Point:
+    """Return a point of a branch's centre line, at a share of its length."""
+    x, y = (1.0 - share) * layout.start_mm[branch] + share * layout.end_mm[branch]
     return float(x), float(y)
 
 
 def _well_known(geometry: shapely.Geometry) -> str:
     return str(shapely.to_wkt(geometry, rounding_precision=_DECIMALS))
-
-
-def branch_violation(  # noqa: PLR0913  what places and marks it, by keyword
-    subject: Subject,
-    branches: Iterable[int],
-    message: str,
-    broken: BrokenLimit,
-    *,
-    at_mm: Point | None = None,
-    marked: Iterable[int] | None = None,
-    aspect: str = "",
-    title: str = "",
-) -> Violation:
-    """Return a violation by branches.
-
-    Parameters
-    ----------
-    branches
-        Indices of the branches named.
-    at_mm
-        The place; the midpoint of the first branch named by default.
-    marked
-        Indices of the branches marked; those named by default.
-    """
-    rows = list(branches)
-    return broken.violation(
-        message,
-        branches=subject.ids(*rows),
-        at_mm=at_mm or branch_middle_mm(subject.layout, rows[0]),
-        marker=mark_branches(subject.layout, rows if marked is None else marked),
-        aspect=aspect,
-        title=title,
-    )
 
 
 def outline_violations(

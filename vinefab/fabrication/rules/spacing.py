@@ -386,19 +386,6 @@ def share_joint(parent: Ints, one: Ints | int, two: Ints | int) -> NDArray[np.bo
     return np.asarray((parent[one] == parent[two]) | (parent[one] == two) | (parent[two] == one))
 
 
-def pair_depths(capsules: Capsules, found: Spacing, clearance_mm: float) -> Floats:
-    """Return how deep pairs are in each other's clearance, shape (k,).
-
-    From 0 (just clear) to 1 (centre lines touch), and where centre lines cross from 1 to 2, by how
-    far the nearer end would have to be drawn back.
-    """
-    wide_mm = capsules.most_half_mm[found.first] + capsules.most_half_mm[found.second]
-    room_mm = clearance_mm + wide_mm
-    near = np.maximum(0.0, (clearance_mm - found.gap_mm) / room_mm)
-    crossing: Floats = found.crossing_mm / (found.crossing_mm + room_mm)
-    return near + crossing
-
-
 TURNS = 180
 """Rotations of a flat robot that are tried, over half a turn."""
 

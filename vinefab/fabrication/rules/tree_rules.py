@@ -3,23 +3,21 @@
 import math
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import shapely
 
 from vinefab.fabrication.outline.body_outline import ProblemKind
 from vinefab.fabrication.rules.rule import (
-    BrokenLimit,
     Limits,
     Rule,
     RuleApplied,
-    RuleNotApplicable,
     Violation,
-    branch_start_mm,
-    branch_tip_mm,
-    branch_violation,
+    branch_point_mm,
     mark_line,
     mark_point,
+    needed,
     outline_violations,
 )
 from vinefab.fabrication.rules.subject import Subject
@@ -41,7 +39,7 @@ def check_tree(subject: Subject, limits: Limits) -> RuleApplied:
     for row, length_mm in enumerate(tree.length_mm.tolist()):
         if broken := limits.least(length_mm):
             message = "the branch is too short to be drawn: lengthen it or leave it out"
-            violations.append(branch_violation(subject, [row], message, broken))
+            violations.append(broken.on(subject, [row], message))
     away = np.abs(layout.start_mm[1:] - layout.end_mm[tree.parent[1:]]).max(axis=1, initial=0.0)
     for row in (1 + np.flatnonzero(~(away < 1e-6))).tolist():
         violations.append(  # noqa: PERF401  one shape of loop for both halves of the rule
@@ -63,9 +61,8 @@ def check_outline_polygon(subject: Subject, _: Limits) -> RuleApplied:
     reason = shapely.is_valid_reason(body)
     found = _AT.search(reason)
     if not found:
-        return RuleApplied(
-            checked=1, violations=(Violation(message=f"the outline is no polygon: {reason}"),)
-        )
+        violation = Violation(message=f"the outline is no polygon: {reason}")
+        return RuleApplied(checked=1, violations=(violation,))
     at = float(found[1]), float(found[2])
     # Named are the (up to) two branches nearest to the place.
     capsules = subject.capsules
@@ -85,25 +82,21 @@ def check_outline_polygon(subject: Subject, _: Limits) -> RuleApplied:
 def check_mouth(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-T04: the outline is open at one place, the mouth, and wide enough there."""
     contour = subject.outline.contour
-    if contour.closed:
-        return RuleApplied(
-            checked=1,
-            violations=(
-                Violation(message="the outline is closed: leave a mouth to inflate it by"),
-            ),
-        )
     first, last = contour.points_mm[0].tolist(), contour.points_mm[-1].tolist()
-    gap_mm = float(np.hypot(last[0] - first[0], last[1] - first[1]))
-    broken = limits.least(gap_mm)
-    if not broken:
-        return RuleApplied(checked=1)
-    violation = broken.violation(
-        "the mouth does not open over the base: widen the trunk",
-        branches=subject.ids(0),
-        at_mm=((first[0] + last[0]) / 2.0, (first[1] + last[1]) / 2.0),
-        marker=mark_line(tuple(first), tuple(last)),
-    )
-    return RuleApplied(checked=1, violations=(violation,))
+    violations: tuple[Violation, ...] = ()
+    if contour.closed:
+        message = "the outline is closed: leave a mouth to inflate it by"
+        violations = (Violation(message=message),)
+    elif broken := limits.least(math.dist(first, last)):
+        wider = replace(
+            broken,
+            message="the mouth does not open over the base: widen the trunk",
+            branches=subject.ids(0),
+            at_mm=((first[0] + last[0]) / 2.0, (first[1] + last[1]) / 2.0),
+            marker=mark_line(tuple(first), tuple(last)),
+        )
+        violations = (wider,)
+    return RuleApplied(checked=1, violations=violations)
 
 
 TREE = Rule(
@@ -145,8 +138,9 @@ def check_tail(subject: Subject, limits: Limits) -> RuleApplied:
     broken = limits.least(tail_mm)
     if not broken:
         return RuleApplied(checked=1)
-    violation = broken.violation(
-        "too little tail to invert over the base: lengthen build.tail_mm",
+    violation = replace(
+        broken,
+        message="too little tail to invert over the base: lengthen build.tail_mm",
         branches=subject.ids(0),
         at_mm=(-tail_mm, 0.0),
         marker=mark_line((-tail_mm, 0.0), (0.0, 0.0)),
@@ -173,9 +167,9 @@ def check_clamp(subject: Subject, limits: Limits) -> RuleApplied:
         broken = limits.most(abs(mouth_mm - collar.flat_width_mm), "fit")
         message = "the collar is not as wide as the clamp: set build.collar to the clamp's size"
     if broken:
-        at_mm = branch_start_mm(subject.layout, 0)
+        at_mm = branch_point_mm(subject.layout, 0, 0.0)
         violations.append(
-            broken.violation(message, branches=subject.ids(0), at_mm=at_mm, aspect="clamp")
+            replace(broken, message=message, branches=subject.ids(0), at_mm=at_mm, aspect="clamp")
         )
     tail = [s for s in contour.segments if s.part is Part.TAIL]
     bent = [s for s in tail if s.bulge or abs(s.start_mm[1] - s.end_mm[1]) > _STRAIGHT_MM]
@@ -205,8 +199,7 @@ def check_reach(subject: Subject, limits: Limits) -> RuleApplied:
         return RuleApplied(checked=1)
     than = "shorter" if limits.least(longest_mm, "short") else "longer"
     message = f"robots with {than} paths are untested: change the lengths or the scale"
-    at_mm = branch_tip_mm(subject.layout, far)
-    violation = branch_violation(subject, [far], message, broken, at_mm=at_mm)
+    violation = broken.on(subject, [far], message, at=1.0)
     return RuleApplied(checked=1, violations=(violation,))
 
 
@@ -335,11 +328,10 @@ def check_least_width(subject: Subject, limits: Limits) -> RuleApplied:
     build = subject.design.build
     widths_mm = build.end_widths_mm
     violations = [
-        _level_violation(
+        broken.on_level(
             subject,
             level,
             f"tubes of level {level} may burst before they grow: widen them, or the whole robot",
-            broken,
         )
         for level, width_mm in enumerate(widths_mm, start=1)
         if (broken := limits.least(width_mm))
@@ -347,7 +339,7 @@ def check_least_width(subject: Subject, limits: Limits) -> RuleApplied:
     more = outline_violations(subject, ProblemKind.VANISHED, known=tuple(violations))
     if build.pouch and build.pouch.length_mm and (broken := limits.least(build.pouch.length_mm)):
         message = "the pouch is too short along its branch to be inflated: lengthen it"
-        short = _level_violation(subject, subject.design.depth, message, broken, aspect="pouch")
+        short = broken.on_level(subject, subject.design.depth, message, aspect="pouch")
         more = (*more, short)
     return RuleApplied(checked=len(widths_mm), violations=(*violations, *more))
 
@@ -358,11 +350,10 @@ def check_width_ratio(subject: Subject, limits: Limits) -> RuleApplied:
     ends_mm = subject.design.build.end_widths_mm
     ratios = [wide / narrow for wide, narrow in zip(ends_mm, widths_mm[1:], strict=False)]
     violations = [
-        _level_violation(
+        broken.on_level(
             subject,
             level,
             f"level {level} is nearly as wide as the level before it: narrow it, or widen that one",
-            broken,
         )
         for level, ratio in enumerate(ratios, start=2)
         if (broken := limits.least(ratio))
@@ -371,40 +362,30 @@ def check_width_ratio(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied(checked=len(ratios), violations=(*violations, *more))
 
 
-def check_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_packing(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-W03: folded descendants and pouches leave room in the lumen that they ride in.
 
     What rides in a child comes through its joint. Where the joint was simulated, the cross-section
     there counts: that of the child's tube times the joint's passage.
     """
-    if subject.profile is None:
-        return RuleNotApplicable(reason="needs a recipe, for the film's thickness")
-    film_mm = subject.profile.material.film_mm
+    profile = needed(subject.profile, "needs a recipe, for the film's thickness")
+    film_mm = profile.material.film_mm
     found = [*occupancies(subject.design, film_mm, limits["packing"])]
     for level, passage in passages_of(subject.pattern).items():
         if level <= len(found):
             found[level - 1] /= passage
     violations = [
-        _level_violation(
+        broken.on_level(
             subject,
             level,
             f"folded pouches may jam in level {level}: narrow them, or widen the level"
             if level == subject.design.depth
             else f"folded film may jam in level {level}: fewer or narrower children, or widen it",
-            broken,
         )
         for level, share in enumerate(found, start=1)
         if (broken := limits.most(100.0 * share))
     ]
     return RuleApplied(checked=len(found), violations=tuple(violations))
-
-
-def _level_violation(
-    subject: Subject, level: int, message: str, broken: BrokenLimit, aspect: str = ""
-) -> Violation:
-    """Return a violation by a level: its first branch is named, all of them are marked."""
-    rows = np.flatnonzero(subject.layout.tree.level == level).tolist()
-    return branch_violation(subject, rows[:1], message, broken, marked=rows, aspect=aspect)
 
 
 LEAST_WIDTH = Rule(

@@ -32,7 +32,7 @@ from vinefab.model.laser import Machine, Material, Quantity, Recipe
 from vinefab.model.map import Start
 from vinefab.model.start_place import StartTable
 from vinefab.rig.rig_options import PrinterForm
-from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
+from vinefab.search.optimizers.optimizer import OPTIMIZERS
 from vinefab.search.settings import RunFile
 from vinefab.search.space import Bounds
 from vinefab.tasks.shipped_tasks import TASKS

@@ -19,14 +19,11 @@ from vinefab.core.atomic import write_bytes
 from vinefab.core.validation import Floats
 from vinefab.pages.colours import INK, LEVEL_COLOURS
 from vinefab.pages.figure import blank, frame, house_style, svg_bytes
-from vinefab.search.evaluator import Evaluations
-from vinefab.search.loop import Schedule, Search
-from vinefab.search.parallel.dask_cluster import DaskEvaluator
-from vinefab.search.parallel.point_evaluator import Begin, ThreadEvaluator
-from vinefab.search.parallel.work_placement import Pace, point_weights
-from vinefab.search.run import training_maps
+from vinefab.search.dask_cluster import DaskEvaluator, Pace, point_weights
+from vinefab.search.evaluator import Evaluations, Ledger
+from vinefab.search.run import Schedule, Search, training_maps
 from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
-from vinefab.search.timing import Ledger
+from vinefab.search.workers import Begin, ThreadEvaluator
 from vinefab.studies.cluster_scaling import (
     LATENCIES_S,
     WORKERS,

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from vinefab.model.deployment import Deployment
-from vinefab.search.loop import Search
-from vinefab.search.run import generated_maps
+from vinefab.search.run import Search, generated_maps
 from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome

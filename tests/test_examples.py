@@ -21,10 +21,9 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import map_plan
-from vinefab.search.front_files import write_front
 from vinefab.search.record.result import RunArchive
 from vinefab.search.run import run_search, training_maps
-from vinefab.search.run_pages import rebuild
+from vinefab.search.run_pages import rebuild, write_front
 from vinefab.search.settings import PartSettings, read_run, run_task
 from vinefab.search.space import Space
 from vinefab.studies import cluster_scaling

@@ -8,7 +8,7 @@ import pytest
 
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
+from vinefab.search.optimizers.optimizer import OPTIMIZERS
 from vinefab.tasks.shipped_tasks import TASKS
 
 MODULE = """
@@ -18,7 +18,7 @@ from typing import ClassVar
 from vinefab.fabrication.rules.rule import Rule, RuleApplied, Violation
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.generators.environments import Environment
-from vinefab.search.optimizers.random_search import RandomConfig as Dice
+from vinefab.search.optimizers.optimizer import RandomConfig as Dice
 
 YARD = Environment(description="their yard", options=GridOptions, make=grid_map)
 

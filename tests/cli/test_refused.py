@@ -9,7 +9,7 @@ import sqlite3
 import numpy as np
 import pytest
 
-from vinefab.search.optimizers.random_search import RandomSearch
+from vinefab.search.optimizers.optimizer import RandomSearch
 
 HEAD = 'schema = "vinefab/run-1"\n'
 REFUSED = {
@@ -43,7 +43,7 @@ def test_a_refused_run_leaves_no_folder(vinefab, tmp_path, command, text):
 def test_a_cluster_that_is_not_there_leaves_no_folder(
     vinefab, run_file, tmp_path, monkeypatch, address
 ):
-    monkeypatch.setattr("vinefab.search.parallel.dask_cluster.CONNECT_S", 0.2)
+    monkeypatch.setattr("vinefab.search.dask_cluster.CONNECT_S", 0.2)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "dead.json").write_text('{"address": "tcp://127.0.0.1:9"}')
     (tmp_path / "other.json").write_text('{"place": "here"}')

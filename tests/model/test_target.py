@@ -15,9 +15,8 @@ from vinefab.model.design import Build, Design
 from vinefab.model.target import Target, TargetOutcome, TargetsResult, targets_given
 from vinefab.prediction.deploy import deploy
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
-from vinefab.search.loop import Search
 from vinefab.search.record.result import RunResult
-from vinefab.search.run import progress_line, run_search
+from vinefab.search.run import Search, progress_line, run_search
 from vinefab.search.settings import RunSettings
 
 SQUARE = [[400, 50], [450, 50], [450, 100], [400, 100], [400, 50]]

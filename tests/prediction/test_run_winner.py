@@ -17,10 +17,8 @@ from vinefab.prediction.run_winner import (
     predict_winner,
 )
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
-from vinefab.search.loop import Search
-from vinefab.search.record.elsewhere import contact_ends, elsewhere_facts, placed_off_range
-from vinefab.search.record.result import RunResult
-from vinefab.search.run import training_maps
+from vinefab.search.record.result import RunResult, contact_ends, elsewhere_facts, placed_off_range
+from vinefab.search.run import Search, training_maps
 from vinefab.search.settings import (
     EvaluationSettings,
     MapSettings,

@@ -18,8 +18,7 @@ from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.laser import LaserProfile
 from vinefab.prediction.fix_proposal import propose_fix
-from vinefab.search.fix import parsed_keeps
-from vinefab.search.fix_targets import DesignChange
+from vinefab.search.fix import DesignChange, parsed_keeps
 
 SEED = 7
 

@@ -19,7 +19,7 @@ from shapely import Polygon, affinity
 
 from vinefab.core.errors import VinefabError
 from vinefab.model.map import Map, Pose, Start
-from vinefab.search.outset import with_trunk_for_film
+from vinefab.search.advice import with_trunk_for_film
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import run_search, violations_of
 from vinefab.search.settings import RunSettings

@@ -8,9 +8,9 @@ import numpy as np
 from vinefab.model.design import Design
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.map import Map
-from vinefab.search.best_check import FAILED, BestCheck
-from vinefab.search.loop import Search
+from vinefab.search.advice import FAILED, BestCheck
 from vinefab.search.record.generations import Progress
+from vinefab.search.run import Search
 from vinefab.search.settings import RunSettings
 
 FOUND = (Finding(rule="VF-X99", severity=Severity.ERROR, message="odd", fingerprint="1"),)

@@ -20,14 +20,12 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.model.map import Map, Pose
 from vinefab.model.tree import branch_tree
-from vinefab.search import costs
-from vinefab.search.costs import COSTS, cost_text
+from vinefab.search import space as space_module
 from vinefab.search.design_batch import DesignBatch
-from vinefab.search.loop import Search
 from vinefab.search.record.generations import RunIdentity
-from vinefab.search.run import violations_of
+from vinefab.search.run import Search, violations_of
 from vinefab.search.settings import PartSettings, RunSettings, plain_settings
-from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
+from vinefab.search.space import COSTS, Bounds, BuildSettings, Space, SpaceSettings, cost_text
 
 POUCHES = (
     None,
@@ -77,7 +75,7 @@ def test_large_batches_are_measured_some_at_a_time(monkeypatch: pytest.MonkeyPat
     batch = space.batch(np.random.default_rng(2).random((30, len(space))))
     whole = COSTS["sheet_area"].of(batch, space.build_of)
     for most in (1, 50, 700):
-        monkeypatch.setattr(costs, "BRANCHES_AT_ONCE", most)
+        monkeypatch.setattr(space_module, "BRANCHES_AT_ONCE", most)
         assert COSTS["sheet_area"].of(batch, space.build_of).tolist() == whole.tolist()
     assert len(COSTS["sheet_area"].of(batch.part(np.arange(0)), space.build_of)) == 0
 

@@ -22,13 +22,14 @@ from vinefab.search.evaluator import (
     Evaluations,
     Evaluator,
     EvaluatorSpec,
+    SerialExecutor,
+    ThreadExecutor,
     block_sizes,
     penalized_fitness,
 )
-from vinefab.search.loop import Search
 from vinefab.search.manufacturability import ManufacturabilityPenalty
-from vinefab.search.parallel.executor import SerialExecutor, ThreadExecutor
 from vinefab.search.record.result import RunResult
+from vinefab.search.run import Search
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 from vinefab.tasks.evaluate import Conditions, composite, map_weights, score_designs

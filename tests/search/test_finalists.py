@@ -14,10 +14,9 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.search.evaluator import FRESH
 from vinefab.search.finalists import FRESH_POSES, _passing
-from vinefab.search.loop import Search
 from vinefab.search.record.generations import Generation
 from vinefab.search.record.result import RunResult
-from vinefab.search.run import FRESH_MAPS, fresh_maps, training_maps
+from vinefab.search.run import FRESH_MAPS, Search, fresh_maps, training_maps
 from vinefab.search.settings import PartSettings, RunSettings
 from vinefab.search.space import BuildSettings, Space, SpaceSettings
 from vinefab.tasks.evaluate import PreparedMap, score_design

@@ -25,16 +25,14 @@ from vinefab.search.fix import (
     FILLETS,
     KEEPS,
     FixSpace,
+    FixTargets,
+    change_cost,
+    design_changes,
     fix_design,
     fix_in_stage,
     fix_stages,
     kept_branches,
     parsed_keeps,
-)
-from vinefab.search.fix_targets import (
-    FixTargets,
-    change_cost,
-    design_changes,
     pruning_cost,
 )
 

@@ -12,19 +12,19 @@ from vinefab.core.errors import BadInputError
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.tree import branch_tree
+from vinefab.search.dask_cluster import deserialized, serialized
 from vinefab.search.evaluator import Evaluator
-from vinefab.search.front import (
+from vinefab.search.finalists import (
     knee,
     non_dominated,
     spread_out,
 )
-from vinefab.search.loop import Search
 from vinefab.search.optimizers.evolution import FrontOptimizer, NsgaConfig, ranking
 from vinefab.search.optimizers.optimizer import SearchAxes
-from vinefab.search.parallel.dask_cluster import deserialized, serialized
 from vinefab.search.record.generations import RunIdentity
 from vinefab.search.record.result import RunResult
 from vinefab.search.record.store import RunStore
+from vinefab.search.run import Search
 from vinefab.search.settings import PartSettings, RunSettings, check_objectives
 from vinefab.tasks.evaluate import composites, score_design
 from vinefab.tasks.reach import Reach

@@ -12,9 +12,9 @@ from vinefab.model.map import Map
 from vinefab.model.tree import branch_tree
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import Words
-from vinefab.search.front_files import front_json, front_of, front_picture, front_table
-from vinefab.search.loop import Search
 from vinefab.search.record.result import RunResult
+from vinefab.search.run import Search
+from vinefab.search.run_pages import front_json, front_of, front_picture, front_table
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, SpaceSettings
 

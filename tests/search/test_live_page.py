@@ -12,18 +12,18 @@ from vinefab.pages.charts import MOST_POINTS, fitness_curve
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import Shape
 from vinefab.prediction.run_winner import run_in_folder
-from vinefab.search import live_page
-from vinefab.search.live_page import PAGE_NAME, LivePage
+from vinefab.search import run_pages
 from vinefab.search.record.generations import Generation, Progress
+from vinefab.search.run_pages import PAGE_NAME, LivePage
 from vinefab.search.settings import MapSettings, RunSettings
 
 
 @pytest.fixture
 def settings(small: RunSettings, monkeypatch: pytest.MonkeyPatch) -> RunSettings:
     """A run on one map whose page is written after every generation."""
-    monkeypatch.setattr(live_page, "LEAST_PAUSE_S", 0.0)
-    monkeypatch.setattr(live_page, "_OF_PROCESSOR", 1e9)
-    monkeypatch.setattr(live_page, "_OF_TIME", 1e9)
+    monkeypatch.setattr(run_pages, "LEAST_PAUSE_S", 0.0)
+    monkeypatch.setattr(run_pages, "_OF_PROCESSOR", 1e9)
+    monkeypatch.setattr(run_pages, "_OF_TIME", 1e9)
     return small.changed(maps=MapSettings(count=1))
 
 
@@ -72,7 +72,7 @@ def test_a_page_that_cannot_be_written_stops_no_run(
         calls.append(path)
         raise CannotWriteError(path, "disk full")
 
-    monkeypatch.setattr(live_page, "write_text", full)
+    monkeypatch.setattr(run_pages, "write_text", full)
     result = run_in_folder(settings, tmp_path, again="")
     assert len(result.history) == 5
     assert len(calls) == 1
@@ -91,16 +91,16 @@ def test_pages_are_written_no_oftener_than_their_cost_allows(
     settings: RunSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now_s, written = [0.0], [0]
-    monkeypatch.setattr(live_page, "LEAST_PAUSE_S", 3.0)
-    monkeypatch.setattr(live_page, "_OF_TIME", 0.05)
-    monkeypatch.setattr(live_page.time, "monotonic", lambda: now_s[0])
+    monkeypatch.setattr(run_pages, "LEAST_PAUSE_S", 3.0)
+    monkeypatch.setattr(run_pages, "_OF_TIME", 0.05)
+    monkeypatch.setattr(run_pages.time, "monotonic", lambda: now_s[0])
 
     def slow(path: Path, _: str) -> Path:
         now_s[0] += 2.0
         written[0] += 1
         return path
 
-    monkeypatch.setattr(live_page, "write_text", slow)
+    monkeypatch.setattr(run_pages, "write_text", slow)
     page = LivePage(tmp_path, settings, "")
     for _ in range(600):
         now_s[0] += 0.5

@@ -16,12 +16,10 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.search.evaluator import FINAL, INVALID_FITNESS, TRAINING, Evaluator, EvaluatorSpec
-from vinefab.search.loop import AHEAD, Schedule, Search, why_stop
-from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
-from vinefab.search.optimizers.random_search import RandomSearch
-from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
+from vinefab.search.optimizers.optimizer import OPTIMIZERS, Optimizer, RandomSearch, SearchAxes
 from vinefab.search.record.generations import Generation, Progress
 from vinefab.search.record.result import RunResult
+from vinefab.search.run import AHEAD, Schedule, Search, why_stop
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 from vinefab.tasks.coverage import Coverage

@@ -9,12 +9,11 @@ from vinefab.fabrication.checking import subject_of
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.model.design import Design, Level
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.search.loop import Search
-from vinefab.search.outset import said_before, with_trunk_for_film
+from vinefab.search.advice import said_before, with_trunk_for_film
 from vinefab.search.record.generations import Progress, RunIdentity
 from vinefab.search.record.result import RECORD_FILE, RunArchive
 from vinefab.search.record.store import RunStore
-from vinefab.search.run import penalty_of, training_maps
+from vinefab.search.run import Search, penalty_of, training_maps
 from vinefab.search.settings import RunSettings
 from vinefab.search.space import BuildSettings
 

@@ -6,11 +6,10 @@ import pytest
 
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.laser import LaserProfile, Quantity, Standing
-from vinefab.search.loop import Search
+from vinefab.search.advice import has_design, relaxations
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.record.generations import Progress
-from vinefab.search.relaxing import has_design, relaxations
-from vinefab.search.run import progress_line, training_maps
+from vinefab.search.run import Search, progress_line, training_maps
 from vinefab.search.settings import MapSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 

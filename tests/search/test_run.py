@@ -14,11 +14,11 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.search.evaluator import with_pose_range
-from vinefab.search.loop import Search
 from vinefab.search.record.generations import Progress
 from vinefab.search.record.identity import map_fingerprint
 from vinefab.search.record.result import RunArchive, RunResult, map_from_text, map_to_text
 from vinefab.search.run import (
+    Search,
     generated_maps,
     progress_line,
     run_search,

@@ -14,8 +14,8 @@ from vinefab.core.errors import (
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.map import Pose
-from vinefab.search.loop import Search
-from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
+from vinefab.search.optimizers.optimizer import make_optimizer_config
+from vinefab.search.run import Search
 from vinefab.search.settings import (
     MapSettings,
     PartSettings,

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from vinefab.search.timing import Ledger, TimeSplit, Work
+from vinefab.search.evaluator import Ledger, TimeSplit, Work
 
 
 def test_every_part_counts_once() -> None:

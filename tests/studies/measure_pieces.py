@@ -28,8 +28,7 @@ from vinefab.model.design import Design, PieceSettings
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.search.loop import Search
-from vinefab.search.run import fresh_maps, generated_maps, penalty_of
+from vinefab.search.run import Search, fresh_maps, generated_maps, penalty_of
 from vinefab.search.settings import PartSettings, RunSettings, read_run
 from vinefab.studies.optimizer_contest import FIRST_CONTEST_SEED
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design

@@ -16,13 +16,12 @@ from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError
 from vinefab.model.design import Design, design_of
 from vinefab.model.files.design_toml import design_content, design_text
 from vinefab.model.files.shipped import locate
-from vinefab.search.costs import COSTS
-from vinefab.search.front_files import front_json, front_of
 from vinefab.search.record.generations import Generation
 from vinefab.search.record.result import RunArchive
 from vinefab.search.run import run_search
+from vinefab.search.run_pages import front_json, front_of
 from vinefab.search.settings import MapSettings, RunSettings, SearchSettings, read_run
-from vinefab.search.space import Bounds, Space, SpaceSettings
+from vinefab.search.space import COSTS, Bounds, Space, SpaceSettings
 from vinefab.studio.run_request import RUN_FILE, run_files, run_proposal
 from vinefab.studio.searches import SEARCH_REQUESTS, FollowedRecord, LiveFront, SearchManager
 from vinefab.studio.state import StudioState

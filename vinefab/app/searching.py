@@ -75,7 +75,7 @@ else:
         object,
         Kind(
             metavar="NAME[:KEY=VALUE,...]",
-            known=registered_names("vinefab.search.optimizers.shipped_optimizers:OPTIMIZERS"),
+            known=registered_names("vinefab.search.optimizers.optimizer:OPTIMIZERS"),
             several=True,
         ),
     ]
@@ -174,9 +174,9 @@ def optimize(
     """
     from dataclasses import replace
 
-    from vinefab.search.live_page import PAGE_NAME
     from vinefab.search.record.result import RECORD_FILE
     from vinefab.search.run import make_point_evaluator, violations_of
+    from vinefab.search.run_pages import PAGE_NAME
     from vinefab.search.settings import PartSettings, RunLimits
 
     settings, source = _run_of(run)
@@ -229,7 +229,7 @@ def optimize(
     with _resumable(again), _recorded(again):
         result.write_winner(folder, force=force)
         if settings.objectives:
-            from vinefab.search.front_files import front_table, write_front
+            from vinefab.search.run_pages import front_table, write_front
 
             members = write_front(result, settings, folder, force=force)
             result = replace(result, front=front_table(members, settings))
@@ -276,7 +276,7 @@ def _score_again(
 def _run_of(given: RunLike) -> tuple[RunSettings, Path | None]:
     """Return the settings of a run, and the file that they come from."""
     from vinefab.model.files.shipped import locate
-    from vinefab.search.outset import with_trunk_for_film
+    from vinefab.search.advice import with_trunk_for_film
     from vinefab.search.settings import RunSettings, read_run
 
     if isinstance(given, RunSettings):
@@ -319,8 +319,7 @@ def _searched(
     from dataclasses import replace
 
     from vinefab.prediction.run_winner import predict_winner
-    from vinefab.search.loop import Search
-    from vinefab.search.run import fresh_maps, penalty_of, recipe_of, training_maps
+    from vinefab.search.run import Search, fresh_maps, penalty_of, recipe_of, training_maps
 
     maps, fresh = training_maps(settings), fresh_maps(settings)
     search = Search.of(settings, maps, penalty_of(settings), task=task, fresh_maps=fresh)
@@ -463,7 +462,7 @@ def contest(
 
     >>> contest("grid_coverage", optimizers=("cmaes", "random"), out="x")  # doctest: +SKIP
     """
-    from vinefab.search.outset import with_trunk_for_film
+    from vinefab.search.advice import with_trunk_for_film
     from vinefab.search.settings import read_run
     from vinefab.studies.optimizer_contest import (
         Contest,
@@ -495,7 +494,7 @@ def contest(
 
 def _contender(text: str) -> Contender:
     from vinefab.model.inputs import PAIRS
-    from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
+    from vinefab.search.optimizers.optimizer import make_optimizer_config
     from vinefab.search.settings import PartSettings
     from vinefab.studies.optimizer_contest import Contender
 

@@ -18,13 +18,15 @@ from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
 from vinefab.search.fix import (
     BRANCHES,
+    DesignChange,
     FixedDesign,
     FixStage,
+    FixTargets,
+    design_changes,
     fix_design,
     fix_in_stage,
     fix_stages,
 )
-from vinefab.search.fix_targets import DesignChange, FixTargets, design_changes
 
 MARGINS = (0.005, 0.02, 0.05)
 """How much stricter than the check the search is, one after the other until the check passes."""

@@ -41,13 +41,11 @@ from vinefab.prediction.pictures import cost_chart
 from vinefab.prediction.prediction_width import COST_CAPTION
 from vinefab.prediction.run_winner import unseen_family
 from vinefab.search.evaluator import with_pose_range
-from vinefab.search.live_page import PAGE_NAME, run_facts
 from vinefab.search.manufacturability import run_profile
-from vinefab.search.record.elsewhere import angles_standing
 from vinefab.search.record.generations import curve_of
-from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult
+from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult, angles_standing
 from vinefab.search.run import FRESH_MAPS, chooses_on_fresh_maps, violations_of
-from vinefab.search.run_pages import search_section
+from vinefab.search.run_pages import PAGE_NAME, run_facts, search_section
 from vinefab.search.settings import RunSettings, run_task
 from vinefab.search.space import Space
 from vinefab.tasks.evaluate import PreparedMap

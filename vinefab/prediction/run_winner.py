@@ -37,15 +37,13 @@ from vinefab.prediction.prediction_width import (
 )
 from vinefab.prediction.sensitivity import moved_poses, placings
 from vinefab.search.evaluator import final_seed, with_pose_range
-from vinefab.search.live_page import LivePage
-from vinefab.search.loop import Search
 from vinefab.search.manufacturability import run_profile
-from vinefab.search.parallel.point_evaluator import PointEvaluator
-from vinefab.search.record.elsewhere import placed_off_range
 from vinefab.search.record.generations import Progress
-from vinefab.search.record.result import RunResult, resumed_limits
-from vinefab.search.run import run_search
+from vinefab.search.record.result import RunResult, placed_off_range, resumed_limits
+from vinefab.search.run import Search, run_search
+from vinefab.search.run_pages import LivePage
 from vinefab.search.settings import RunLimits, RunSettings, has_own_targets
+from vinefab.search.workers import PointEvaluator
 from vinefab.tasks.evaluate import score_designs, trunks_with_room
 from vinefab.tasks.targets import design_touches
 from vinefab.tasks.task import Task

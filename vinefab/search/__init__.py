@@ -3,11 +3,10 @@
 What other rooms may use:
 
 - `settings` (`RunSettings` and its parts, `read_run`): what a run does
-- `run.run_search`, `loop.Search`: run it, with a record or without
-- `run.generated_maps`, `run.training_maps`, `run.penalty_of`: its maps and its penalty
-- `record.generations` (`RunIdentity`, `package_versions`), `record.result`: results and records
-- `costs.COSTS`: costs of designs, to minimize or to limit
-- `space`, `manufacturability.ManufacturabilityPenalty`: designs as points, and their penalty
-- `front_files`, `run_pages`: fronts, listings and sections for pages; they load matplotlib
-- `optimizers.shipped_optimizers`: the registry of optimizers
+- `run` (`run_search`, `Search`): run it, with a record or without; its maps and its penalty
+- `record.generations` (`RunIdentity`), `record.identity`, `record.result`: results and records
+- `space` (`Space`, `COSTS`), `manufacturability.ManufacturabilityPenalty`: designs as points, what
+  they cost, and their penalty
+- `run_pages`: live page, fronts, listings and sections for pages
+- `optimizers.optimizer`: the protocol and the registry of optimizers
 """

@@ -1,30 +1,144 @@
-"""Choosing the winner: the best designs of the run, evaluated again on fresh poses.
+"""The choice of a winner: the best designs of a run, evaluated again on fresh poses.
 
-Where none of them is manufacturable, the best are repaired: moved to a nearby design that is.
+Of a run with several objectives these are designs of the front, which no other dominates. Where
+none of the best is manufacturable, they are repaired: moved to a nearby design that is.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
-from vinefab.model.design import Design
+from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.search.best_check import FAILED
+from vinefab.search.advice import FAILED
 from vinefab.search.evaluator import FRESH, INVALID_FITNESS, Evaluations, Evaluator, FullCheck
-from vinefab.search.front import feasible_points, non_dominated, spread_out
-from vinefab.search.parallel.point_evaluator import Begin
 from vinefab.search.record.generations import Finalist, Generation
-from vinefab.search.space import Space
+from vinefab.search.space import COSTS, Space
+from vinefab.search.workers import Begin
 from vinefab.tasks.evaluate import Conditions, score_designs
 from vinefab.tasks.targets import design_touches
 
-_STREAM = 1413
+
+def minimized(
+    x: Floats, scores: Mapping[str, Floats], space: Space, names: Sequence[str]
+) -> Floats:
+    """Return what a front minimizes beside the score, shape (m, k).
+
+    These are costs, and the scores of other tasks with the opposite sign; infinite where there is
+    no valid design.
+
+    Parameters
+    ----------
+    x
+        The points, shape (m, d).
+    scores
+        Composite scores of the points, shape (m,), by the names of their tasks; without any where
+        none of the points has a design.
+    names
+        Costs and other tasks.
+    """
+    values, designs = np.full((len(x), len(names)), np.inf), space.batch(x)
+    rows = np.flatnonzero(designs.sizes <= MOST_BRANCHES)
+    for column, name in enumerate(names):
+        if name in COSTS:
+            values[rows, column] = COSTS[name].of(designs.part(rows), space.build_of)
+        elif name in scores:
+            values[:, column] = np.where(np.isfinite(scores[name]), -scores[name], np.inf)
+    return values
+
+
+def non_dominated(fitness: Floats, costs: Floats) -> NDArray[np.bool_]:
+    """Return which points no other point dominates, shape (m,).
+
+    A point dominates another when it is no worse in fitness and all costs and better in at least
+    one. Of equal points, the first counts as non-dominated.
+
+    Parameters
+    ----------
+    fitness
+        Larger is better, shape (m,).
+    costs
+        Smaller is better, shape (m, k).
+
+    Examples
+    --------
+    >>> non_dominated(np.array([1.0, 2.0, 0.5]), np.array([[1.0], [3.0], [2.0]])).tolist()
+    [True, True, False]
+    """
+    values = np.column_stack([-fitness, costs])
+    on_front = np.ones(len(values), dtype=np.bool_)
+    for row in range(len(values)):
+        no_worse = (values <= values[row]).all(axis=1)
+        better = (values < values[row]).any(axis=1)
+        equal_before = no_worse & ~better & (np.arange(len(values)) < row)
+        on_front[row] = not (no_worse & better).any() and not equal_before.any()
+    return on_front
+
+
+LEAST_BEND = 0.05
+"""Least height of a knee above the line between the ends of the front, as a share of the range
+(assumed); less is within the noise of scores."""
+
+
+def knee(fitness: Floats, costs: Floats) -> int | None:
+    """Return the knee of a front, the point where it bends most, or None.
+
+    At a knee, a little more fitness costs much and a little less saves little: it lies above the
+    straight line between the cheapest and the fittest point. A front of fewer than three points,
+    a straight one and a convex one have none.
+
+    Parameters
+    ----------
+    costs
+        The cost, shape (m,). Points that are dominated in these two, as a front with more costs
+        may have, are left out.
+
+    Examples
+    --------
+    >>> knee(np.array([0.0, 0.8, 1.0]), np.array([1.0, 2.0, 9.0]))
+    1
+    >>> knee(np.array([0.0, 0.2, 1.0]), np.array([1.0, 8.0, 9.0])) is None
+    True
+    """
+    rows = np.flatnonzero(non_dominated(fitness, costs[:, None]))
+    rows = rows[np.argsort(costs[rows], kind="stable")]
+    if len(rows) < 3:
+        return None
+    # Along a front, fitness rises with the cost: both spans are above 0.
+    gained, spent = fitness[rows] - fitness[rows[0]], costs[rows] - costs[rows[0]]
+    above = gained / gained[-1] - spent / spent[-1]
+    place = int(np.argmax(above))
+    return int(rows[place]) if above[place] >= LEAST_BEND else None
+
+
+def feasible_points(
+    history: Sequence[Generation], lowest: float, space: Space, names: Sequence[str]
+) -> tuple[Floats, Floats, Floats]:
+    """Return points, fitness and `minimized` of all manufacturable designs of a run, in order."""
+    x = np.concatenate([generation.x for generation in history])
+    fitness = np.concatenate([generation.fitness for generation in history])
+    values = np.concatenate([minimized(g.x, g.terms, space, names) for g in history])
+    feasible = fitness >= lowest
+    return x[feasible], fitness[feasible], values[feasible]
+
+
+def spread_out(costs: Floats, count: int) -> list[int]:
+    """Return at most ``count`` points of a front, ends included, evenly spaced by first cost."""
+    order = np.argsort(costs[:, 0], kind="stable")
+    if len(order) > count:
+        places = np.linspace(0, len(order) - 1, count).round().astype(np.int64)
+        order = order[np.unique(places)]
+    return [int(row) for row in order]
+
+
+_REPAIR_STREAM = 1413
 STEPS = 4000
 """Most changes for all points of a run together; each costs one penalty, a few milliseconds.
 Repairs that succeeded took at most 400 (measured)."""
@@ -36,7 +150,7 @@ had at most 45 (measured)."""
 MOST_CHECKS = 50
 """Most full checks of designs without penalty for one point; twice as many for all points."""
 
-_SPREAD = 0.15
+_NEARBY = 0.15
 """Usual change of a coordinate, as a share of its range."""
 
 
@@ -113,16 +227,16 @@ def repair_design(
         What may be spent; costs are subtracted from it. None: enough for one point.
     """
     budget = RepairBudget() if budget is None else budget
-    rng, checks, vain = child(0, _STREAM), 0, 0
-    here, lowest = x, _penalty(x, space, penalty)
+    rng, checks, vain = child(0, _REPAIR_STREAM), 0, 0
+    here, lowest = x, _penalty_at(x, space, penalty)
     while budget.steps > 0 and budget.checks > 0 and checks < MOST_CHECKS and vain < PATIENCE:
         budget.steps -= 1
         there = here.copy()
         for place in rng.integers(0, len(x), rng.integers(1, 3)).tolist():  # one or two
             jump = rng.random() < 0.1
-            there[place] = rng.random() if jump else there[place] + _SPREAD * rng.standard_normal()
+            there[place] = rng.random() if jump else there[place] + _NEARBY * rng.standard_normal()
         there = np.clip(there, 0.0, 1.0)
-        there_penalty = _penalty(there, space, penalty)
+        there_penalty = _penalty_at(there, space, penalty)
         vain = 0 if there_penalty < lowest or there_penalty == 0.0 else vain + 1
         if there_penalty > lowest:
             continue
@@ -134,7 +248,7 @@ def repair_design(
     return RepairResult(x=here, penalty=lowest, passed=False)
 
 
-def _penalty(x: Floats, space: Space, penalty: Callable[[Design], float]) -> float:
+def _penalty_at(x: Floats, space: Space, penalty: Callable[[Design], float]) -> float:
     """Return a point's penalty, infinite where there is no valid design."""
     try:
         value = float(penalty(space.design(x)))

@@ -1,47 +1,397 @@
-"""A run of the optimizer with its maps, penalty and record, and its messages to the user."""
+"""A run of the optimizer: its maps, its loop, and its record."""
 
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import nullcontext
-from dataclasses import asdict
+import math
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext, suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
 
 from vinefab.core.atomic import folder_to_fill
 from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError, located, values_hidden
+from vinefab.core.plain_text import counted
+from vinefab.core.registry import parameter_names
 from vinefab.core.rng import child
+from vinefab.core.validation import Floats
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.files.run_context import RunRecipe
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
 from vinefab.model.start_place import with_starts
-from vinefab.search.evaluator import Penalty
-from vinefab.search.loop import Search, why_stop
+from vinefab.model.target import out_of_reach
+from vinefab.search.advice import BestCheck, refuse_starts_without_room, rules_broken, without_rules
+from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Ledger, Penalty
+from vinefab.search.finalists import choose_finalists, minimized, reevaluated, settled
 from vinefab.search.manufacturability import (
     ManufacturabilityPenalty,
     SpaceQuery,
     refuse_infeasible_space,
     run_profile,
 )
-from vinefab.search.parallel.point_evaluator import PointEvaluator, ThreadEvaluator
-from vinefab.search.record.generations import Progress, RunIdentity
-from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult, resumed_limits
-from vinefab.search.record.store import RunStore
+from vinefab.search.optimizers.evolution import FrontOptimizer
+from vinefab.search.optimizers.islands import (
+    ScreeningOptimizer,
+    StartingOptimizer,
+)
+from vinefab.search.optimizers.optimizer import Optimizer, make_optimizer_config
+from vinefab.search.record.generations import Finalist, Generation, Progress, RunIdentity
+from vinefab.search.record.result import (
+    RECORD_FILE,
+    RunArchive,
+    RunResult,
+    damage_errors,
+    design_of_finalist,
+    resumed_limits,
+)
+from vinefab.search.record.store import Recorder, RunStore
 from vinefab.search.settings import (
     MapSettings,
+    PartSettings,
     RunLimits,
     RunSettings,
+    SearchSettings,
+    check_objectives,
     has_own_targets,
     limit_option,
 )
 from vinefab.search.space import Space
+from vinefab.search.workers import Begin, PointEvaluator, ThreadEvaluator
+from vinefab.tasks.evaluate import Conditions
+from vinefab.tasks.targets import task_targets
 from vinefab.tasks.task import Task
 
 if TYPE_CHECKING:
-    from vinefab.search.parallel import dask_cluster
+    from vinefab.search import dask_cluster
 else:
-    dask_cluster = imported_later("vinefab.search.parallel.dask_cluster")
+    dask_cluster = imported_later("vinefab.search.dask_cluster")
+
+
+AHEAD = 8
+"""Generations whose poses are drawn at once, which takes half the time of one by one."""
+
+
+class Schedule:
+    """Poses drawn some generations ahead, with their places on the maps."""
+
+    def __init__(self, evaluator: Evaluator, seed: int) -> None:
+        self._evaluator, self._seed = evaluator, seed
+        self._drawn: dict[int, Conditions] = {}
+
+    def conditions(self, generation: int) -> Conditions:
+        """Return the poses of a generation."""
+        redraw = self._evaluator.evaluation.redraw
+        draw = generation if redraw else 0
+        if draw not in self._drawn:
+            count = AHEAD if redraw else 1
+            drawn = {draw: self._evaluator.training_conditions(self._seed, draw)}
+            # Poses that cannot be drawn further ahead do not matter if the run ends before.
+            with suppress(BadInputError):
+                for number in range(draw + 1, draw + count):
+                    drawn[number] = self._evaluator.training_conditions(self._seed, number)
+            self._drawn = drawn
+            self._evaluator.prepare_launches(drawn.values())
+        return self._drawn[draw]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Search:
+    """A run that is ready to start: all its inputs are valid.
+
+    Examples
+    --------
+    A task of your own is a frozen dataclass with `name`, `lowest` and `evaluate`:
+
+    >>> Search.of(settings, maps, task=MyTask()).run(workers=2)  # doctest: +SKIP
+    """
+
+    settings: RunSettings  # with the name and the parameters of the task
+    maps: tuple[Map, ...]
+    evaluator: Evaluator
+    optimizer: Optimizer  # before its first generation
+    fresh_maps: tuple[Map, ...] = ()  # unseen ones that the winner is chosen on
+
+    @classmethod
+    def of(
+        cls,
+        settings: RunSettings,
+        maps: Sequence[Map],
+        penalty: Penalty | None = None,
+        *,
+        task: Task | None = None,
+        fresh_maps: Sequence[Map] = (),
+    ) -> "Search":
+        """Prepare the search of a run; nothing is evaluated or written yet.
+
+        Parameters
+        ----------
+        settings
+            The run.
+        maps
+            The training maps.
+        penalty
+            How far a design is from manufacturable; needed when the settings ask for manufacturable
+            designs, not used otherwise. When it is a `FullCheck` too, only designs that pass the
+            full check can win, as long as there is one.
+        task
+            A task object, in place of the task that the settings name.
+        fresh_maps
+            Maps that the winner is chosen on; none: on fresh poses on the training maps.
+
+        Raises
+        ------
+        BadInputError
+            For settings that do not fit together, and spaces that no search could use.
+        """
+        if task is not None:
+            own = {name: getattr(task, name) for name in parameter_names(type(task))}
+            settings = settings.changed(task=PartSettings(name=task.name, parameters=own))
+        spec = EvaluatorSpec(settings=settings, maps=tuple(maps), penalty=penalty, task=task)
+        evaluator = Evaluator.of(spec)
+        config = make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
+        seed, population = settings.search.seed, settings.search.population
+        optimizer = config.start(evaluator.space.axes, population, seed)
+        check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
+        if settings.objectives and isinstance(optimizer, FrontOptimizer):
+            optimizer.set_lowest(evaluator.lowest)
+        # A user's own penalty may take longer than growth: screening asks for many.
+        if evaluator.screens and isinstance(optimizer, ScreeningOptimizer):
+            optimizer.screen_by(evaluator.penalties)
+        if settings.start_from:
+            if not isinstance(optimizer, StartingOptimizer):
+                allowed = "nothing there: only the optimizer islands begins at designs"
+                raise BadInputError("optimizer.start_from", settings.optimizer.name, allowed)
+            optimizer.start_from([np.array(point) for point in settings.start_from])
+        search = cls(
+            settings=settings,
+            maps=spec.maps,
+            evaluator=evaluator,
+            optimizer=optimizer,
+            fresh_maps=tuple(fresh_maps),
+        )
+        conditions = evaluator.training_conditions(seed, 0)
+        evaluator.launches(conditions)
+        _check_room(evaluator, conditions)
+        _check_reach(evaluator)
+        return search
+
+    def run(
+        self,
+        *,
+        store: RunStore | None = None,
+        progress: Callable[[Progress], None] | None = None,
+        workers: int | PointEvaluator = 1,
+    ) -> RunResult:
+        """Search, and evaluate the finalists.
+
+        A generation is recorded while the next one is evaluated, so that recording takes no time.
+
+        Parameters
+        ----------
+        store
+            Record of the run; what it holds already is not evaluated again. None keeps no record.
+        progress
+            Called after every generation, and at the end with the `stage` of choosing the winner.
+        workers
+            Number of threads, or a point evaluator. Results do not depend on it.
+
+        Raises
+        ------
+        BadInputError
+            When no point of the space had a valid design, or the optimizer left the space.
+        CannotWriteError, UnreadableFileError
+            For a record that cannot be written, or is damaged.
+        """
+        settings, history = self.settings, list[Generation]()
+        if store is not None:
+            history = store.generations()
+            if history:
+                with damage_errors(store.path):
+                    self.optimizer.restore(store.optimizer_state())
+        points = ThreadEvaluator(workers) if isinstance(workers, int) else workers
+        ledger = Ledger(points.count)
+        schedule = Schedule(self.evaluator, settings.search.seed)
+        check = BestCheck(self.evaluator, history)
+        with (
+            points.started(self.evaluator, ledger) as begin,
+            Recorder(store, progress, settings.search, ledger, check.judged) as recorder,
+        ):
+            while (stopped := why_stop(history, settings.search)) is None:
+                number = len(history)
+                last = self._generation(number, schedule, begin, recorder, ledger, check)
+                history.append(last)
+                recorder.note(history, self.optimizer.state())
+            finalists, repair = self._final(history, store, begin, ledger, recorder.stage)
+        identity = store.identity if store is not None else RunIdentity.of(settings, self.maps)
+        notes = (*check.notes(finalists), *self._without_rules(finalists))
+        if store is not None:
+            with ledger.spending("store"):
+                store.finish(finalists, stopped, ledger.split(), repair, notes)
+        return RunResult(
+            run_id=identity.run_id,
+            best=design_of_finalist(
+                finalists[0], settings, identity.run_id, identity.versions, self.maps
+            ),
+            finalists=finalists,
+            history=tuple(history),
+            stopped=stopped,
+            times=ledger.split(),
+            checked=settings.evaluation.fabricable,
+            repair=repair,
+            notes=(*self.evaluator.notes, *points.notes, *notes),
+            drift=store.drift if store is not None else (),
+            extensions=store.extensions if store is not None else (),
+        )
+
+    def _without_rules(self, finalists: Sequence[Finalist]) -> tuple[str, ...]:
+        """Return why the winner misses targets: the rules, or the space; nothing where it does not.
+
+        A short search that no rule stops tells them apart.
+        """
+        settings, targets = self.settings, finalists[0].score.targets
+        asked = self.evaluator.penalty is not None and not settings.objectives
+        if targets is None or targets.all_touched or not asked:
+            return ()
+        free = Search.of(without_rules(settings), self.maps).run()
+        if free.targets is None or len(free.targets.missed) >= len(targets.missed):
+            return ("robots that no rule stops touch no more: what is missing is length or levels",)
+        rules = rules_broken(self.evaluator, [one.x for one in free.finalists])
+        return (f"robots that no rule stops: {free.targets.headline}; they break {rules}",)
+
+    def _generation(
+        self,
+        number: int,
+        schedule: Schedule,
+        begin: Begin,
+        recorder: Recorder,
+        ledger: Ledger,
+        check: BestCheck,
+    ) -> Generation:
+        """Ask, evaluate and tell."""
+        began = time.perf_counter()
+        with ledger.spending("optimizer"):
+            asked = self.optimizer.ask()
+        self._check(asked)
+        # Copied, because an optimizer may reuse the arrays that it returns or is given.
+        x = np.array(asked, dtype=np.float64)
+        with ledger.spending("evaluating"):
+            conditions = schedule.conditions(number)
+            finish = begin(x, conditions)
+            recorder.write()
+            if number + 1 < self.settings.search.generations:
+                schedule.conditions(number + 1)
+            evaluations = finish()
+        composite = self.evaluator.composites(evaluations.score, conditions.weights)
+        costs = self.evaluator.joint_costs(x)
+        with ledger.spending("evaluating"):
+            penalty = check.penalties(x, composite, evaluations.penalty, costs)
+        fitness = self.evaluator.fitness(composite, penalty, costs)
+        terms = self.evaluator.term_means(evaluations.terms, conditions.weights)
+        with ledger.spending("optimizer"):
+            self._tell(asked, fitness.copy(), terms)
+        return Generation(
+            number=number,
+            x=x,
+            fitness=fitness,
+            composite=composite,
+            penalty=penalty,
+            terms=terms,
+            seconds=time.perf_counter() - began,
+        )
+
+    def _tell(self, x: Floats, fitness: Floats, terms: Mapping[str, Floats]) -> None:
+        """Tell the optimizer the fitness, and the further objectives of a run that has them."""
+        further = self.settings.further_objectives
+        if further and isinstance(self.optimizer, FrontOptimizer):
+            costs = minimized(x, terms, self.evaluator.space, further)
+            self.optimizer.tell_costs(x, fitness, costs)
+        else:
+            self.optimizer.tell(x, fitness)
+
+    def _check(self, x: Floats) -> None:
+        shaped = x.ndim == 2 and len(x) > 0 and x.shape[1] == len(self.evaluator.space)
+        if not (shaped and ((x >= 0.0) & (x <= 1.0)).all()):
+            name = self.settings.optimizer.name
+            wanted = "numbers from 0 to 1"
+            raise BadInputError(f"optimizer {name}", "points outside the space", wanted)
+
+    def _final(
+        self,
+        history: Sequence[Generation],
+        store: RunStore | None,
+        begin: Begin,
+        ledger: Ledger,
+        stage: Callable[[str], None],
+    ) -> tuple[tuple[Finalist, ...], str]:
+        """Return the finalists, from the record or evaluated now, and the repair's message."""
+        evaluator, settings = self.evaluator, self.settings
+        if store is not None and (recorded := store.finalists(evaluator.space)):
+            return recorded, store.repair
+        count, further = settings.evaluation.finalists, settings.further_objectives
+        conditions = evaluator.final_conditions(settings.search.seed)
+        for by_table in (True, False):
+            stage(f"choosing {counted(count, 'finalist')}")
+            choice = choose_finalists(history, evaluator, count, further, by_table=by_table)
+            with ledger.spending("evaluating"):
+                finalists = reevaluated(choice, begin, conditions, evaluator, self.fresh_maps)
+            if not (choice.checked and by_table):
+                break
+            if found := settled(finalists, conditions, evaluator, stage):
+                return found, choice.repair
+        return finalists, choice.repair
+
+
+def _check_room(evaluator: Evaluator, conditions: Conditions) -> None:
+    """Refuse a space whose smallest design is too large, and starts that no trunk can leave."""
+    space = evaluator.space
+    least = int(space.batch(np.zeros((1, len(space)))).sizes[0])
+    if least > MOST_BRANCHES:
+        allowed = f"designs with at most {MOST_BRANCHES} branches; the smallest has more"
+        raise BadInputError("space", "too many levels or branches", allowed)
+    space.refuse_limits_without_designs()
+    refuse_starts_without_room(evaluator, conditions)
+
+
+def _check_reach(evaluator: Evaluator) -> None:
+    """Refuse targets that lie beyond the longest robot of the space from every start."""
+    longest_mm = evaluator.space.settings.longest_mm
+    for task in evaluator.spec.tasks:
+        for prepared in evaluator.maps:
+            world = prepared.world
+            starts = [
+                shapely.Point(start.pose.x_mm, start.pose.y_mm).buffer(
+                    max(math.hypot(start.spread_x_mm, start.spread_y_mm), 1e-6)
+                )
+                if start.area is None
+                else start.area
+                for start in world.starts
+            ]
+            targets = task_targets(task, world)
+            for place, far, most in out_of_reach(targets, starts, longest_mm):
+                key = "task.targets" if getattr(task, "own", ()) else "targets"
+                raise BadInputError(f"{key}[{place}]", far, f"within {most} (space.length_mm)")
+
+
+def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | None:
+    """Return why a run with such a history ends, or None if it continues."""
+    if len(history) >= search.generations:
+        return "generations"
+    if search.evaluations and sum(len(g.fitness) for g in history) >= search.evaluations:
+        return "evaluations"
+    if search.stall_generations and len(history) > search.stall_generations:
+        best = [generation.best for generation in history]
+        before = max(best[: -search.stall_generations])
+        if max(best[-search.stall_generations :]) <= before + search.stall_tolerance * abs(before):
+            return "stall"
+    if search.wall_time_s and sum(g.seconds for g in history) >= search.wall_time_s:
+        return "wall_time"
+    return None
 
 
 def generated_maps(maps: MapSettings) -> tuple[Map, ...]:
@@ -170,7 +520,7 @@ def run_search(  # noqa: PLR0913  options by keyword
     source
         The run file, for error messages.
     workers, progress, task
-        As in `vinefab.search.loop.Search`.
+        As in `vinefab.search.run.Search`.
 
     Raises
     ------

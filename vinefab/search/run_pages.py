@@ -1,36 +1,65 @@
-"""Runs shown to the user: the listing of records, files rebuilt from one, sections of a report."""
+"""Runs on pages: the live page, the listing of records, a report's section, and the front."""
 
 import os
-from collections.abc import Iterator, Sequence
+import re
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import numpy as np
 
 from vinefab.core.atomic import write_bytes, write_text
-from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.errors import (
+    BadInputError,
+    CannotWriteError,
+    ForeignFileError,
+    InterruptedRunError,
+    UnreadableFileError,
+)
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.core.view import (
+    Answer,
     Block,
+    Code,
     Data,
+    Fact,
+    Facts,
+    Notes,
     Number,
     Picture,
     Remark,
     Result,
     Rows,
     Section,
+    Text,
     Value,
 )
+from vinefab.growth.simulator import grow_on
+from vinefab.growth.terrain import Terrain
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text
+from vinefab.model.files.run_context import RunContext
+from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map
-from vinefab.pages.charts import fitness_curve
+from vinefab.model.target import Target
+from vinefab.pages.charts import ends_of, fitness_curve
+from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
+from vinefab.pages.html import Live, page
+from vinefab.pages.page_png import page_png
 from vinefab.pages.page_svg import page_svg
-from vinefab.pages.panel import Page
-from vinefab.pages.plan import map_plan
-from vinefab.search.record.generations import Generation, curve_of
+from vinefab.pages.panel import Ink, Page, Panel, Primitive, page_of_rows, plan_panel
+from vinefab.pages.plan import deployment_plan, draw_deployment, draw_map, draw_targets, map_plan
+from vinefab.search.evaluator import INVALID_FITNESS
+from vinefab.search.finalists import LEAST_BEND, feasible_points, knee, minimized, non_dominated
+from vinefab.search.manufacturability import ManufacturabilityPenalty, run_profile
+from vinefab.search.record.generations import Finalist, Generation, Progress, curve_of
 from vinefab.search.record.result import (
     RECORD_FILE,
     RunArchive,
@@ -38,9 +67,12 @@ from vinefab.search.record.result import (
     damage_errors,
     plain_summary,
     records_in,
+    size_words,
 )
-from vinefab.search.settings import run_task
-from vinefab.tasks.targets import task_targets
+from vinefab.search.run import first_map, training_maps
+from vinefab.search.settings import RunSettings, run_task
+from vinefab.search.space import COSTS, Space
+from vinefab.tasks.targets import task_targets, touched_targets
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -265,3 +297,489 @@ def search_section(result: RunResult, training: Sequence[Map]) -> Section:
         f"evaluated, stopped by {result.stopped}."
     )
     return Section(title="How it was found", paragraphs=(summary,), pictures=(curve, *maps))
+
+
+PAGE_NAME = "index.html"
+"""The page of a run in its folder."""
+
+LEAST_PAUSE_S = 3.0
+"""Between two versions of the live page, at least."""
+
+_OF_PROCESSOR, _OF_TIME = 0.01, 0.05
+"""Shares of the processor's time and of a run's time that its live page takes at most; writing to a
+slow disk takes the second only. The first version loads what it needs, and is not counted."""
+
+_REFRESH_S, _STOPPED_REFRESH_S = 5, 20
+_PATIENCE_S = 90
+
+
+class LivePage:
+    """The page of a run that is going on: rewritten now and then, and when it is stopped.
+
+    Nothing but the page depends on it: where it cannot be written, the run goes on without.
+
+    Attributes
+    ----------
+    problem
+        Why the page could not be written; empty if it could.
+    """
+
+    def __init__(self, folder: Path, settings: RunSettings, again: str) -> None:
+        self.path = folder / PAGE_NAME
+        self.problem = ""
+        self._settings, self._again = settings, again
+        self._last: Progress | None = None
+        self._next_s, self._pause_s = 0.0, LEAST_PAUSE_S
+        self._best = _BestSoFar(settings)
+
+    def __enter__(self) -> "LivePage":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        """Say on the page that the run was stopped."""
+        # Before the first generation of this session the page may be of another one.
+        if kind is None or self._last is None:
+            return
+        interrupted = issubclass(kind, KeyboardInterrupt | InterruptedRunError)
+        why = "Interrupted" if interrupted else f"Stopped by an error ({error})"
+        self._write(f"{why} after {self._done(self._last)}.", running=False)
+
+    def update(self, progress: Progress) -> None:
+        """Write the page, unless that was just done."""
+        if self._last is None:
+            self._clear()
+        self._last = progress
+        self._best.look(progress.history)
+        began_s, worked_s = time.monotonic(), time.thread_time()
+        if began_s < self._next_s or self.problem:
+            return
+        left = _duration(progress.left_s)
+        self._write(f"Running: {self._done(progress)}; about {left} left.", running=True)
+        now_s = time.monotonic()
+        if self._next_s:
+            working_s = (time.thread_time() - worked_s) / _OF_PROCESSOR
+            self._pause_s = max(LEAST_PAUSE_S, working_s, (now_s - began_s) / _OF_TIME)
+        self._next_s = now_s + self._pause_s
+
+    def _clear(self) -> None:
+        """Remove what killed sessions left of a version half written."""
+        with suppress(OSError):
+            for path in self.path.parent.glob(f".{PAGE_NAME}.*"):
+                path.unlink(missing_ok=True)
+
+    @staticmethod
+    def _done(progress: Progress) -> str:
+        return progress.stage or f"generation {progress.generation} of {progress.generations}"
+
+    def _write(self, state: str, *, running: bool) -> None:
+        try:
+            write_text(self.path, self._page(state, running=running))
+        except (CannotWriteError, ForeignFileError) as error:
+            self.problem = str(error)
+
+    def _page(self, state: str, *, running: bool) -> str:
+        progress, settings = self._last, self._settings
+        if progress is None:
+            raise BadInputError("progress", None, "that of a generation")
+        pace_s = progress.elapsed_s / max(1, progress.generation)
+        patience_s = round(_PATIENCE_S + 5.0 * pace_s + self._pause_s)
+        return page(
+            f"{settings.name}: search for the best design",
+            (
+                Answer(state, "good" if running else "caution"),
+                Notes(() if running else (f"To go on: {self._again}",)),
+                *([Remark(progress.advice, "warning")] if progress.advice else []),
+                Facts(tuple(self._headlines(progress)), lead=True),
+                *self._best.view(),
+                Picture(
+                    image=page_svg(fitness_curve(*curve_of(progress.history))),
+                    caption="Best fitness so far, and the scores of each generation (simulated). "
+                    "A best value can be luck: at the end finalists are evaluated again on fresh "
+                    "poses.",
+                ),
+                Facts(run_facts(settings)),
+                Text(
+                    "Every generation is recorded. After Ctrl-C, a kill or a power cut this goes "
+                    "on as if nothing had happened:"
+                ),
+                Code(self._again),
+            ),
+            Live(
+                refresh_s=_REFRESH_S if running else _STOPPED_REFRESH_S,
+                written_ms=int(1000 * time.time()),
+                patience_s=patience_s if running else 0,
+                again=self._again,
+            ),
+        )
+
+    def _headlines(self, progress: Progress) -> Iterator[Fact]:
+        best = progress.best
+        yield Fact(
+            "best fitness so far",
+            f"{best:.4f}" if best > INVALID_FITNESS else "none",
+            detail="in the search, of many tries: likely too good (simulated)",
+        )
+        if progress.targets_text:
+            yield Fact(
+                "targets of the best so far",
+                progress.targets_text,
+                detail="mean of its deployments (simulated)",
+                tone="good" if progress.touches_all else "caution",
+            )
+        yield Fact(
+            "mean of the last generation",
+            f"{progress.mean:.4f}",
+            detail=f"standard deviation {progress.spread:.4f} (simulated)",
+        )
+        if self._settings.evaluation.fabricable:
+            yield Fact(
+                "the best is manufacturable",
+                progress.manufacturable,
+                detail=f"{100.0 * progress.fabricable_share:.0f} % of the last generation are, by "
+                "the quick rules; the winner's joints are simulated at the end",
+                tone="caution" if progress.passes is False else "good",
+            )
+
+
+class _BestSoFar:
+    """The design with the best fitness of a run so far, on its first training map."""
+
+    def __init__(self, settings: RunSettings) -> None:
+        self._settings, self._world = settings, first_map(settings)
+        self._space = Space(settings.space, settings.build)
+        self._seen, self._fitness = 0, INVALID_FITNESS
+        self._at = 0
+        self._design: Design | None = None
+        self._drawn: tuple[Design, bytes] | None = None
+
+    def look(self, history: Sequence[Generation]) -> None:
+        """Look for a better design in the generations that are new."""
+        for generation in history[self._seen :]:
+            if generation.best > self._fitness:
+                row = int(np.argmax(generation.fitness))
+                self._fitness, self._at = generation.best, generation.number + 1
+                self._design = self._space.design(generation.x[row], self._settings.name)
+        self._seen = len(history)
+
+    def view(self) -> Iterator[Block]:
+        """Yield what it is, with a picture."""
+        design = self._design
+        if design is None:
+            yield Text("No point of the space was a design yet.")
+            return
+        size = f"{size_words(design)}{self._pieces_words(design)}"
+        yield Picture(
+            image=self._picture(design),
+            caption=f"The best so far, from the start of {self._world.name} (simulated): {size}, "
+            f"found in generation {self._at}.",
+        )
+
+    def _pieces_words(self, design: Design) -> str:
+        """Return how many pieces the search takes a design for; empty where it must be one."""
+        settings, evaluation = design.build.pieces, self._settings.evaluation
+        if settings is None or not evaluation.fabricable:
+            return ""
+        penalty = ManufacturabilityPenalty(profile=run_profile(evaluation))
+        count = penalty.pieces(design)
+        if count is None:
+            return f", not yet in {counted(settings.most, 'piece')} that lie flat"
+        return f", {counted(count, 'piece')} by the quick rules"
+
+    def _picture(self, design: Design) -> bytes:
+        if self._drawn is None or self._drawn[0] is not design:
+            growth, pose = self._settings.growth.at_one_angle, self._world.starts[0].pose
+            deployment = grow_on(design, Terrain.of(self._world), pose, growth)
+            touched = touched_targets([(deployment, self._world)], run_task(self._settings))
+            widths_mm = growth.drawn_widths_mm(design.build.widths_mm)
+            plan = deployment_plan(self._world, deployment, widths_mm, touched=touched)
+            image = page_svg(plan)
+            self._drawn = design, image
+        return self._drawn[1]
+
+
+def run_facts(settings: RunSettings) -> tuple[Fact, ...]:
+    """Return name and value of what a run was asked for."""
+    search, maps = settings.search, settings.maps
+    where = "from files" if maps.files else f"of {maps.environment}, seed {maps.seed}"
+    evaluation = settings.evaluation
+    made = f"recipe {evaluation.recipe or DEFAULT_RECIPE}" if evaluation.fabricable else "not asked"
+    return (
+        Fact("task", settings.task.name),
+        Fact("training maps", f"{maps.count} {where}"),
+        Fact("optimizer", f"{settings.optimizer.name}, seed {search.seed}"),
+        Fact(
+            "size",
+            f"{counted(search.population, 'design')} x {counted(search.generations, 'generation')}",
+        ),
+        Fact("manufacturability", made),
+        *([Fact("pieces", _pieces_fact(settings))] if settings.build.pieces else []),
+    )
+
+
+def _pieces_fact(settings: RunSettings) -> str:
+    """Return how many pieces a run allows, and what it charges for their joints."""
+    pieces, weight = settings.build.pieces, settings.evaluation.joint_weight
+    most = pieces.most if pieces else 1
+    charged = f", every joint costs {weight:g} of the fitness" if weight else ""
+    return f"at most {most}, joined by sleeves{charged}"
+
+
+def _duration(seconds: float) -> str:
+    minutes = round(seconds / 60.0)
+    if seconds < 90.0:
+        return f"{round(seconds)} s"
+    return f"{minutes} min" if minutes < 120 else f"{seconds / 3600.0:.1f} h"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrontData:
+    """The data of the chart."""
+
+    further: str  # name of the further objective that it is drawn over
+    is_line: bool  # whether there is no third objective, so that the front is a line
+    evaluated: Floats  # its value and fitness in the search, on training poses, shape (m, 2)
+    front: Floats  # the same on fresh poses, for the front from its cheap end on, (k, 2)
+    task: str  # name of the score
+    targets: tuple[Target, ...] = ()  # drawn on maps
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrontRobot:
+    """One design of the front, deployed."""
+
+    deployment: Deployment
+    widths_mm: tuple[float, ...]  # lay-flat width of each level, as drawn
+    title: str
+
+
+def front_figure(data: FrontData, world: Map, robots: Mapping[int, FrontRobot]) -> Page:
+    """Return the chart of a front with robots below it."""
+    side_pt = 165.0
+    columns = max(2, len(robots))
+    plans, explained = list[Panel](), dict[str, Primitive]()
+    for place, robot in robots.items():
+        plan = plan_panel(world.bounds.bounds, side_pt)
+        draw_map(plan, world)
+        draw_deployment(plan, robot.deployment, robot.widths_mm)
+        draw_targets(plan, data.targets)
+        plan.x_name = plan.y_name = ""
+        plan.x_ticks = plan.y_ticks = ()
+        plan.title = f"{place + 1}: {robot.title}"
+        # Once for all plans, what the symbols on them mean, without the counts of each.
+        for words, symbol in plan.legend.items():
+            explained.setdefault(re.sub(r" \(.*\)$", "", words), symbol)
+        plan.legend_shown = False
+        plans.append(plan)
+    chart = _chart(data, columns * (side_pt + 14.0) - 60.0)
+    # Numbers of the robots that are drawn stand at their points.
+    steps = np.repeat(data.front, 2, axis=0)
+    corners = np.column_stack([steps[1:, 0], steps[:-1, 1]])
+    numbers = [str(place + 1) for place in robots]
+    chart.write_labels(
+        data.front[list(robots)], numbers, [INK] * len(numbers), size_pt=11.0, mark_pt=4.0,
+        lines=[corners] if data.is_line else [],
+    )  # fmt: skip
+    levels_first = sorted(explained.items(), key=lambda entry: (entry[0][:5] != "level", entry[0]))
+    return page_of_rows([[chart], plans], dict(levels_first))
+
+
+def _chart(data: FrontData, width_pt: float) -> Panel:
+    every = np.vstack([data.evaluated, data.front])
+    (x0, x1), (y0, y1) = ends_of(every[:, 0]), ends_of(every[:, 1])
+    chart = Panel(
+        box=(x0, y0, x1, y1),
+        width_pt=width_pt,
+        height_pt=190.0,
+        x_name=_axis_text(data.further),
+        y_name=f"{data.task} score (simulated)",
+        title="Scores of one kind compare with each other only.",
+        frame=True,
+    )
+    cross = Ink(line=SOFT, width_pt=0.7, line_alpha=0.45)
+    chart.marks(data.evaluated, "x", 3.0, cross, label="in the search, on training poses")
+    colour = LEVEL_COLOURS[0]
+    if data.is_line:
+        steps = np.repeat(data.front, 2, axis=0)
+        line = np.column_stack([steps[1:, 0], steps[:-1, 1]])
+        chart.line(line, Ink(line=colour, width_pt=1.5))
+    label = "the front, scored again on fresh poses"
+    chart.marks(data.front, "o", 5.5, Ink(fill=colour), label=label)
+    return chart
+
+
+def _axis_text(name: str) -> str:
+    if name not in COSTS:
+        return f"{name} score (simulated)"
+    unit = f" ({COSTS[name].unit})" if COSTS[name].unit else ""
+    return name.replace("_", " ") + unit
+
+
+FRONT_SCHEMA = "vinefab/front-1"
+MOST_ROBOTS = 4
+"""Most designs of the front that are drawn, the knee among them if there is one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrontMember(Finalist):
+    """One design of a front, named after the run, with its place on the front."""
+
+    further: tuple[float, ...]  # values of the run's further objectives, in their order
+    is_knee: bool  # against the run's `front_axis`; a front may have no knee
+
+
+def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...]:
+    """Return the finalists that are non-dominated on fresh poses, the cheapest first.
+
+    In a run without costs the one with the best score in the first other task is the first.
+    """
+    finalists = result.finalists
+    fitness = np.array([finalist.fitness for finalist in finalists])
+    space, names = Space(settings.space, settings.build), settings.further_objectives
+    scores = {
+        other.name: np.array([f.score.composite[other.name] for f in finalists])
+        for other in settings.other_tasks
+    }
+    costs = minimized(np.array([f.x for f in finalists]), scores, space, names)
+    signs = np.array([1.0 if name in COSTS else -1.0 for name in names])
+    along = costs[:, names.index(settings.front_axis)]
+    rows = np.flatnonzero(non_dominated(fitness, costs))
+    rows = rows[np.argsort(along[rows], kind="stable")]
+    bend = knee(fitness[rows], along[rows])
+    return tuple(
+        FrontMember(
+            x=finalists[row].x,
+            design=_named(finalists[row].design, settings, result, place + 1),
+            score=finalists[row].score,
+            fitness=float(fitness[row]),
+            penalty=finalists[row].penalty,
+            further=tuple((signs * costs[row]).tolist()),
+            is_knee=place == bend,
+        )
+        for place, row in enumerate(rows.tolist())
+    )
+
+
+def _named(design: Design, settings: RunSettings, result: RunResult, place: int) -> Design:
+    origin = {**RunContext.of(result.best).kept, "front": place}
+    return design.changed(name=f"{settings.name}_{place:02}", origin=origin)
+
+
+def front_json(members: Sequence[FrontMember], result: RunResult, settings: RunSettings) -> str:
+    """Return a front as JSON: ``vinefab/front-1``."""
+    content = {
+        "run": result.run_id,
+        "knee": next((member.design.name for member in members if member.is_knee), None),
+        "objectives": [
+            {
+                "name": name,
+                "better": "smaller" if name in COSTS else "larger",
+                "unit": COSTS[name].unit if name in COSTS else "",
+            }
+            for name in settings.objectives
+        ],
+        "designs": [
+            {
+                "design": member.design.name,
+                settings.task.name: member.fitness,
+                **dict(zip(settings.further_objectives, member.further, strict=True)),
+                "composite": dict(member.score.composite),
+                "evaluations": len(member.score.evaluations),
+                "penalty": member.penalty,
+                "knee": member.is_knee,
+            }
+            for member in members
+        ],
+    }
+    return json_text(FRONT_SCHEMA, content)
+
+
+def write_front(
+    result: RunResult, settings: RunSettings, out: Path, *, force: bool = False
+) -> tuple[FrontMember, ...]:
+    """Write the designs of a front, ``front.json`` and its picture; return the designs."""
+    members = front_of(result, settings)
+    if result.recipe is not None:
+        result.recipe.write(out / "front")
+    for member in members:
+        path = out / "front" / f"{member.design.name}.toml"
+        write_text(path, design_text(member.design), force=force)
+    write_text(out / "front.json", front_json(members, result, settings), force=force)
+    figure = front_picture(members, result, settings, training_maps(settings)[0])
+    write_bytes(out / "front.svg", page_svg(figure), force=force)
+    write_bytes(out / "front.png", page_png(figure), force=force)
+    return members
+
+
+def front_table(members: Sequence[FrontMember], settings: RunSettings) -> Rows:
+    """Return a front, a row per design, the cheapest first."""
+    further = settings.further_objectives
+    units = (COSTS[name].unit if name in COSTS else "" for name in further)
+    broken = "not manufacturable" if settings.evaluation.fabricable else "beyond the limits"
+    knee = ""
+    if not any(member.is_knee for member in members):
+        low = f"no point lies {LEAST_BEND:.0%} above the line between the ends"
+        why = "fewer than three designs" if len(members) < 3 else low
+        knee = f"; no knee against {settings.front_axis}: {why}"
+    return Rows(
+        caption=f"front of {counted(len(members), 'design')} (simulated){knee}",
+        headings=("design", settings.task.name,
+                  *(f"{name}, {unit}" if unit else name
+                    for name, unit in zip(further, units, strict=True)), ""),
+        rows=tuple(
+            (
+                member.design.name,
+                Number(member.fitness, form=".4f"),
+                *(Number(value, form=".0f" if name in COSTS else ".4f")
+                  for name, value in zip(further, member.further, strict=True)),
+                ", ".join(["knee"] * member.is_knee + [broken] * (member.penalty != 0.0)),
+            )
+            for member in members
+        ),
+    )  # fmt: skip
+
+
+def front_picture(
+    members: Sequence[FrontMember], result: RunResult, settings: RunSettings, world: Map
+) -> Page:
+    """Return the front as a chart, with a few of its robots on a training map."""
+    lowest = min(finalist.fitness for finalist in result.finalists)
+    space, axis = Space(settings.space, settings.build), settings.front_axis
+    _, fitness, costs = feasible_points(result.history, min(-1e3, lowest), space, [axis])
+    cost = costs[:, 0] if axis in COSTS else -costs[:, 0]
+    penalty = np.concatenate([generation.penalty for generation in result.history])
+    valid = np.isfinite(cost)
+    if len(penalty) == len(cost):
+        valid &= penalty == 0.0
+    place = settings.further_objectives.index(axis)
+    data = FrontData(
+        evaluated=np.column_stack([cost[valid], fitness[valid]]),
+        front=np.array([(member.further[place], member.fitness) for member in members]),
+        further=axis,
+        is_line=len(settings.objectives) == 2,
+        task=settings.task.name,
+        targets=task_targets(run_task(settings), world),
+    )
+    return front_figure(data, world, _robots(members, settings, world))
+
+
+def _robots(
+    members: Sequence[FrontMember], settings: RunSettings, world: Map
+) -> dict[int, FrontRobot]:
+    """Return deployments of a few designs, spread over the front, the knee included."""
+    places = np.linspace(0, len(members) - 1, min(MOST_ROBOTS, len(members))).round().astype(int)
+    bends = [place for place, member in enumerate(members) if member.is_knee]
+    chosen = sorted({*places.tolist(), *bends})
+    if len(chosen) > MOST_ROBOTS:
+        inner = [place for place in chosen[1:-1] if place not in bends]
+        chosen.remove(min(inner, key=lambda place: abs(place - bends[0])))
+    terrain, options = Terrain.of(world), settings.growth.at_one_angle
+    return {
+        place: FrontRobot(
+            deployment=grow_on(members[place].design, terrain, world.starts[0].pose, options),
+            widths_mm=options.drawn_widths_mm(members[place].design.build.widths_mm),
+            title=members[place].design.name + (" (knee)" if members[place].is_knee else ""),
+        )
+        for place in chosen
+    }

@@ -37,9 +37,8 @@ from vinefab.model.start_place import (
     start_of_record,
     start_record,
 )
-from vinefab.search.costs import COSTS
-from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
-from vinefab.search.space import SYMMETRIC_PERCENT, BuildSettings, Space, SpaceSettings
+from vinefab.search.optimizers.optimizer import make_optimizer_config
+from vinefab.search.space import COSTS, SYMMETRIC_PERCENT, BuildSettings, Space, SpaceSettings
 from vinefab.tasks.shipped_tasks import TASKS, make_task
 from vinefab.tasks.task import Task
 

@@ -37,7 +37,7 @@ from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map, Pose
 from vinefab.model.tree import branch_tree
-from vinefab.search.evaluator import Evaluator, EvaluatorSpec
+from vinefab.search.evaluator import Evaluator, EvaluatorSpec, TimeSplit, Work
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.run import run_search
 from vinefab.search.settings import (
@@ -48,7 +48,6 @@ from vinefab.search.settings import (
     SearchSettings,
 )
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
-from vinefab.search.timing import TimeSplit, Work
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import PreparedMap, score_designs
 

@@ -2,7 +2,7 @@
 
 A search waits for a whole generation before it asks for the next one. Here the workers, their
 network and the process that hands out work are simulated event by event with measured costs; where
-a generation is evaluated and its work units come from `vinefab.search.parallel.work_placement`, as
+a generation is evaluated and its work units come from `vinefab.search.dask_cluster`, as
 in a run with ``--cluster``.
 """
 
@@ -13,12 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from vinefab.core.validation import Floats
-from vinefab.search.evaluator import Evaluations
-from vinefab.search.loop import Search
-from vinefab.search.parallel.work_placement import HandingOut, Pace, point_weights
-from vinefab.search.run import penalty_of, training_maps
+from vinefab.search.dask_cluster import HandingOut, Pace, point_weights
+from vinefab.search.evaluator import Evaluations, Stopwatch
+from vinefab.search.run import Search, penalty_of, training_maps
 from vinefab.search.settings import RunSettings
-from vinefab.search.timing import Stopwatch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,12 +23,11 @@ from vinefab.core.view import Block, Number, Rows, Value
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.pages.charts import panels_of_strips
 from vinefab.pages.page_svg import page_svg
-from vinefab.search.loop import Search
-from vinefab.search.parallel.worker_processes import WorkerProcesses
 from vinefab.search.record.generations import RunIdentity
 from vinefab.search.record.identity import package_versions
-from vinefab.search.run import fresh_maps, generated_maps, penalty_of
+from vinefab.search.run import Search, fresh_maps, generated_maps, penalty_of
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
+from vinefab.search.workers import WorkerProcesses
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task
 

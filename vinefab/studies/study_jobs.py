@@ -26,9 +26,8 @@ from vinefab.core.version import __version__
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import DEFAULT_MOUNTING, Build, Design, Level, PieceSettings, Pouch
 from vinefab.model.map import Map
-from vinefab.search.loop import Search
 from vinefab.search.record.generations import RunIdentity
-from vinefab.search.run import generated_maps, penalty_of
+from vinefab.search.run import Search, generated_maps, penalty_of
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task

@@ -20,9 +20,8 @@ from vinefab.model.design import MOST_LEVELS, Design, Level
 from vinefab.model.files.design_toml import design_content, design_text
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.search.costs import COSTS
-from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
-from vinefab.search.space import LIMITS, BuildSettings, SpaceSettings
+from vinefab.search.optimizers.optimizer import OPTIMIZERS
+from vinefab.search.space import COSTS, LIMITS, BuildSettings, SpaceSettings
 from vinefab.studio.state import PAGE, StudioState, label_of, texts_at
 from vinefab.tasks.shipped_tasks import TASKS
 

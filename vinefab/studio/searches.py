@@ -38,14 +38,13 @@ from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.shipped import path_inside
 from vinefab.model.score import Score
-from vinefab.search.costs import COSTS
+from vinefab.search.advice import with_trunk_for_film
 from vinefab.search.evaluator import INVALID_FITNESS
-from vinefab.search.front import minimized, non_dominated, spread_out
-from vinefab.search.outset import with_trunk_for_film
+from vinefab.search.finalists import minimized, non_dominated, spread_out
 from vinefab.search.record.generations import Generation, first_difference
 from vinefab.search.record.result import RECORD_FILE, RecordTail, RunArchive
 from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings, read_run
-from vinefab.search.space import Space
+from vinefab.search.space import COSTS, Space
 from vinefab.studio.file_store import Broadcast
 from vinefab.studio.run_request import RUN_FILE, run_files, run_proposal
 from vinefab.studio.state import PAGE, StudioState

@@ -6,7 +6,7 @@ import pytest
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.search.optimizers.optimizer import SearchAxes
-from vinefab.search.optimizers.particleswarm import _STREAM, AdaptiveSwarm, AdaptiveSwarmConfig
+from vinefab.search.optimizers.swarms import _STREAM, AdaptiveSwarm, AdaptiveSwarmConfig
 
 SHAPE = (9, 4)
 

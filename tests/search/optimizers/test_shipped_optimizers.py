@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
-from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
-from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS, make_optimizer_config
+from vinefab.search.optimizers.optimizer import (
+    OPTIMIZERS,
+    Optimizer,
+    SearchAxes,
+    make_optimizer_config,
+)
 from vinefab.search.record.result import state_from_text, state_to_text
 
 TARGET = np.linspace(0.2, 0.8, 6)
@@ -131,10 +135,10 @@ def test_importing_pyswarms_leaves_logging_environment_and_folder_alone(tmp_path
     program = """
 import logging, os
 handlers, level = list(logging.getLogger().handlers), logging.getLogger().level
-from vinefab.search.optimizers import pso
+from vinefab.search.optimizers import swarms
 assert pso.topology.Star  # whoever looks at the module first
 from vinefab.search.optimizers.optimizer import SearchAxes
-from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
+from vinefab.search.optimizers.optimizer import make_optimizer_config
 make_optimizer_config("pso").start(SearchAxes.continuous(3), population=4, seed=1).ask()
 assert logging.getLogger().handlers == handlers and logging.getLogger().level == level
 assert os.environ.get("LOG_CFG") == "mine"

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.search.parallel import dask_cluster
-from vinefab.search.parallel.dask_cluster import DaskEvaluator
+from vinefab.search import dask_cluster
+from vinefab.search.dask_cluster import DaskEvaluator
 
 PROGRAM = """
 import gc, http.client, json, os, stat, sys
@@ -19,7 +19,7 @@ import dask, psutil
 from distributed import Client, get_worker
 from distributed.security import Security
 
-from vinefab.search.parallel.dask_cluster import DaskEvaluator
+from vinefab.search.dask_cluster import DaskEvaluator
 
 def ports():
     processes = [psutil.Process(), *psutil.Process().children(recursive=True)]

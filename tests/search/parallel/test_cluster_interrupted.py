@@ -9,7 +9,7 @@ import time
 import pytest
 
 from vinefab.core.errors import WorkersLostError
-from vinefab.search.parallel.dask_cluster import DaskEvaluator
+from vinefab.search.dask_cluster import DaskEvaluator
 
 RUN = """schema = "vinefab/run-1"
 name = "long"

@@ -15,19 +15,17 @@ import pytest
 from vinefab.core.errors import BadInputError, WorkersLostError
 from vinefab.model.design import Design
 from vinefab.model.map import Map
-from vinefab.search.evaluator import TRAINING, Evaluator, EvaluatorSpec
-from vinefab.search.loop import Search
-from vinefab.search.parallel import dask_cluster as module
-from vinefab.search.parallel.dask_cluster import (
+from vinefab.search import dask_cluster as module
+from vinefab.search.dask_cluster import (
     DaskEvaluator,
     WorkerPayload,
     _evaluated,
     deserialized,
     serialized,
 )
-from vinefab.search.run import make_point_evaluator
+from vinefab.search.evaluator import TRAINING, Evaluator, EvaluatorSpec, Ledger, Work
+from vinefab.search.run import Search, make_point_evaluator
 from vinefab.search.settings import PartSettings, RunSettings
-from vinefab.search.timing import Ledger, Work
 from vinefab.tasks.reach import Reach
 
 Maps = tuple[Map, ...]
@@ -36,10 +34,10 @@ PROGRAM = """
 import os, signal, sys
 from pathlib import Path
 from vinefab.search.settings import read_run
-from vinefab.search.loop import Search
-from vinefab.search.parallel import dask_cluster as module
-from vinefab.search.parallel.dask_cluster import DaskEvaluator
-from vinefab.search.parallel.work_placement import HandingOut
+from vinefab.search.run import Search
+from vinefab.search import dask_cluster as module
+from vinefab.search.dask_cluster import DaskEvaluator
+from vinefab.search.dask_cluster import HandingOut
 from vinefab.search.run import run_search as search
 
 def main():

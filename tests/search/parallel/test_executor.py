@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from vinefab.search.parallel.executor import SerialExecutor, ThreadExecutor, WorkUnit
+from vinefab.search.evaluator import SerialExecutor, ThreadExecutor, WorkUnit
 
 
 @pytest.fixture

@@ -9,17 +9,16 @@ import pytest
 
 from vinefab.core.validation import Floats, Ints
 from vinefab.model.map import Map
-from vinefab.search.evaluator import TRAINING, Evaluations, Evaluator, EvaluatorSpec
-from vinefab.search.parallel.point_evaluator import Finish, ThreadEvaluator
-from vinefab.search.parallel.work_placement import (
+from vinefab.search.dask_cluster import (
     HandingOut,
     Pace,
     PlacedRun,
     least_unit_s,
     unit_rows,
 )
+from vinefab.search.evaluator import TRAINING, Evaluations, Evaluator, EvaluatorSpec, Ledger
 from vinefab.search.settings import RunSettings
-from vinefab.search.timing import Ledger
+from vinefab.search.workers import Finish, ThreadEvaluator
 from vinefab.tasks.evaluate import Conditions
 
 COSTS = HandingOut(round_trip_s=0.01, per_unit_s=0.001)

@@ -9,11 +9,11 @@ import time
 import pytest
 
 from vinefab.core.errors import WorkersLostError
-from vinefab.search.parallel.worker_processes import WorkerProcesses
+from vinefab.search.workers import WorkerProcesses
 
 PROGRAM = """
 import os, sys, time
-from vinefab.search.parallel.worker_processes import WorkerProcesses
+from vinefab.search.workers import WorkerProcesses
 
 def work(path):
     with open(path, "w") as stream:

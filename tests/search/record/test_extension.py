@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
+from vinefab.search.optimizers.optimizer import OPTIMIZERS
 from vinefab.search.record.generations import Progress
 from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult, plain_summary
 from vinefab.search.run import run_search

@@ -12,7 +12,6 @@ from vinefab.maps.generators.cave import cave_map
 from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.map import Map
-from vinefab.search.loop import Search
 from vinefab.search.record.generations import Progress, RunIdentity
 from vinefab.search.record.identity import map_fingerprint
 from vinefab.search.record.result import (
@@ -27,6 +26,7 @@ from vinefab.search.record.result import (
     resumed_limits,
 )
 from vinefab.search.record.store import RunStore
+from vinefab.search.run import Search
 from vinefab.search.run_pages import list_runs
 from vinefab.search.settings import (
     EvaluationSettings,

@@ -14,14 +14,13 @@ from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileE
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
-from vinefab.search.loop import Search
+from vinefab.search.evaluator import Ledger, TimeSplit
 from vinefab.search.record import store as module
 from vinefab.search.record.generations import Generation, Progress, RunIdentity
 from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult
 from vinefab.search.record.store import Recorder, RunStore
-from vinefab.search.run import run_search
+from vinefab.search.run import Search, run_search
 from vinefab.search.settings import RunSettings, SearchSettings
-from vinefab.search.timing import Ledger, TimeSplit
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome
 

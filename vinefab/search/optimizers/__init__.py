@@ -1,5 +1,5 @@
-"""Optimizers: one file each, all driven by ask and tell.
+"""Optimizers, all driven by ask and tell.
 
-`optimizer` has the protocol (`Optimizer`, `OptimizerConfig`) and the coordinates (`SearchAxes`);
-`shipped_optimizers` the registry `OPTIMIZERS` and `make_optimizer_config`.
+`optimizer` has the protocol (`Optimizer`, `OptimizerConfig`), the coordinates (`SearchAxes`) and
+the registry `OPTIMIZERS`.
 """

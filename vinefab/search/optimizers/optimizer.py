@@ -1,13 +1,16 @@
-"""The protocol of optimizers (ask and tell) and the coordinates that they search."""
+"""Optimizers: the protocol (ask and tell), the coordinates that they search, and the registry."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.registry import Registry, with_parameters
+from vinefab.core.rng import child
+from vinefab.core.table import Table
 from vinefab.core.validation import Floats, Ints
 
 
@@ -130,3 +133,61 @@ class OptimizerConfig(Protocol):
     def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
         """Return an optimizer before its first generation."""
         ...
+
+
+OPTIMIZERS: Registry[Callable[..., OptimizerConfig]] = Registry(
+    "optimizer",
+    {
+        "cmaes": "vinefab.search.optimizers.cmaes:CmaConfig",
+        "evolution": "vinefab.search.optimizers.evolution:EvolutionConfig",
+        "islands": "vinefab.search.optimizers.islands:IslandsConfig",
+        "nsga2": "vinefab.search.optimizers.evolution:NsgaConfig",
+        "particleswarm": "vinefab.search.optimizers.swarms:AdaptiveSwarmConfig",
+        "pso": "vinefab.search.optimizers.swarms:SwarmConfig",
+        "random": "vinefab.search.optimizers.optimizer:RandomConfig",
+    },
+    group="vinefab.optimizers",
+)
+
+
+def make_optimizer_config(
+    name: str, parameters: Mapping[str, object] | None = None
+) -> OptimizerConfig:
+    """Return an optimizer's parameters, ready to start."""
+    return with_parameters(OPTIMIZERS[name], "optimizer", parameters or {})
+
+
+_STREAM = 1402
+
+
+class RandomSearch:
+    """Uniformly random points, generation after generation."""
+
+    def __init__(self, dimensions: int, population: int, seed: int) -> None:
+        self._shape = (population, dimensions)
+        self._seed = seed
+        self._generation = 0
+
+    def ask(self) -> Floats:
+        """Return the points of the next generation, shape (m, d)."""
+        return child(self._seed, _STREAM, self._generation).random(self._shape)
+
+    def tell(self, x: Floats, fitness: Floats) -> None:  # noqa: ARG002 - it learns nothing
+        """Count the generation."""
+        self._generation += 1
+
+    def state(self) -> Mapping[str, object]:
+        """Return the number of the generation."""
+        return {"generation": self._generation}
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Continue from a generation."""
+        self._generation = cast("int", state["generation"])
+
+
+class RandomConfig(Table):
+    """Random search has no parameters."""
+
+    def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
+        """Return a random search."""
+        return RandomSearch(len(axes), population, seed)

@@ -1,4 +1,4 @@
-"""Generations and finalists of a run, and what identifies it."""
+"""Generations and finalists of a run, and its identity."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass, replace
@@ -16,9 +16,8 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.model.start_place import start_of_record, start_text
-from vinefab.search.costs import COSTS
 from vinefab.search.evaluator import INVALID_FITNESS, Penalty
-from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
+from vinefab.search.optimizers.optimizer import OPTIMIZERS
 from vinefab.search.record.identity import map_fingerprint, package_versions
 from vinefab.search.settings import (
     LIMIT_NAMES,
@@ -26,6 +25,7 @@ from vinefab.search.settings import (
     limit_option,
     plain_settings,
 )
+from vinefab.search.space import COSTS
 from vinefab.tasks.shipped_tasks import TASKS
 from vinefab.tasks.targets import TARGETS, TOUCHED
 

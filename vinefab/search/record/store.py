@@ -19,7 +19,7 @@ from vinefab.core.atomic import folder_to_fill, lock_folder
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.core.jsontext import GENERATOR
 from vinefab.model.map import Map
-from vinefab.search.record.elsewhere import read_prediction
+from vinefab.search.evaluator import Ledger, TimeSplit
 from vinefab.search.record.generations import Extension, Finalist, Generation, Progress, RunIdentity
 from vinefab.search.record.result import (
     BUSY,
@@ -32,6 +32,7 @@ from vinefab.search.record.result import (
     read_extensions,
     read_finalists,
     read_generations,
+    read_prediction,
     recorded_identity,
     score_from_text,
     score_to_text,
@@ -42,7 +43,6 @@ from vinefab.search.record.result import (
 )
 from vinefab.search.settings import SearchSettings
 from vinefab.search.space import Space
-from vinefab.search.timing import Ledger, TimeSplit
 
 # SQLite stores these texts in the first page of the file, where the mark identifies it as ours.
 _TABLES = (

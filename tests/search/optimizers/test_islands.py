@@ -5,7 +5,7 @@ import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
-from vinefab.search.optimizers.cmaes import Cma, CmaConfig, mixed_distribution
+from vinefab.search.optimizers.cmaes import Cma, CmaConfig, Distribution
 from vinefab.search.optimizers.islands import (
     UNRATED,
     Islands,
@@ -181,11 +181,11 @@ def test_only_islands_screen_and_begin_at_points() -> None:
 
 def test_a_packed_distribution_goes_on_to_the_last_bit() -> None:
     rng = np.random.RandomState(1)
-    one = mixed_distribution(np.full(4, 0.5), np.full(4, 0.2), population=8)
+    one = Distribution(np.full(4, 0.5), np.full(4, 0.2), population=8)
     for _ in range(5):
         v = one.sample(rng, 8)
         one.learn(v[np.argsort((v**2).sum(axis=1))])
-    other = mixed_distribution(np.zeros(4), np.ones(4), population=8)
+    other = Distribution(np.zeros(4), np.ones(4), population=8)
     other.unpack(one.packed())
     for _ in range(3):
         state = rng.get_state()

@@ -6,7 +6,7 @@ import pytest
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.search.optimizers.optimizer import SearchAxes
-from vinefab.search.optimizers.swarms import _STREAM, AdaptiveSwarm, AdaptiveSwarmConfig
+from vinefab.search.optimizers.swarms import _ADAPTIVE_STREAM, AdaptiveSwarm, AdaptiveSwarmConfig
 
 SHAPE = (9, 4)
 
@@ -19,7 +19,7 @@ class ScalarSwarm:
     """The published algorithm, one particle and one coordinate at a time."""
 
     def __init__(self, seed: int) -> None:
-        rng = child(seed, _STREAM, 0)
+        rng = child(seed, _ADAPTIVE_STREAM, 0)
         self.seed = seed
         self.x = rng.random(SHAPE).tolist()
         self.v = rng.uniform(-1.0, 1.0, SHAPE).tolist()
@@ -46,7 +46,7 @@ class ScalarSwarm:
         self.move()
 
     def move(self) -> None:
-        rng = child(self.seed, _STREAM, self.generation)
+        rng = child(self.seed, _ADAPTIVE_STREAM, self.generation)
         lots = rng.random((SHAPE[0], SHAPE[0]))
         u1, u2 = rng.random((2, *SHAPE))
         leaders = []

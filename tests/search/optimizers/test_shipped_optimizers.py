@@ -136,7 +136,7 @@ def test_importing_pyswarms_leaves_logging_environment_and_folder_alone(tmp_path
 import logging, os
 handlers, level = list(logging.getLogger().handlers), logging.getLogger().level
 from vinefab.search.optimizers import swarms
-assert pso.topology.Star  # whoever looks at the module first
+assert swarms.topology.Star  # whoever looks at the module first
 from vinefab.search.optimizers.optimizer import SearchAxes
 from vinefab.search.optimizers.optimizer import make_optimizer_config
 make_optimizer_config("pso").start(SearchAxes.continuous(3), population=4, seed=1).ask()

@@ -197,7 +197,7 @@ def stopped(*_: object, **__: object) -> None:
     raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize("place", ["loop.reevaluated", "record.store.RunStore.finish"])
+@pytest.mark.parametrize("place", ["run.reevaluated", "record.store.RunStore.finish"])
 def test_a_run_stopped_at_its_finalists_ends_as_the_undisturbed_one(
     tmp_path: Path,
     fabricable: RunSettings,

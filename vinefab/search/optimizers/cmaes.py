@@ -1,7 +1,9 @@
-"""CMA-ES with margin for mixed variables, from the package cmaes, one generation at a time.
+"""CMA-ES with margin for mixed variables, one generation at a time.
 
 A normal distribution adapts its mean and covariance to the best points; a margin keeps integers
-from freezing (Hamano et al., CatCMA with margin, arXiv:2504.07884). Integers with two values are
+from freezing (Hamano et al., CatCMA with margin, arXiv:2504.07884). It learns as the package cmaes
+does, whose public functions cannot serve here: islands ask for points until enough are valid, learn
+from all of them, and stop and go on between any two generations. Integers with two values are
 treated like the others: the package's probabilities for categories became NaN in long runs.
 """
 
@@ -12,7 +14,6 @@ from typing import Annotated, Any
 import numpy as np
 import scipy  # its parts load at their first use
 from annotated_types import Ge, Le
-from cmaes import CatCMAwM
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
@@ -20,19 +21,66 @@ from vinefab.core.table import Table
 from vinefab.core.validation import Floats
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
-_LEAST, _MOST = 1e-8, 1e32
+_LEAST, _MOST, _LEAST_EIGENVALUE = 1e-8, 1e32, 1e-30
 """Bound that keeps quotients finite and probabilities above 0, and the largest step size, as in
 the package."""
 
 
-class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types here
-    """A normal distribution whose last coordinates stand for integers."""
+class Distribution:
+    """A normal distribution whose last coordinates stand for integers.
 
-    _mean: Floats
-    _sigma: float
-    _C: Floats
-    _p_sigma: Floats
-    _pc: Floats
+    Constants, and the order of operations, are those of the package cmaes 0.13, so that both learn
+    the same to the last bit.
+
+    Parameters
+    ----------
+    middle, spread
+        Mean and standard deviation of each coordinate, shape (d,); integers last.
+    population
+        Number of points that each generation learns from.
+    counts
+        Number of values of each integer.
+    """
+
+    def __init__(
+        self, middle: Floats, spread: Floats, *, population: int, counts: Sequence[int] = ()
+    ) -> None:
+        size = len(middle)
+        self._reals, self._population, self._mu = size - len(counts), population, population // 2
+        ranks = [math.log((population + 1) / 2) - math.log(i + 1) for i in range(population)]
+        raw, mu = np.array(ranks), self._mu
+        # Sizes of the better half and the worse half, and rates of learning.
+        self._mu_eff = mu_eff = np.sum(raw[:mu]) ** 2 / np.sum(raw[:mu] ** 2)
+        mu_eff_worse = np.sum(raw[mu:]) ** 2 / np.sum(raw[mu:] ** 2)
+        self._c1 = 2 / ((size + 1.3) ** 2 + mu_eff)
+        rate_mu = 2 * (mu_eff - 2 + 1 / mu_eff) / ((size + 2) ** 2 + 2 * mu_eff / 2)
+        self._cmu = min(1 - self._c1 - _LEAST, rate_mu)
+        worse = min(
+            1 + self._c1 / self._cmu,
+            1 + (2 * mu_eff_worse) / (mu_eff + 2),
+            (1 - self._c1 - self._cmu) / (size * self._cmu),
+        )
+        better_sum, worse_sum = np.sum(raw[raw > 0]), np.sum(np.abs(raw[raw < 0]))
+        self._weights = np.where(raw >= 0, 1 / better_sum * raw, worse / worse_sum * raw)
+        self._c_sigma = (mu_eff + 2) / (size + mu_eff + 5)
+        far = math.sqrt((mu_eff - 1) / (size + 1)) - 1
+        self._d_sigma = 1 + 2 * max(0, far) + self._c_sigma
+        self._cc = (4 + mu_eff / size) / (size + 4 + 2 * mu_eff / size)
+        self._chi_n = math.sqrt(size) * (1.0 - 1.0 / (4.0 * size) + 1.0 / (21.0 * size**2))
+
+        self._mean, self._C, self._sigma, self._g = middle.copy(), np.diag(spread**2), 1.0, 0
+        self._B: Floats | None = None
+        self._D: Floats | None = None
+        self._p_sigma, self._pc, self._A = np.zeros(size), np.zeros(size), np.ones(size)
+        # Integers, padded to the longest range with their largest value, and the limits between.
+        self._discrete_idx = np.arange(self._reals, size)
+        if counts:
+            self._alpha = 1 - 0.73 ** (1 / len(counts))
+            self._pmut = (0.5 - _LEAST) * np.ones(len(counts))
+            self._int_succ = np.zeros(len(counts), dtype=bool)
+            longest = np.arange(max(counts))
+            self._z_space = np.minimum(longest, np.array(counts)[:, None] - 1)
+            self._z_lim = (self._z_space[:, 1:] + self._z_space[:, :-1]) / 2
 
     def sample(self, rng: np.random.RandomState, count: int) -> Floats:
         """Return random points, shape (count, d), not yet within the bounds."""
@@ -43,8 +91,8 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
 
     def within(self, v: Floats) -> tuple[Floats, Floats]:
         """Return continuous coordinates clipped to 0 to 1, and the integers of the others."""
-        reals, rest = v[:, : self._Nco], v[:, self._Nco :]
-        return np.clip(reals, 0.0, 1.0), self._discretization(rest) if self._Nin else rest
+        reals, rest = v[:, : self._reals], v[:, self._reals :]
+        return np.clip(reals, 0.0, 1.0), self._discretization(rest) if rest.size else rest
 
     @property
     def spread(self) -> Floats:
@@ -60,20 +108,55 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
         v
             As sampled, shape (count, d).
         """
-        places = np.arange(len(v), dtype=np.float64)
-        if self._Nco:
-            places += self._calc_continuous_penalty(v, places)
-        v = v[np.argsort(places, kind="stable")]
+        v = v[np.argsort(self._places(v), kind="stable")]
         self._g += 1
-        if self._Nin:
+        if len(self._discrete_idx):
             v = self._integer_centering(v)
         self._update_gaussian(v)
-        if self._Nin:
+        if len(self._discrete_idx):
             self._margin_correction()
+
+    @property
+    def _ranges_of_ranks(self) -> list[float]:
+        """Interquartile ranges of the ranks of the last generations, which are all the same."""
+        quartiles = float(3 * self._population // 4 - self._population // 4)
+        kept = 20 + math.ceil(3 * len(self._mean) / self._population)
+        return [quartiles] * min(self._g, kept) if self._reals else []
+
+    def _places(self, v: Floats) -> Floats:
+        """Return the ranks of points, increased where they lie outside the bounds, shape (m,).
+
+        Hansen et al. 2009, A method for handling uncertainty, https://doi.org/10.1109/tevc.2008.924423.
+        """
+        places = np.arange(len(v), dtype=np.float64)
+        low = np.where(np.arange(v.shape[1]) < self._reals, 0.0, -np.inf)
+        high = np.where(np.arange(v.shape[1]) < self._reals, 1.0, np.inf)
+        inside = np.where(v < low, low, np.where(v > high, high, v))
+        if (inside == v).all():
+            return places
+        size, variances = len(self._mean), np.diag(self._C) * self._A
+        quartiles = self._population * 3 // 4 - self._population // 4
+        gamma = np.ones(size) * 2 * quartiles / (self._sigma**2 * np.sum(variances))
+        far = 3 * self._sigma * np.sqrt(variances) * max(1, np.sqrt(size) / self._mu_eff)
+        below = (self._mean < low) & (np.abs(self._mean - low) > far)
+        above = (high < self._mean) & (np.abs(high - self._mean) > far)
+        gamma[below | above] *= 1.1 ** (max(1, self._mu_eff / (10 * size)))
+        logs = np.log(variances)
+        scales = np.exp(0.9 * (logs - np.sum(logs) / size))
+        places += np.sum(gamma * ((inside - v) ** 2) / scales, axis=1)
+        return places
+
+    def _eigen_decomposition(self) -> tuple[Floats, Floats]:
+        """Return eigenvectors, and roots of the eigenvalues, of the covariance matrix."""
+        if self._B is None or self._D is None:
+            values, self._B = np.linalg.eigh((self._C + self._C.T) / 2)
+            self._D = np.sqrt(np.where(values < 0, _LEAST, values))
+            self._C = np.multiply(self._B, self._D**2, order="C").dot(self._B.T)
+        return self._B, self._D
 
     def packed(self) -> Floats:
         """Return everything that changes between generations, without integers, as one vector."""
-        sigma, history = [self._sigma, self._g], self._iqhist_values
+        sigma, history = [self._sigma, self._g], self._ranges_of_ranks
         axes: list[Any] = [self._B, self._D] if self._B is not None else []
         arrays = [self._mean, self._C, self._p_sigma, self._pc, self._A, *axes]
         return np.concatenate([[len(history)], history, sigma, *map(np.ravel, arrays)])
@@ -81,7 +164,6 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
     def unpack(self, vector: Floats) -> None:
         """Continue from what `packed` returned."""
         count, size = int(vector[0]), len(self._mean)
-        self._iqhist_values = vector[1 : count + 1].tolist()
         self._sigma, self._g = float(vector[count + 1]), int(vector[count + 2])
         rest = vector[count + 3 :]
         for name, shape in _PACKED.items():
@@ -126,10 +208,12 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
         whiten = np.multiply(vectors, 1.0 / roots, order="C").dot(vectors.T)
         better = slice(self._mu)
         mean_step = np.sum(steps[better].T * self._weights[better], axis=1)
-        self._mean += self._cm * self._sigma * mean_step
+        self._mean += self._sigma * mean_step
         goes_on = self._follow(whiten.dot(mean_step), mean_step)
         lengths = np.linalg.norm(whiten.dot(steps.T), axis=0) ** 2
-        weights = self._weights * np.where(self._weights >= 0, 1, self._Nmi / (lengths + _LEAST))
+        weights = self._weights * np.where(
+            self._weights >= 0, 1, len(self._mean) / (lengths + _LEAST)
+        )
         late = (1.0 - goes_on) * self._cc * (2 - self._cc)
         outer = steps[:, :, None] * steps[:, None, :]
         outer *= weights[:, None, None]
@@ -141,7 +225,7 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
         )
         self._B = self._D = None
         _, roots = self._eigen_decomposition()
-        self._sigma = max(self._sigma, np.sqrt(self._min_eigenvalue / np.min(roots)))
+        self._sigma = max(self._sigma, np.sqrt(_LEAST_EIGENVALUE / np.min(roots)))
 
     def _follow(self, white_step: Floats, mean_step: Floats) -> float:
         """Update both paths and the step size; return 0 while the step size grows fast, else 1."""
@@ -151,7 +235,7 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
         self._sigma *= np.exp((self._c_sigma / self._d_sigma) * (length / self._chi_n - 1))
         self._sigma = min(self._sigma, _MOST)
         begun = math.sqrt(1 - (1 - self._c_sigma) ** (2 * (self._g + 1)))
-        goes_on = float(length / begun < (1.4 + 2 / (self._Nmi + 1)) * self._chi_n)
+        goes_on = float(length / begun < (1.4 + 2 / (len(self._mean) + 1)) * self._chi_n)
         pull = math.sqrt(self._cc * (2 - self._cc) * self._mu_eff)
         self._pc = (1 - self._cc) * self._pc + goes_on * pull * mean_step
         return goes_on
@@ -226,27 +310,6 @@ _PACKED = {"_mean": "d", "_C": "dd", "_p_sigma": "d", "_pc": "d", "_A": "d", "_B
 """Arrays of a distribution without integers, with a letter for each dimension."""
 
 
-def mixed_distribution(
-    middle: Floats, spread: Floats, *, population: int, counts: Sequence[int] = ()
-) -> Distribution:
-    """Return a distribution before its first generation.
-
-    Parameters
-    ----------
-    middle, spread
-        Mean and standard deviation of each coordinate, shape (d,); integers last.
-    counts
-        Number of values of each integer.
-    """
-    return Distribution(
-        x_space=[[0.0, 1.0]] * (len(middle) - len(counts)) or None,
-        z_space=[list(range(count)) for count in counts] or None,
-        population_size=population,
-        mean=middle.copy(),
-        cov=np.diag(spread**2),
-    )
-
-
 _STREAM = 1405
 _RUN_AWAY = 1e3
 """Largest standard deviation, in ranges. Noise can let it grow without end: then all points are
@@ -258,7 +321,6 @@ LEAST_POPULATION = 4
 # _B and _D could be recomputed from _C, but not to the last bit.
 _ARRAYS = {"_mean": float, "_C": float, "_B": float, "_D": float, "_p_sigma": float, "_pc": float}
 _ARRAYS |= {"_A": float, "_pmut": float, "_int_succ": bool}
-_NUMBERS = ("_sigma", "_g", "_iqhist_values")
 
 
 Spread = Annotated[
@@ -340,8 +402,8 @@ class Cma:
         known = vars(self._search)
         arrays = [name for name in _ARRAYS if known.get(name) is not None]
         state |= {name: np.array(known[name], dtype=float) for name in arrays}
-        state |= {name: _plain(known[name]) for name in _NUMBERS if name in known}
-        return state
+        numbers = {"_sigma": float(self._search._sigma), "_g": self._search._g}
+        return state | numbers | {"_iqhist_values": self._search._ranges_of_ranks}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from a state."""
@@ -350,7 +412,7 @@ class Cma:
         for name, value in state.items():
             if name in _ARRAYS:
                 setattr(self._search, name, np.array(value, dtype=_ARRAYS[name]))
-            elif name in _NUMBERS:
+            elif name in ("_sigma", "_g"):
                 setattr(self._search, name, value)
 
     @property
@@ -359,18 +421,12 @@ class Cma:
         whole = self._counts[self._integer].astype(np.float64)
         return np.concatenate([np.ones(len(self._real)), whole])
 
-    def _new_search(self, config: CmaConfig) -> Any:  # noqa: ANN401 - cmaes has no types here
+    def _new_search(self, config: CmaConfig) -> Distribution:
         whole = self._counts[self._integer]
         middles = np.concatenate([np.full(len(self._real), 0.5), (whole - 1.0) / 2.0])
-        return mixed_distribution(
+        return Distribution(
             middles,
             config.spread * self._ranges,
             population=self._population,
             counts=whole.tolist(),
         )
-
-
-def _plain(value: Any) -> object:  # noqa: ANN401 - as above
-    if isinstance(value, list):
-        return [float(entry) for entry in value]
-    return int(value) if isinstance(value, int) else float(value)

@@ -32,7 +32,6 @@ from vinefab.search.optimizers.cmaes import (
     CmaConfig,
     Distribution,
     Spread,
-    mixed_distribution,
 )
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
@@ -175,6 +174,7 @@ class Islands:
         self._ratings: list[list[float]] = []  # of all that ever reached the end of each rung
         self._climbed: list[list[tuple[int, ...]]] = []  # structures of those that went on
         self._asked: list[_Asked] = []
+        self._legacy = np.random.RandomState(0)  # seeded before each use: a new one takes longer
 
     def screen_by(self, penalty: PenaltyOfPoints) -> None:
         """Take the penalty of points: only those without are evaluated, where there are any."""
@@ -363,13 +363,13 @@ class Islands:
                 island.search = self._distribution(v[best])
             else:
                 island.search.learn(v[np.argsort(penalty, kind="stable")])
-            legacy = np.random.RandomState(int(rng.integers(2**32)))  # as distributions take it
-            v = island.search.sample(legacy, self._size)
+            self._legacy.seed(int(rng.integers(2**32)))
+            v = island.search.sample(self._legacy, self._size)
         island.search = self._distribution(np.clip(v[best], 0.0, 1.0))
         return float(penalty[best])
 
     def _distribution(self, middle: Floats) -> Distribution:
-        return mixed_distribution(
+        return Distribution(
             middle, np.full(len(middle), self._config.spread), population=self._size
         )
 

@@ -24,7 +24,7 @@ from vinefab.search.evaluator import Evaluations, Ledger
 from vinefab.search.run import Schedule, Search, training_maps
 from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
 from vinefab.search.workers import Begin, ThreadEvaluator
-from vinefab.studies.cluster_scaling import (
+from vinefab.studies.benchmark import (
     LATENCIES_S,
     WORKERS,
     Network,

@@ -26,7 +26,7 @@ from vinefab.search.run import run_search, training_maps
 from vinefab.search.run_pages import rebuild, write_front
 from vinefab.search.settings import PartSettings, read_run, run_task
 from vinefab.search.space import Space
-from vinefab.studies import cluster_scaling
+from vinefab.studies import benchmark
 
 ROOT = Path(__file__).parents[1]
 
@@ -55,13 +55,13 @@ def run_script(monkeypatch, tmp_path, capsys):
 @pytest.fixture
 def small_loads(monkeypatch):
     """The loads of the cluster's figure are measured with a tenth of their designs."""
-    whole = cluster_scaling.load_of
+    whole = benchmark.load_of
 
     def of_a_tenth(name, settings):
         population = max(10, settings.search.population // 10)
         return whole(name, settings.changed(search=settings.search.changed(population=population)))
 
-    monkeypatch.setattr(cluster_scaling, "load_of", of_a_tenth)
+    monkeypatch.setattr(benchmark, "load_of", of_a_tenth)
 
 
 SCRIPTS = {

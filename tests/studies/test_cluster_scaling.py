@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
-from vinefab.studies.cluster_scaling import (
+from vinefab.studies.benchmark import (
     LATENCIES_S,
     WORKERS,
     Network,

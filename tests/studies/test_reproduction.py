@@ -16,22 +16,27 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Design, PieceSettings
 from vinefab.model.tree import branch_tree
 from vinefab.search.settings import RunSettings, read_run
-from vinefab.studies.ablation import VARIANTS
-from vinefab.studies.optimizers_compared import evaluations_to, smoothed
-from vinefab.studies.redeployment import BEYOND, RedeploymentJob, shape_count, tip_groups
+from vinefab.studies.assumption_studies import VARIANTS
+from vinefab.studies.deployment_studies import BEYOND, RedeploymentJob, shape_count, tip_groups
 from vinefab.studies.reproduction import EXPERIMENTS
-from vinefab.studies.study_jobs import (
+from vinefab.studies.study_runs import (
     PAPER_GROWTH,
     QUICK_SIZE,
     JobStore,
     Training,
+    coverage_run,
     design_from,
+    maps_of,
     plain_design,
     total_length_mm,
 )
-from vinefab.studies.study_runs import coverage_run, maps_of
-from vinefab.studies.training_studies import variety_runs, weighted
-from vinefab.studies.transfer import known_map_shares
+from vinefab.studies.training_studies import (
+    evaluations_to,
+    known_map_shares,
+    smoothed,
+    variety_runs,
+    weighted,
+)
 from vinefab.tasks.evaluate import composites
 
 

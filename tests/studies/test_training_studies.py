@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vinefab.studies.study_jobs import QUICK_SIZE
+from vinefab.studies.study_runs import QUICK_SIZE
 from vinefab.studies.training_studies import convergence
 
 

@@ -508,7 +508,7 @@ def _contender(text: str) -> Contender:
 @verb
 def reproduce(
     *names: Annotated[
-        str, Kind(metavar="NAME", known=registered_names("vinefab.studies.experiments:EXPERIMENTS"))
+        str, Kind(metavar="NAME", known=registered_names("vinefab.studies:EXPERIMENTS"))
     ],
     out: Annotated[PathText, FOLDER],
     quick: bool = False,
@@ -543,7 +543,7 @@ def reproduce(
 
     >>> reproduce("transfer", out="reproduction", quick=True)  # doctest: +SKIP
     """
-    from vinefab.studies.experiments import EXPERIMENTS
+    from vinefab.studies import EXPERIMENTS
     from vinefab.studies.reproduction import (
         NUMBERS,
         STUDY_PAGE,
@@ -551,7 +551,7 @@ def reproduce(
         do_experiments,
         numbers_text,
     )
-    from vinefab.studies.study_jobs import PAPER_SIZE, QUICK_SIZE
+    from vinefab.studies.study_runs import PAPER_SIZE, QUICK_SIZE
 
     if not names:
         raise BadInputError("NAME", None, f"{', '.join(EXPERIMENTS)}, or all")

@@ -189,7 +189,15 @@ def contest_rows(
     known = _recorded(record)
     contest_runs = contest.runs()
     todo = [contest_run for contest_run in contest_runs if contest_run.key not in known]
-    _check(contest, todo)
+    # A problem that cannot be run is named with its file before anything is run.
+    names = [problem.name for problem in contest.problems]
+    sources: dict[str, str | Path] = dict(zip(names, contest.sources or names, strict=True))
+    checked = set[tuple[str, str]]()
+    for run in todo:
+        if (run.settings.name, run.contender) not in checked:
+            checked.add((run.settings.name, run.contender))
+            with located(sources[run.settings.name]):
+                _search(run.settings)
     total, begun = len(contest_runs), len(contest_runs) - len(todo)
     tell(begun / max(1, total), f"{begun} of {total} runs")
     for done, row in enumerate(_run_all(todo, jobs), start=begun + 1):
@@ -203,19 +211,6 @@ def contest_rows(
         last = f"{row.problem} {row.contender} {row.unseen:.4f}"
         tell(done / total, f"{done} of {total} runs, the last {last}")
     return [known[contest_run.key] for contest_run in contest_runs]
-
-
-def _check(contest: Contest, todo: Sequence[ContestRun]) -> None:
-    """Complain of a problem that cannot be run, before anything is, and say from which file."""
-    checked = set[tuple[str, str]]()
-    names = [problem.name for problem in contest.problems]
-    sources: dict[str, str | Path] = dict(zip(names, contest.sources or names, strict=True))
-    for contest_run in todo:
-        who = contest_run.settings.name, contest_run.contender
-        if who not in checked:
-            checked.add(who)
-            with located(sources[contest_run.settings.name]):
-                _search(contest_run.settings)
 
 
 def _search(settings: RunSettings) -> Search:

@@ -9,9 +9,9 @@ from vinefab.core.jsontext import json_text
 from vinefab.core.view import Answer, Block, Fact, Facts, Rows, Section
 from vinefab.pages.html import page
 from vinefab.search.record.identity import package_versions
+from vinefab.studies import EXPERIMENTS
 from vinefab.studies.claims import CLAIM_HEADINGS, StudyResult, held, held_corrected
-from vinefab.studies.experiments import EXPERIMENTS
-from vinefab.studies.study_jobs import QUICK_SIZE, JobStore, StudySize, StudyTell
+from vinefab.studies.study_runs import QUICK_SIZE, JobStore, StudySize, StudyTell
 
 STUDY_PAGE, NUMBERS = "reproduction.html", "reproduction.json"
 

@@ -1,30 +1,415 @@
-"""The runs and tests that several experiments share."""
+"""The two kinds of work that studies are made of, kept in a folder and never done twice.
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+A job is a value: its result depends on nothing else, so it can be done in any process, in any
+order, and once for several experiments. Below are the runs and tests that several experiments
+share.
+"""
+
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, Protocol, Self
 
 import numpy as np
 
+from vinefab.core.atomic import ensure_writable, is_ours, write_text
+from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileError
+from vinefab.core.hashing import fingerprint
+from vinefab.core.jsontext import json_text
+from vinefab.core.units import rad
 from vinefab.core.validation import Floats
+from vinefab.core.version import __version__
 from vinefab.growth.options import GrowthOptions
+from vinefab.model.design import DEFAULT_MOUNTING, Build, Design, Level, PieceSettings, Pouch
+from vinefab.model.map import Map
+from vinefab.search.record.generations import RunIdentity
+from vinefab.search.run import Search, generated_maps, penalty_of
 from vinefab.search.settings import (
     EvaluationSettings,
     MapSettings,
     PartSettings,
     RunSettings,
     SearchSettings,
+    plain_settings,
 )
 from vinefab.studies.claims import Claim, difference
-from vinefab.studies.study_jobs import (
-    FIRST_TEST_SEED,
-    PAPER_GROWTH,
-    JobStore,
-    StudySize,
-    Testing,
-    Training,
+from vinefab.tasks.evaluate import PreparedMap, composites, poses_on, score_design
+from vinefab.tasks.shipped_tasks import make_task
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudySize:
+    """Numbers of runs, maps and poses; the defaults are the paper's or larger."""
+
+    seed: int = 1  # seed of the first run; run ``i`` has the i-th seed after it
+    seeds: int = 10  # runs per setting, each on training maps of its own [paper: 5]
+    repeats: int = 10  # runs of `convergence` and `search` [paper: 10]
+    single_seeds: int = 24  # runs per setting of `maps`: as many maps, where each trains on one
+    ablation_seeds: int = 10  # runs per setting of `ablation`
+    making_seeds: int = 10  # runs of each of the three ways per setting of `price`
+    # population, generations: size of a search on coverage; 100 is the size of the paper's swarm in
+    # MATLAB
+    population: int = 100
+    generations: int = 40
+    training_maps: int = 24  # maps that a design is trained on
+    maps_at_once: int = 6  # how many of them, drawn anew, every generation meets
+    reach_maps_at_once: int = 2  # the same in training for reach, whose areas take longest
+    choice_maps: int = 24  # maps on which the kept design of several is chosen
+    # unseen_maps, poses: unseen maps, and poses on each [paper: 25 and 3]
+    unseen_maps: int = 25
+    poses: int = 3
+    transfer_maps: int = 300  # unseen maps of `transfer`
+    reach_maps: int = 25  # unseen maps of `reach`, one start on each
+    headings: int = 50  # redeployments of a plain vine [paper: 50]
+
+
+PAPER_SIZE = StudySize()
+
+QUICK_SIZE = StudySize(
+    seeds=2,
+    repeats=2,
+    single_seeds=2,
+    ablation_seeds=2,
+    making_seeds=2,
+    population=6,
+    generations=2,
+    training_maps=3,
+    maps_at_once=2,
+    choice_maps=2,
+    unseen_maps=3,
+    poses=2,
+    transfer_maps=4,
+    reach_maps=2,
+    headings=6,
 )
-from vinefab.tasks.evaluate import composites
+"""A smoke run: everything is done, nothing is learned from it."""
+
+
+def plain_design(design: Design) -> dict[str, Any]:
+    """Return a design's shape and build; its origin and waivers are left out."""
+    build, pouch, pieces = design.build, design.build.pouch, design.build.pieces
+    return {
+        "name": design.name,
+        "trunk_length_mm": design.trunk_length_mm,
+        "levels": [
+            {
+                "branches": level.branches,
+                "length_mm": level.length_mm,
+                "fan_rad": level.fan_rad,
+                "growth": level.growth,
+            }
+            for level in design.levels
+        ],
+        "widths_mm": list(build.widths_mm),
+        "fillet_mm": list(build.fillet_mm),
+        "tail_mm": build.tail_mm,
+        "pressure_kpa": build.pressure_kpa,
+        "pouch": None
+        if pouch is None
+        else {
+            name: getattr(pouch, name) for name in ("shape", "radius_mm", "length_mm", "width_mm")
+        },
+        **({} if pieces is None else {"pieces": pieces.model_dump()}),
+        **({} if build.mounting == DEFAULT_MOUNTING else {"mounting": build.mounting}),
+    }
+
+
+def design_from(plain: Mapping[str, Any]) -> Design:
+    """Return the design of `plain_design`."""
+    pouch, pieces = plain["pouch"], plain.get("pieces")
+    return Design(
+        name=plain["name"],
+        trunk_length_mm=plain["trunk_length_mm"],
+        levels=tuple(Level(**level) for level in plain["levels"]),
+        build=Build(
+            widths_mm=tuple(plain["widths_mm"]),
+            fillet_mm=tuple(plain["fillet_mm"]),
+            tail_mm=plain["tail_mm"],
+            pressure_kpa=plain["pressure_kpa"],
+            pouch=None if pouch is None else Pouch(**pouch),
+            pieces=None if pieces is None else PieceSettings(**pieces),
+            mounting=plain.get("mounting", DEFAULT_MOUNTING),
+        ),
+    )
+
+
+def plain_vine(length_mm: float) -> Design:
+    """Return an unbranched robot."""
+    return Design(name="plain_vine", trunk_length_mm=length_mm, build=Build.standard(1))
+
+
+def design_words(design: Design) -> str:
+    """Return the size of a design in a few words."""
+    fans = " x ".join(str(level.branches) for level in design.levels) or "no branches"
+    length_m = total_length_mm(design) / 1000.0
+    return f"{design.branch_count} branches ({fans}), {length_m:.1f} m of film in all"
+
+
+def total_length_mm(design: Design) -> float:
+    """Return the planned length of all branches together."""
+    total, parents = design.trunk_length_mm, 1
+    for level in design.levels:
+        parents *= level.branches
+        total += parents * level.length_mm * (1.0 + level.growth) / 2.0
+    return total
+
+
+FIRST_TEST_SEED = 900_001
+"""Seed of the first map for testing; no design has trained on any of them."""
+
+MAPS_KEPT = 600
+
+PAPER_GROWTH = GrowthOptions.published(
+    head_on_half_angle_rad=rad(1.0),
+    children_of_stuck="stop",
+    body="centerline",
+    pressure_stop=False,
+)
+"""How robots grow in every study that does not say otherwise: the paper's model, whose body is a
+line and which has no pressure. Nothing here depends on the default of `GrowthOptions`."""
+
+
+class StudyJob(Protocol):
+    """Some work with a name of its own."""
+
+    @property
+    def key(self) -> str:
+        """What tells it from all others, also in another session."""
+        ...
+
+    def run(self) -> dict[str, Any]:
+        """Do it; the result is plain values."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Training:
+    """A run of the optimizer on generated maps."""
+
+    settings: RunSettings  # the run
+
+    @property
+    def key(self) -> str:
+        """Name of the run."""
+        making = penalty_of(self.settings)
+        return f"train_{RunIdentity.of(self.settings, (), making).run_id}"
+
+    def run(self) -> dict[str, Any]:
+        """Return the winner and how the search went.
+
+        ``design``; ``fitness``, of the winner on fresh poses on the training maps; ``best`` and
+        ``mean``, the fitness of each generation; ``evaluations``; ``penalty``.
+        """
+        settings = self.settings
+        maps = [world(settings.maps, index) for index in range(settings.maps.count)]
+        result = Search.of(settings, maps, penalty_of(settings)).run()
+        return {
+            "design": plain_design(result.best),
+            "fitness": result.finalists[0].fitness,
+            "best": [g.best for g in result.history],
+            "mean": [float(np.nanmean(g.composite)) for g in result.history],
+            "evaluations": result.evaluations,
+            "penalty": result.finalists[0].penalty,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Testing:
+    """A design scored over maps and poses."""
+
+    design: Mapping[str, Any]  # as `plain_design` gives it
+    worlds: MapSettings  # the maps; generated ones
+    poses: int  # poses on each
+    task: PartSettings  # what counts; areas are exact unless it says otherwise
+    growth: GrowthOptions = PAPER_GROWTH  # how robots grow
+
+    @property
+    def key(self) -> str:
+        """Fingerprint of everything that it depends on."""
+        return f"test_{fingerprint(plain_settings(self), __version__)}"
+
+    def run(self) -> dict[str, Any]:
+        """Return ``scores``, maps by poses, and every term likewise under ``terms``."""
+        sites = tuple(site(self.worlds, index) for index in range(self.worlds.count))
+        # Poses go by the map's seed: every design tested on a map meets the same ones.
+        first = self.worlds.seed
+        poses = poses_on(sites, self.poses, range(first, first + self.worlds.count))
+        task = make_task(self.task.name, self.task.parameters)
+        score = score_design(design_from(self.design), sites, poses, task, self.growth)
+        shape = self.worlds.count, self.poses
+        names = tuple(score.evaluations[0].terms)
+        terms = {name: [e.terms[name] for e in score.evaluations] for name in names}
+        return {
+            "scores": score.scores.reshape(shape).tolist(),
+            "terms": {name: np.reshape(values, shape).tolist() for name, values in terms.items()},
+        }
+
+
+def run_job(job: StudyJob) -> dict[str, Any]:
+    """Do a job: what a worker process calls."""
+    return job.run()
+
+
+def site(worlds: MapSettings, index: int) -> PreparedMap:
+    """Return one of some generated maps, made ready."""
+    return _site(*_place(worlds, index))
+
+
+def world(worlds: MapSettings, index: int) -> Map:
+    """Return one of some generated maps; many runs train on the same ones."""
+    return _world(*_place(worlds, index))
+
+
+MapOptions = tuple[tuple[str, object], ...]
+
+
+def _place(worlds: MapSettings, index: int) -> tuple[str, int, MapOptions]:
+    return worlds.environment, worlds.seed + index, tuple(sorted(worlds.options.items()))
+
+
+@lru_cache(maxsize=MAPS_KEPT)
+def _site(environment: str, seed: int, options: MapOptions) -> PreparedMap:
+    return PreparedMap.of(_world(environment, seed, options))
+
+
+@lru_cache(maxsize=MAPS_KEPT)
+def _world(environment: str, seed: int, options: MapOptions) -> Map:
+    maps = MapSettings(environment=environment, count=1, seed=seed, options=dict(options))
+    return generated_maps(maps)[0]
+
+
+SETTINGS = "settings.json"
+
+FINISHED = "finished.json"
+"""The file by which the folder is known again, and that says what was begun in it."""
+
+_SETTINGS_SCHEMA = "vinefab/reproduction-settings-1"
+
+_FINISHED_SCHEMA = "vinefab/reproduction-finished-1"
+
+_PART_SCHEMA = "vinefab/reproduction-part-1"
+
+StudyTell = Callable[[float, str], None]
+
+
+class JobStore:
+    """A folder of finished jobs, and processes to do more; closed at the end of its block."""
+
+    def __init__(self, folder: Path, size: StudySize, workers: int, tell: StudyTell) -> None:
+        self.folder = folder
+        self.size = size
+        self.workers = workers
+        self.tell = tell
+        self.spent_s = 0.0
+        self._pool: ProcessPoolExecutor | None = None
+        _begin(folder, size)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *failure: object) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+            self._pool = None
+
+    def finished(self) -> list[str]:
+        """Return the names of the experiments that were finished in the folder."""
+        path = self.folder / FINISHED
+        return list(_document(path, _FINISHED_SCHEMA)["names"]) if path.exists() else []
+
+    def finish(self, name: str) -> None:
+        """Write down that an experiment is finished."""
+        names = sorted({*self.finished(), name})
+        write_text(self.folder / FINISHED, json_text(_FINISHED_SCHEMA, {"names": names}))
+
+    def train(self, jobs: Sequence[Training]) -> list[dict[str, Any]]:
+        """Return what each run found."""
+        return self.do(jobs, "training")
+
+    def test(self, jobs: Sequence[Testing]) -> list[Floats]:
+        """Return the scores of each test, shape (maps, poses)."""
+        return [np.array(found["scores"]) for found in self.do(jobs, "testing")]
+
+    def terms(self, jobs: Sequence[Testing], name: str) -> list[Floats]:
+        """Return one term of each test, shape (maps, poses)."""
+        return [np.array(found["terms"][name]) for found in self.do(jobs, "testing")]
+
+    def do(self, jobs: Sequence[StudyJob], words: str) -> list[dict[str, Any]]:
+        """Return what each job gives; what is kept is not done again."""
+        keys = [job.key for job in jobs]
+        known = {key: self._kept(key) for key in keys}
+        todo = {key: job for key, job in zip(keys, jobs, strict=True) if known[key] is None}
+        began_s = time.perf_counter()
+        for number, (key, found) in enumerate(self._done(todo), start=1):
+            known[key] = found
+            text = json_text(_PART_SCHEMA, {"key": key, "result": found})
+            write_text(self._path(key), text)
+            self.tell(number / len(todo), f"{words} {number} of {len(todo)}")
+        self.spent_s += time.perf_counter() - began_s
+        return [result for key in keys if (result := known[key]) is not None]
+
+    def _done(self, todo: dict[str, StudyJob]) -> Iterator[tuple[str, dict[str, Any]]]:
+        if self.workers == 1 or len(todo) < 2:
+            yield from ((key, run_job(job)) for key, job in todo.items())
+            return
+        keys = list(todo)
+        if self._pool is None:
+            # Compiled here first: processes that compile at once would write the same cache.
+            first = keys.pop(0)
+            yield first, run_job(todo[first])
+            # One pool for all: a process takes seconds to start.
+            self._pool = ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"))
+        found = self._pool.map(run_job, [todo[key] for key in keys])
+        yield from zip(keys, found, strict=True)
+
+    def _kept(self, key: str) -> dict[str, Any] | None:
+        path = self._path(key)
+        if not path.is_file():
+            return None
+        document = _document(path, _PART_SCHEMA)
+        if document.get("key") != key or not isinstance(document.get("result"), dict):
+            raise UnreadableFileError(path, "is not the part that it is called after")
+        return dict(document["result"])
+
+    def _path(self, key: str) -> Path:
+        return self.folder / "parts" / f"{key}.json"
+
+
+def _begin(folder: Path, size: StudySize) -> None:
+    """Write down what is done in a folder, or check that it is the same as before."""
+    path = folder / SETTINGS
+    now: dict[str, Any] = {"vinefab": __version__, **asdict(size)}
+    if not path.exists():
+        # A run that was killed as it began may have left the settings under a temporary name.
+        begun_names = f".{SETTINGS}."
+        if folder.is_dir() and any(not p.name.startswith(begun_names) for p in folder.iterdir()):
+            raise ForeignFileError(folder, "holds other files; name a folder of its own")
+        write_text(path, json_text(_SETTINGS_SCHEMA, {"settings": now}))
+        return
+    if not is_ours(path):
+        raise ForeignFileError(path)
+    ensure_writable(path, force=True)  # it is read only: changed values are told below
+    begun = _document(path, _SETTINGS_SCHEMA).get("settings", {})
+    for key, value in now.items():
+        if begun.get(key) != value:
+            allowed = f"{begun.get(key)!r}, as it was begun; or another folder"
+            raise BadInputError(key, value, allowed, path)
+
+
+def _document(path: Path, schema: str) -> dict[str, Any]:
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise UnreadableFileError(path, "is not JSON") from error
+    if not isinstance(document, dict) or document.get("schema") != schema:
+        raise UnreadableFileError(path, f"is not a {schema} file")
+    return document
+
 
 STUDIED_ENVIRONMENTS = ("grid", "cave")
 

@@ -19,8 +19,8 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport
 from vinefab.model.target import Target, TargetsResult
 from vinefab.prediction import run_page
-from vinefab.prediction.run_page import EndedRun, write_run_page
-from vinefab.prediction.run_winner import run_in_folder
+from vinefab.prediction.run_page import write_run_page
+from vinefab.prediction.run_winner import EndedRun, run_in_folder
 from vinefab.search.record.generations import Extension, Progress
 from vinefab.search.record.result import RECORD_FILE, RunArchive
 from vinefab.search.run import run_search
@@ -44,7 +44,7 @@ pytestmark = pytest.mark.usefixtures("on_few_maps")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a run and its page."""
     out = tmp_path_factory.mktemp("run")
-    result = run_in_folder(RUN, out, again="")
+    result = run_in_folder(RUN, out, again="").result
     write_run_page(out, EndedRun.read(out, result))
     return out
 
@@ -99,7 +99,7 @@ def test_a_winner_in_pieces_says_how_many(tmp_path: Path, monkeypatch: pytest.Mo
     def look(_: Progress) -> None:
         seen.append((tmp_path / "index.html").read_text())
 
-    result = run_in_folder(run, tmp_path, again="", progress=look)
+    result = run_in_folder(run, tmp_path, again="", progress=look).result
     assert "at most 3, joined by sleeves, every joint costs 0.01 of the fitness" in seen[0]
     assert re.search(r"levels, (\d pieces? by the quick rules|not yet in 3 pieces)", seen[0])
     profile = read_profile(DEFAULT_RECIPE)

@@ -57,8 +57,8 @@ def test_the_page_shows_the_run_while_it_goes_on_and_says_how_to_go_on(
 
 
 def test_no_result_depends_on_the_page(settings: RunSettings, tmp_path: Path) -> None:
-    one = run_in_folder(settings, tmp_path / "one", again="", page=True)
-    two = run_in_folder(settings, tmp_path / "two", again="", page=False)
+    one = run_in_folder(settings, tmp_path / "one", again="", page=True).result
+    two = run_in_folder(settings, tmp_path / "two", again="", page=False).result
     assert (one.best, one.prediction) == (two.best, two.prediction)
     assert not (tmp_path / "two" / PAGE_NAME).exists()
 
@@ -73,7 +73,7 @@ def test_a_page_that_cannot_be_written_stops_no_run(
         raise CannotWriteError(path, "disk full")
 
     monkeypatch.setattr(run_pages, "write_text", full)
-    result = run_in_folder(settings, tmp_path, again="")
+    result = run_in_folder(settings, tmp_path, again="").result
     assert len(result.history) == 5
     assert len(calls) == 1
 

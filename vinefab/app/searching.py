@@ -212,7 +212,7 @@ def optimize(
     again = this_call().text(resume=True)
     with _resumable(again):
         with _generations(settings, progress) as tell:
-            result = run_in_folder(
+            ended = run_in_folder(
                 settings,
                 folder,
                 again=again,
@@ -224,6 +224,7 @@ def optimize(
                 source=source,
                 task=own_task,
             )
+        result = ended.result
         again_scored = _score_again(result, settings, folder / "best.toml", own_task)
         result = replace(result, violations=violations_of(result, settings), again=again_scored)
     with _resumable(again), _recorded(again):
@@ -242,10 +243,10 @@ def optimize(
             f"page of {settings.name}", progress if isinstance(progress, bool) else False
         ) as (show):
             if page:
-                from vinefab.prediction.run_page import EndedRun, write_run_page
+                from vinefab.prediction.run_page import write_run_page
 
                 show(0.0, "drawing the winner")
-                wrote(write_run_page(folder, EndedRun.read(folder, result), force=force))
+                wrote(write_run_page(folder, replace(ended, result=result), force=force))
     note(f"wrote {folder / 'best.toml'} and {folder / 'run.sqlite'}", only_in_shell=True)
     return result
 
@@ -404,7 +405,8 @@ def runs(
         raise BadInputError("rebuild", counted(len(paths), "folder"), "one folder")
     listing = list_runs(paths)
     if rebuild is not None:
-        from vinefab.prediction.run_page import EndedRun, write_run_page
+        from vinefab.prediction.run_page import write_run_page
+        from vinefab.prediction.run_winner import EndedRun
 
         out, run = as_path("rebuild", rebuild), EndedRun.read(paths[0])
         again = _score_again(run.result, run.settings, out / "best.toml")

@@ -1,7 +1,7 @@
 """The page of a run that has ended, with its pictures beside it."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -23,14 +23,8 @@ from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.findings_picture import findings_picture
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
-from vinefab.growth.batch import Batch
-from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Deployment, Stop
-from vinefab.model.design import Design
-from vinefab.model.files.run_context import ChosenRecipe
 from vinefab.model.finding import CheckReport, Finding, Severity
-from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
 from vinefab.pages.html import page
 from vinefab.pages.map_view import STOP_WORDS
@@ -39,16 +33,13 @@ from vinefab.prediction.deployment_sections import TOO_FINE, deployment_picture,
 from vinefab.prediction.family_deployments import PreparedFamily
 from vinefab.prediction.pictures import cost_chart
 from vinefab.prediction.prediction_width import COST_CAPTION
-from vinefab.prediction.run_winner import unseen_family
-from vinefab.search.evaluator import with_pose_range
-from vinefab.search.manufacturability import run_profile
+from vinefab.prediction.run_winner import EndedRun
 from vinefab.search.record.generations import curve_of
-from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult, angles_standing
-from vinefab.search.run import FRESH_MAPS, chooses_on_fresh_maps, violations_of
+from vinefab.search.record.result import angles_standing
+from vinefab.search.run import FRESH_MAPS, chooses_on_fresh_maps
 from vinefab.search.run_pages import PAGE_NAME, run_facts, search_section
 from vinefab.search.settings import RunSettings, run_task
 from vinefab.search.space import Space
-from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.targets import touched_targets
 
 PICTURES = "pictures"
@@ -65,61 +56,6 @@ EDGE = 0.01
 """A winner touches a bound that it is nearer to than this share of the range."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class EndedRun:
-    """A run that has ended, with what its page needs."""
-
-    result: RunResult
-    settings: RunSettings
-    maps: tuple[Map, ...]  # the training maps
-
-    @classmethod
-    def read(cls, folder: Path, result: RunResult | None = None) -> "EndedRun":
-        """Return a run from the record in its folder.
-
-        Parameters
-        ----------
-        result
-            Its result, where it is known with the times and notes of this session.
-        """
-        archive = RunArchive.read(folder / RECORD_FILE)
-        settings = archive.settings
-        run = cls(result=result or archive.result(), settings=settings, maps=archive.maps)
-        if result is None and not run.result.fabricable:
-            profile = run.profile() if run.result.checked else None
-            broken = violations_of(run.result, settings, profile)
-            run = replace(run, result=replace(run.result, violations=broken))
-        return run
-
-    @property
-    def design(self) -> Design:
-        """The winner."""
-        return self.result.best
-
-    @property
-    def growth(self) -> GrowthOptions:
-        """How it is grown to be drawn: as in the run, at the low end of a range of contacts."""
-        return self.settings.growth.at_one_angle
-
-    def training(self) -> PreparedFamily:
-        """Return the training maps with their first starts."""
-        share = self.settings.evaluation.pose_range
-        maps = tuple(PreparedMap.of(with_pose_range(world, share)) for world in self.maps)
-        starts = tuple((world.starts[0].pose,) for world in self.maps)
-        return PreparedFamily(label="training maps", maps=maps, poses=starts)
-
-    def grown(self, family: PreparedFamily) -> Sequence[Deployment]:
-        """Return the winner deployed from every pose of a family."""
-        plans = Plans.of([self.design], self.growth)
-        return Batch(plans, family.launches(), self.growth).regrown()
-
-    def profile(self) -> LaserProfile:
-        """Return the recipe that the winner is checked with."""
-        if self.result.recipe:
-            return ChosenRecipe.of(self.design).profile
-        return run_profile(self.settings.evaluation)
-
-
 def write_run_page(folder: Path, run: EndedRun, *, force: bool = False) -> Path:
     """Write the page of a run that has ended, and its pictures beside it."""
     blocks = list(run_blocks(run))
@@ -134,8 +70,9 @@ def write_run_page(folder: Path, run: EndedRun, *, force: bool = False) -> Path:
 def run_blocks(run: EndedRun) -> Iterator[Block]:
     """Yield the page of a run that has ended, the answer and a picture first."""
     checked = _checked(run)
-    unseen = _unseen(run)
-    pictures, sections = _shown(run, unseen)
+    training, unseen = run.families()
+    elsewhere = run.grown(unseen)
+    pictures, sections = _shown(run, training, unseen, elsewhere)
     # The winner is drawn on maps first, and flat with the rules below.
     view = [one for one in run.result.view() if not isinstance(one, Picture)]
     answers: list[Block] = [one for one in view if isinstance(one, Answer)]
@@ -150,7 +87,7 @@ def run_blocks(run: EndedRun) -> Iterator[Block]:
     yield _sheet_section(run, checked)
     yield from sections
     yield from _width_sections(run)
-    yield _limit_section(run, checked, unseen)
+    yield _limit_section(run, checked, unseen.label, elsewhere)
     yield _found_section(run)
     yield _files_section(run)
 
@@ -189,18 +126,16 @@ def _chosen_by(settings: RunSettings) -> str:
     return "on these poses"
 
 
-def _unseen(run: EndedRun) -> PreparedFamily:
-    return unseen_family(run.settings, run.training())[0]
-
-
 def _shown(
-    run: EndedRun, unseen: PreparedFamily
+    run: EndedRun,
+    training: PreparedFamily,
+    unseen: PreparedFamily,
+    elsewhere: Sequence[Deployment],
 ) -> tuple[tuple[Picture, ...], tuple[Section, ...]]:
     """Return the winner on unseen maps, worst, median and best, and the rest of its deployments."""
-    training = run.training()
     kept = min(len(training.maps), MOST_TRAINING_SHOWN)
     grown = run.grown(training)
-    elsewhere, places = run.grown(unseen), unseen.launches().terrain.tolist()
+    places = unseen.launches().terrain.tolist()
     pictures = tuple(
         _drawn(run, name, unseen.maps[places[index]].world, elsewhere[index], words)
         for index, name, words in _typical(run, len(places))
@@ -308,7 +243,9 @@ def _sheet_section(run: EndedRun, checked: CheckReport | str) -> Section:
     return Section(title=title, paragraphs=words, pictures=(picture,))
 
 
-def _limit_section(run: EndedRun, checked: CheckReport | str, unseen: PreparedFamily) -> Section:
+def _limit_section(
+    run: EndedRun, checked: CheckReport | str, where: str, elsewhere: Sequence[Deployment]
+) -> Section:
     """Return what limits the winner: walls and pressure, rules, bounds of the space."""
     tables = [
         Rows(
@@ -323,7 +260,7 @@ def _limit_section(run: EndedRun, checked: CheckReport | str, unseen: PreparedFa
             rows=tuple(_bound_rows(run)),
         ),
     ]
-    stops = np.concatenate([deployment.stop for deployment in run.grown(unseen)])
+    stops = np.concatenate([deployment.stop for deployment in elsewhere])
     shares = [
         f"{100 * share:.0f} % {STOP_WORDS[stop]}"
         for stop in Stop
@@ -334,7 +271,7 @@ def _limit_section(run: EndedRun, checked: CheckReport | str, unseen: PreparedFa
     return Section(
         title="What limits it",
         paragraphs=(
-            f"How its branches end on {unseen.label} (simulated): {', '.join(shares)}.",
+            f"How its branches end on {where} (simulated): {', '.join(shares)}.",
             *([f"Limits of the space: {kept} (planned)."] if kept else []),
             *_bed_words(run, checked),
             *(f"{caption}: none." for caption in empty),

@@ -4,7 +4,7 @@ A winner is tried on unseen maps, over what contacts may be like, and placed off
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -21,8 +21,11 @@ from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import BRANCH_CONTACTS, GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.inflation.pattern import pattern_of
+from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
-from vinefab.model.map import Pose
+from vinefab.model.files.run_context import ChosenRecipe
+from vinefab.model.laser import LaserProfile
+from vinefab.model.map import Map, Pose
 from vinefab.model.score import FAILED_PERCENT, HARDLY_GROWN, NOTHING_TOUCHED, Failures
 from vinefab.model.start_place import StartPlace, start_text, with_starts
 from vinefab.prediction.family_deployments import (
@@ -39,14 +42,79 @@ from vinefab.prediction.sensitivity import moved_poses, placings
 from vinefab.search.evaluator import final_seed, with_pose_range
 from vinefab.search.manufacturability import run_profile
 from vinefab.search.record.generations import Progress
-from vinefab.search.record.result import RunResult, placed_off_range, resumed_limits
-from vinefab.search.run import Search, run_search
+from vinefab.search.record.result import (
+    RECORD_FILE,
+    RunArchive,
+    RunResult,
+    placed_off_range,
+    resumed_limits,
+)
+from vinefab.search.run import Search, run_search, violations_of
 from vinefab.search.run_pages import LivePage
 from vinefab.search.settings import RunLimits, RunSettings, has_own_targets
 from vinefab.search.workers import PointEvaluator
-from vinefab.tasks.evaluate import score_designs, trunks_with_room
+from vinefab.tasks.evaluate import PreparedMap, score_designs, trunks_with_room
 from vinefab.tasks.targets import design_touches
 from vinefab.tasks.task import Task
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EndedRun:
+    """A run that has ended, with what its page needs."""
+
+    result: RunResult
+    settings: RunSettings
+    maps: tuple[Map, ...]  # the training maps
+    # the winner's families, where they were prepared in this session: training maps and elsewhere
+    prepared: tuple[PreparedFamily, PreparedFamily] | None = None
+
+    @classmethod
+    def read(cls, folder: Path, result: RunResult | None = None) -> "EndedRun":
+        """Return a run from the record in its folder.
+
+        Parameters
+        ----------
+        result
+            Its result, where it is known with the times and notes of this session.
+        """
+        archive = RunArchive.read(folder / RECORD_FILE)
+        settings = archive.settings
+        run = cls(result=result or archive.result(), settings=settings, maps=archive.maps)
+        if result is None and not run.result.fabricable:
+            profile = run.profile() if run.result.checked else None
+            broken = violations_of(run.result, settings, profile)
+            run = replace(run, result=replace(run.result, violations=broken))
+        return run
+
+    @property
+    def design(self) -> Design:
+        """The winner."""
+        return self.result.best
+
+    @property
+    def growth(self) -> GrowthOptions:
+        """How it is grown to be drawn: as in the run, at the low end of a range of contacts."""
+        return self.settings.growth.at_one_angle
+
+    def families(self) -> tuple[PreparedFamily, PreparedFamily]:
+        """Return the training maps with their first starts, and the maps of the prediction."""
+        if self.prepared is not None:
+            return self.prepared
+        share = self.settings.evaluation.pose_range
+        maps = tuple(PreparedMap.of(with_pose_range(world, share)) for world in self.maps)
+        training = first_starts(maps)
+        return training, unseen_family(self.settings, training)[0]
+
+    def grown(self, family: PreparedFamily) -> Sequence[Deployment]:
+        """Return the winner deployed from every pose of a family."""
+        plans = Plans.of([self.design], self.growth)
+        return Batch(plans, family.launches(), self.growth).regrown()
+
+    def profile(self) -> LaserProfile:
+        """Return the recipe that the winner is checked with."""
+        if self.result.recipe:
+            return ChosenRecipe.of(self.design).profile
+        return run_profile(self.settings.evaluation)
 
 
 def run_in_folder(  # noqa: PLR0913  options by keyword
@@ -61,7 +129,7 @@ def run_in_folder(  # noqa: PLR0913  options by keyword
     progress: Callable[[Progress], None] | None = None,
     source: Path | None = None,
     task: Task | None = None,
-) -> RunResult:
+) -> EndedRun:
     """Run the optimizer with its record, and predict what its winner does elsewhere.
 
     Parameters
@@ -73,19 +141,28 @@ def run_in_folder(  # noqa: PLR0913  options by keyword
     resume, limits, workers, progress, source, task
         As in `vinefab.search.run.run_search`.
     """
+    ended: EndedRun | None = None
 
-    def search(report: Callable[[Progress], None] | None) -> RunResult:
-        return run_search(
+    def predict(run: Search, result: RunResult) -> dict[str, Any]:
+        nonlocal ended
+        content, elsewhere = predicted(run, result)
+        prepared = first_starts(run.evaluator.maps), elsewhere
+        ended = EndedRun(result=result, settings=run.settings, maps=run.maps, prepared=prepared)
+        return content
+
+    def search(report: Callable[[Progress], None] | None) -> EndedRun:
+        result = run_search(
             settings,
             folder,
             resume=resume,
             limits=limits,
             workers=workers,
             progress=report,
-            predict=predict_winner,
+            predict=predict,
             source=source,
             task=task,
         )
+        return EndedRun.read(folder, result) if ended is None else replace(ended, result=result)
 
     if not page:
         return search(progress)
@@ -209,6 +286,11 @@ class WinnerTrial:
 
 def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
     """Return what a run's winner is expected to do elsewhere, in plain values (simulated)."""
+    return predicted(search, result)[0]
+
+
+def predicted(search: Search, result: RunResult) -> tuple[dict[str, Any], PreparedFamily]:
+    """Return the prediction of `predict_winner`, and the maps elsewhere with their poses."""
     settings, evaluator = search.settings, search.evaluator
     trial = WinnerTrial(
         design=result.finalists[0].design,
@@ -242,7 +324,13 @@ def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
         count = None if cut.unparted else len(cut.pieces)
         proven = cut.proven_least and not cut.unparted
         content["pieces"] = {"count": count, "proven_least": proven}
-    return {**content, "origin": _origin(content)}
+    return {**content, "origin": _origin(content)}, unseen
+
+
+def first_starts(maps: tuple[PreparedMap, ...]) -> PreparedFamily:
+    """Return training maps with their first starts."""
+    poses = tuple((prepared.world.starts[0].pose,) for prepared in maps)
+    return PreparedFamily(label="training maps", maps=maps, poses=poses)
 
 
 def _family_content(trial: WinnerTrial, family: PreparedFamily) -> dict[str, Any]:

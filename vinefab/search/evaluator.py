@@ -554,6 +554,8 @@ class Evaluator:
     # body radius per level of the deepest designs; one 0 for bare centrelines
     radii_mm: tuple[float, ...]
     workspaces: list[Workspace] = field(default_factory=list)  # idle memory for growth
+    # full checks by lengths and levels of the designs
+    checked: dict[object, tuple[Finding, ...] | None] = field(default_factory=dict)
     # launches prepared ahead
     ready: list[tuple[Conditions, Launches]] = field(default_factory=list)
 
@@ -644,8 +646,16 @@ class Evaluator:
         return PenaltyWithLimits(rules=self.penalty, space=self.space)
 
     def broken(self, design: Design) -> tuple[Finding, ...] | None:
-        """Return what forbids a design by the full check; None where only a simulation tells."""
-        return self.penalty.broken(design) if isinstance(self.penalty, TableCheck) else None
+        """Return what forbids a design by the full check; None where only a simulation tells.
+
+        Remembered, because the best of a generation may be finalists.
+        """
+        if not isinstance(self.penalty, TableCheck):
+            return None
+        key = design.trunk_length_mm, design.levels  # the space has the rest
+        if key not in self.checked:
+            self.checked[key] = self.penalty.broken(design)
+        return self.checked[key]
 
     @property
     def has_table(self) -> bool:

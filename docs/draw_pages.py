@@ -19,7 +19,7 @@ from vinefab.fabrication.package.prepare import prepare
 from vinefab.fabrication.package.sheet_pictures import job_plan
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.noun_methods import svg_of
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
 
 PAGES = Path(__file__).resolve().parent / "pictures" / "pages"
 SPRIG = "examples/arena/sprig.toml"

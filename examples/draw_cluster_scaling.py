@@ -17,8 +17,7 @@ from matplotlib.figure import Figure
 
 from vinefab.core.atomic import write_bytes
 from vinefab.core.validation import Floats
-from vinefab.pages.colours import INK, LEVEL_COLOURS
-from vinefab.pages.figure import blank, frame, house_style, svg_bytes
+from vinefab.pages.panel import INK, LEVEL_COLOURS
 from vinefab.search.dask_cluster import DaskEvaluator, Pace, point_weights
 from vinefab.search.evaluator import Evaluations, Ledger
 from vinefab.search.run import Schedule, Search, training_maps
@@ -34,6 +33,7 @@ from vinefab.studies.benchmark import (
     load_of,
     simulated_s,
 )
+from vinefab.studies.paper_charts import blank, frame, house_style, svg_bytes
 from vinefab.tasks.evaluate import Conditions
 
 MEASURED_GENERATIONS = 8

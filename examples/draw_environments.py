@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import vinefab as vf
-from vinefab.pages.page_png import page_png
+from vinefab.pages.page_files import page_png
 from vinefab.pages.panel import page_of_rows, plan_panel
 from vinefab.pages.plan import draw_map
 

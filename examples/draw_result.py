@@ -18,12 +18,12 @@ from vinefab.fabrication.package.sheet_pictures import OPERATION_COLOURS
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.job import Operation
-from vinefab.pages.figure import house_style
-from vinefab.pages.page_png import page_png
+from vinefab.pages.page_files import page_png
 from vinefab.pages.plan import deployment_plan
 from vinefab.rig.build import build_rig
 from vinefab.rig.part import Rig
 from vinefab.rig.rig_options import read_printer
+from vinefab.studies.paper_charts import house_style
 
 UNSEEN_SEED = 100_003
 

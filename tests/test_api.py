@@ -33,7 +33,7 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.pages.colours import INK, LEVEL_COLOURS, ROCK
+from vinefab.pages.panel import INK, LEVEL_COLOURS, ROCK
 from vinefab.rig.rig_options import read_printer
 
 SNAPSHOT = Path(__file__).with_name("public_api.txt")

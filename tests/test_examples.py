@@ -19,7 +19,7 @@ from vinefab.model.design import Design, PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
 from vinefab.pages.plan import map_plan
 from vinefab.search.record.result import RunArchive
 from vinefab.search.run import run_search, training_maps

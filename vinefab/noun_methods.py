@@ -125,7 +125,7 @@ def svg_of(noun: Design | Map | Deployment | Contour, *, longest_pt: float = 468
         Longer side of the plan, without what stands around it.
     """
     from vinefab.fabrication.outline.body_outline import body_outline
-    from vinefab.pages.page_svg import page_svg
+    from vinefab.pages.page_files import page_svg
     from vinefab.pages.plan import deployment_plan, map_plan, outline_plan
 
     if isinstance(noun, Map):

@@ -13,7 +13,7 @@ import pytest
 from vinefab.cli.terminal import Terminal
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.calibration.coupon_results import read_results
-from vinefab.pages.figure import blank, house_style, svg_bytes
+from vinefab.studies.paper_charts import blank, house_style, svg_bytes
 
 LONGEST_S = 10.0  # of one refusal, in processor time
 MOST_BYTES = 2 << 30

@@ -20,8 +20,7 @@ from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
-from vinefab.pages.page_png import page_png
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_png, page_svg
 from vinefab.pages.panel import fitted, rgb, text_width
 
 CALM = CheckReport(design="any", recipe="any", run=(), skipped=(), findings=())

@@ -12,9 +12,7 @@ from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
-from vinefab.pages.animation import Stage, frozen_since
-from vinefab.pages.animation_gif import gif_animation
-from vinefab.pages.animation_svg import svg_animation
+from vinefab.pages.animation import Stage, frozen_since, gif_animation, svg_animation
 from vinefab.pages.panel import round_length_mm
 from vinefab.prediction.deploy import History
 

@@ -11,10 +11,20 @@ from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
-from vinefab.pages.colours import HEAT_COLOURS, INK, LEVEL_COLOURS, ROCK, ROCK_EDGE, SOFT
 from vinefab.pages.map_view import UNSEEN_DETAIL, longer_mm, robot_view, rock_in
-from vinefab.pages.page_svg import page_svg
-from vinefab.pages.panel import Marks, Shape, Words, text_width
+from vinefab.pages.page_files import page_svg
+from vinefab.pages.panel import (
+    HEAT_COLOURS,
+    INK,
+    LEVEL_COLOURS,
+    ROCK,
+    ROCK_EDGE,
+    SOFT,
+    Marks,
+    Shape,
+    Words,
+    text_width,
+)
 from vinefab.pages.plan import RANGE_LABEL, deployment_plan, map_plan
 from vinefab.prediction.deploy import deploy
 

@@ -12,8 +12,7 @@ from vinefab.model.map import Map, Pose, Start
 from vinefab.model.tree import branch_tree
 from vinefab.pages.charts import fitness_curve, panels_of_strips
 from vinefab.pages.html import page
-from vinefab.pages.page_png import page_png
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_png, page_svg
 from vinefab.pages.panel import Shape
 from vinefab.pages.plan import deployment_plan, map_plan
 

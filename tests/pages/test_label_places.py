@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from vinefab.core.rng import child
-from vinefab.pages.label_places import label_middles
+from vinefab.pages.panel import label_middles
 
 
 @pytest.mark.parametrize("spread_pt", [8.0, 40.0, 400.0])

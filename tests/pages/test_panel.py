@@ -10,9 +10,8 @@ import shapely
 from PIL import Image, ImageFont
 
 from tests.pages.drawn import placed_texts, texts_of
+from vinefab.pages.page_files import page_png, page_svg
 from vinefab.pages.page_pdf import page_pdf
-from vinefab.pages.page_png import page_png
-from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import (
     MOST_LETTERS,
     Ink,

@@ -9,7 +9,7 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.tree import branch_tree
-from vinefab.pages.body_raster import body_cells
+from vinefab.pages.plan import body_cells
 from vinefab.prediction.family_deployments import (
     MapFamily,
     PredictionPlan,

@@ -10,7 +10,7 @@ from vinefab.growth.options import GrowthOptions, trained_growth
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.map import Map
 from vinefab.model.tree import branch_tree
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import Words
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import Search

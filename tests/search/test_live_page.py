@@ -9,7 +9,7 @@ import pytest
 
 from vinefab.core.errors import CannotWriteError, InterruptedRunError
 from vinefab.pages.charts import MOST_POINTS, fitness_curve
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import Shape
 from vinefab.prediction.run_winner import run_in_folder
 from vinefab.search import run_pages

@@ -1,7 +1,6 @@
 from dataclasses import dataclass
 
-from vinefab.pages.figure import svg_bytes
-from vinefab.studies.paper_charts import forest
+from vinefab.studies.paper_charts import forest, svg_bytes
 
 
 @dataclass(frozen=True)

@@ -314,8 +314,8 @@ def import_(
         allowed = f"only for photos and scans ({', '.join(PHOTO_SUFFIXES)})"
         raise BadInputError("preview", str(preview), allowed, source)
     from vinefab.maps.importers.photo_map import read_photo_map
-    from vinefab.pages.page_png import page_png
-    from vinefab.pages.photo_preview import photo_preview
+    from vinefab.pages.page_files import page_png
+    from vinefab.pages.plan import photo_preview
 
     imported = read_photo_map(source, chosen)
     picture = page_png(photo_preview(imported))

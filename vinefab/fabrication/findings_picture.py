@@ -25,16 +25,19 @@ from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, RecipeStatus
 from vinefab.model.outline import Contour, Part
-from vinefab.pages.colours import INK, SOFT
-from vinefab.pages.label_places import Labels, boxes_around, spots_around
 from vinefab.pages.panel import (
+    INK,
+    SOFT,
     Ink,
+    Labels,
     Page,
     Panel,
     Shape,
+    boxes_around,
     fitted,
     page_of_paper,
     paper,
+    spots_around,
     text_width,
 )
 

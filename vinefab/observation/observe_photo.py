@@ -45,9 +45,8 @@ from vinefab.observation.centre_lines import TracedTree, trace
 from vinefab.observation.doubts import NO_VERDICT, branch_sights
 from vinefab.observation.film import SeenFilm, Sight, found_film, outlined_film
 from vinefab.observation.photo_setup import PhotoSetup
-from vinefab.pages.colours import ALERT, level_colour
-from vinefab.pages.page_png import page_png
-from vinefab.pages.panel import TICK_PT, Ink, Panel, page_of, photo, plan_panel
+from vinefab.pages.page_files import page_png
+from vinefab.pages.panel import ALERT, TICK_PT, Ink, Panel, level_colour, page_of, photo, plan_panel
 from vinefab.photos.found_markers import MarkerSpread, marker_points, marker_spread
 from vinefab.photos.photo import Photo
 from vinefab.photos.photo_camera import ControlPoints, PhotoCamera, fit_camera

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vinefab.core.validation import Floats
-from vinefab.pages.colours import LEVEL_COLOURS
-from vinefab.pages.panel import Ink, Page, Panel, page_of, page_of_rows
+from vinefab.pages.panel import LEVEL_COLOURS, Ink, Page, Panel, page_of, page_of_rows
 
 
 def series_colour(index: int) -> str:
@@ -84,29 +83,27 @@ def panels_of_strips(panels: Mapping[str, Mapping[str, ArrayLike]], label: str) 
     panels
         By problem, scores by group, each shape (n,).
     """
-    rows = [[_strips(title, scores)] for title, scores in panels.items()]
+    rows = []
+    for title, scores in panels.items():
+        columns = [np.asarray(group, dtype=float) for group in scores.values()]
+        x0, x1 = ends_of(*columns)
+        panel = Panel(
+            box=(x0, len(columns) - 0.4, x1, -0.6),
+            width_pt=360.0,
+            height_pt=23.0 * max(2, len(columns)),
+            title=title,
+            frame=True,
+            y_ticks=[(row, name) for row, name in enumerate(scores)],
+        )
+        for row, values in enumerate(columns):
+            colour = series_colour(row)
+            dots = np.column_stack([values, row + 0.18 * jitter(len(values))])
+            panel.marks(dots, "o", 4.0, Ink(fill=colour, fill_alpha=0.55))
+            mean = values.mean()
+            panel.line([(mean, row - 0.32), (mean, row + 0.32)], Ink(line=colour, width_pt=2.0))
+        rows.append([panel])
     rows[-1][0].x_name = f"{label}; bars: means"
     return page_of_rows(rows)
-
-
-def _strips(title: str, scores: Mapping[str, ArrayLike]) -> Panel:
-    columns = [np.asarray(group, dtype=float) for group in scores.values()]
-    x0, x1 = ends_of(*columns)
-    panel = Panel(
-        box=(x0, len(columns) - 0.4, x1, -0.6),
-        width_pt=360.0,
-        height_pt=23.0 * max(2, len(columns)),
-        title=title,
-        frame=True,
-        y_ticks=[(row, name) for row, name in enumerate(scores)],
-    )
-    for row, values in enumerate(columns):
-        colour = series_colour(row)
-        dots = np.column_stack([values, row + 0.18 * jitter(len(values))])
-        panel.marks(dots, "o", 4.0, Ink(fill=colour, fill_alpha=0.55))
-        mean = values.mean()
-        panel.line([(mean, row - 0.32), (mean, row + 0.32)], Ink(line=colour, width_pt=2.0))
-    return panel
 
 
 def jitter(count: int) -> Floats:

@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.model.deployment import Deployment, Stop
-from vinefab.model.map import Map, Start
+from vinefab.model.map import Map
 from vinefab.model.start_place import pieces_on, start_range
 
 Box = tuple[float, float, float, float]
@@ -132,35 +133,23 @@ class StartMark:
 
 def start_marks(world: Map, box: Box) -> list[StartMark]:
     """Return the ranges of a map's starts, as they are drawn in a box of it."""
-    reach_mm = FAN * longer_mm(box)
-    return [
-        StartMark(
-            whole=start_range(start),
-            free=_free_of(world, start),
-            fan=_fan(start, reach_mm) if start.spread_heading_rad else None,
-        )
-        for start in world.starts
-    ]
-
-
-def _free_of(world: Map, start: Start) -> tuple[BaseGeometry, ...]:
-    if start.area is None:
-        whole = start_range(start)
-        return () if whole is None else (whole,)
-    try:
-        return tuple(pieces_on(world, start))
-    except BadInputError:  # obstacles may have been moved over it: that is to be seen
-        return ()
-
-
-def _fan(start: Start, reach_mm: float) -> Polygon:
-    """Return the sector of a start's headings; a circle for all of them."""
-    pose, spread_rad = start.pose, min(start.spread_heading_rad, math.pi)
-    angles = pose.heading_rad + spread_rad * np.linspace(-1.0, 1.0, _FAN_POINTS)
-    x = pose.x_mm + reach_mm * np.cos(angles)
-    y = pose.y_mm + reach_mm * np.sin(angles)
-    base = [] if spread_rad == math.pi else [(pose.x_mm, pose.y_mm)]
-    return Polygon([*base, *zip(x.tolist(), y.tolist(), strict=True)])
+    reach_mm, marks = FAN * longer_mm(box), []
+    for start in world.starts:
+        whole, fan = start_range(start), None
+        free: tuple[BaseGeometry, ...] = () if whole is None else (whole,)
+        if start.area is not None:
+            free = ()
+            with suppress(BadInputError):  # obstacles may have been moved over it
+                free = tuple(pieces_on(world, start))
+        if start.spread_heading_rad:  # the sector of its headings; a circle for all of them
+            pose, spread_rad = start.pose, min(start.spread_heading_rad, math.pi)
+            angles = pose.heading_rad + spread_rad * np.linspace(-1.0, 1.0, _FAN_POINTS)
+            x = pose.x_mm + reach_mm * np.cos(angles)
+            y = pose.y_mm + reach_mm * np.sin(angles)
+            base = [] if spread_rad == math.pi else [(pose.x_mm, pose.y_mm)]
+            fan = Polygon([*base, *zip(x.tolist(), y.tolist(), strict=True)])
+        marks.append(StartMark(whole=whole, free=free, fan=fan))
+    return marks
 
 
 STOP_WORDS = {

@@ -14,7 +14,7 @@ from reportlab.pdfgen.pathobject import PDFPathObject
 
 from vinefab.core.file_mark import ROOMY_GENERATOR
 from vinefab.core.validation import Floats
-from vinefab.pages.page_png import font_file
+from vinefab.pages.page_files import font_file
 from vinefab.pages.panel import MIDDLE, OPEN_SIGNS, SIGNS, Ink, Marks, Page, Raster, Shape, Words
 
 _ROUND, _BUTT = 1, 0

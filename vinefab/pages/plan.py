@@ -1,16 +1,19 @@
 """Plans: maps, starts and robots drawn into panels of the drawing layer."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from PIL import Image, ImageDraw
 from shapely import Polygon
 
+from vinefab.core.plain_text import counted, one_line
+from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
 from vinefab.model.target import Target, TargetOutcome, TargetsResult
-from vinefab.pages.colours import ALERT, INK, ROCK, ROCK_EDGE, SOFT, START, level_colour
 from vinefab.pages.map_view import (
     STOP_WORDS,
     Box,
@@ -24,9 +27,51 @@ from vinefab.pages.map_view import (
     rock_in,
     start_marks,
 )
-from vinefab.pages.page_png import page_png
-from vinefab.pages.page_svg import page_svg
-from vinefab.pages.panel import TICK_PT, Ink, Marks, Page, Panel, Shape, page_of, plan_panel
+from vinefab.pages.page_files import page_png, page_svg
+from vinefab.pages.panel import (
+    ALERT,
+    INK,
+    ROCK,
+    ROCK_EDGE,
+    SOFT,
+    START,
+    TICK_PT,
+    Ink,
+    Marks,
+    Page,
+    Panel,
+    Shape,
+    level_colour,
+    page_of,
+    photo,
+    plan_panel,
+    round_length_mm,
+)
+from vinefab.physics.tube import inflated_diameter_mm
+
+if TYPE_CHECKING:
+    from vinefab.maps.importers.photo_map import PhotoMap
+
+
+def body_cells(
+    deployment: Deployment,
+    widths_mm: Sequence[float],
+    low_mm: tuple[float, float],
+    cell_mm: float,
+    shape: tuple[int, int],
+) -> Floats:
+    """Return 1 where a deployed body covers a cell's middle, else 0, within about a cell."""
+    picture = Image.new("1", (shape[1], shape[0]))
+    draw = ImageDraw.Draw(picture)
+    for branch in np.flatnonzero(deployment.deployed).tolist():
+        across = inflated_diameter_mm(widths_mm[int(deployment.tree.level[branch]) - 1]) / cell_mm
+        chain = (deployment.chain_mm(branch) - np.array(low_mm)) / cell_mm - 0.5
+        draw.line([(x, y) for x, y in chain.tolist()], fill=1, width=max(1, round(across)))
+        for x, y in chain.tolist():
+            half = across / 2.0
+            draw.ellipse((x - half, y - half, x + half, y + half), fill=1)
+    return np.asarray(picture, dtype=np.float64)
+
 
 TIP_SIGNS = {
     Stop.FULL_LENGTH: "o",
@@ -284,3 +329,30 @@ def draw_thin(panel: Panel, deployments: Sequence[Deployment], ink: Ink, rank: f
     for deployment in deployments:
         out = np.flatnonzero(deployment.deployed).tolist()
         panel.lines([deployment.chain_mm(branch) for branch in out], ink, rank=rank)
+
+
+def photo_preview(imported: "PhotoMap") -> Page:
+    """Return a picture by which a person sees whether walls lie where the photo has them."""
+    view, world = imported.view, imported.world
+    rows, columns = view.pixels.shape[:2]
+    right, low = view.to_map(np.array([(columns, rows)]))[0].tolist()
+    box = (view.left_mm, low, right, view.top_mm)
+    panel = plan_panel(box, 648.0)
+    panel.add(photo(view.pixels, box), 0.0)
+    panel.polygons([world.bounds, *world.obstacles], Ink(line=ALERT), rank=3.0)
+    squares = [Polygon(corners) for corners in imported.markers_mm]
+    panel.polygons(squares, Ink(line="#0a7d32"), rank=4.0)
+    for start in world.starts[:1]:
+        dot = Ink(fill=ALERT, line="#ffffff", width_pt=1.0)
+        panel.marks([(start.pose.x_mm, start.pose.y_mm)], "o", 6.0, dot, rank=5.0)
+    bar = round_length_mm((box[2] - box[0]) / 5.0)
+    x, y = (box[0] + box[2] - bar) / 2.0, box[1] + 0.04 * (box[3] - box[1])
+    for colour, width_pt in (("#ffffff", 6.0), (INK, 3.0)):
+        panel.line([(x, y), (x + bar, y)], Ink(line=colour, width_pt=width_pt, butt=True), rank=6.0)
+    height = f", as seen {imported.height_mm:g} mm up" if imported.height_mm else ""
+    markers = ", markers green" if squares else ""
+    panel.title = (
+        f"{one_line(world.name)}: {counted(len(world.obstacles), 'obstacle')}{height};\n"
+        f"walls red{markers}, start a dot; the bar is {bar:g} mm"
+    )
+    return page_of(panel)

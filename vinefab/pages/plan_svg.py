@@ -35,7 +35,6 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
 from vinefab.model.target import Target
-from vinefab.pages.colours import LEVEL_COLOURS
 from vinefab.pages.map_view import (
     STOP_WORDS,
     UNSEEN_DETAIL,
@@ -45,6 +44,7 @@ from vinefab.pages.map_view import (
     lost_places,
     start_marks,
 )
+from vinefab.pages.panel import LEVEL_COLOURS
 from vinefab.physics.tube import inflated_diameter_mm
 
 _MOST_BRANCHES = 3000
@@ -133,7 +133,19 @@ def robot_svg(
     points = _placed(deployment.points_mm)
     first = deployment.first_point.tolist()
     paths = [_chain_path(points[a:b]) for a, b in pairwise(first)]
-    marked = _branch_marks(deployment) if detail else [""] * len(paths)
+    marked = [""] * len(paths)
+    if detail:  # by these attributes a page finds a branch and shortens it
+        ways = zip(
+            deployment.tree.ids,
+            deployment.base_mm.tolist(),
+            deployment.grown_mm.tolist(),
+            strict=True,
+        )
+        marked = [
+            f' data-branch="{name}" data-base="{round(base, 3):.10g}"'
+            f' data-grown="{round(grown, 3):.10g}"'
+            for name, base, grown in ways
+        ]
     parts = []
     for level in range(int(deployment.tree.level.max()), 0, -1):
         out = np.flatnonzero((deployment.tree.level == level) & deployment.deployed).tolist()
@@ -141,7 +153,11 @@ def robot_svg(
             course = "".join(f'<path{marked[branch]} d="{paths[branch]}"/>' for branch in out)
         else:
             course = f'<path d="{"".join(paths[branch] for branch in out)}"/>' if out else ""
-        parts.append(_level(level, course, widths_mm[level - 1]))
+        # One opacity for the bodies of a level, so that crossings do not darken.
+        width_mm, colour = widths_mm[level - 1], (level - 1) % len(LEVEL_COLOURS) + 1
+        across = _text(inflated_diameter_mm(width_mm))
+        body = f'<g class="body" stroke-width="{across}">{course}</g>' if width_mm else ""
+        parts.append(f'<g class="level level-{colour}">{body}<g class="line">{course}</g></g>')
     if detail:
         at_rest = deployment.deployed if is_growing is None else deployment.deployed & ~is_growing
         lost = "" if is_growing is not None else _lost(deployment)
@@ -311,29 +327,6 @@ def _chain_path(points: list[str]) -> str:
     if len(points) < 2:
         return f"M{points[0]}h0" if points else ""
     return f"M{points[0]}L{' '.join(points[1:])}"
-
-
-def _level(level: int, course: str, width_mm: float) -> str:
-    """Return the bodies of a level and its lines; one opacity, so that crossings do not darken."""
-    colour = (level - 1) % len(LEVEL_COLOURS) + 1
-    body = f'<g class="body" stroke-width="{_text(inflated_diameter_mm(width_mm))}">{course}</g>'
-    lines = f'<g class="line">{course}</g>'
-    return f'<g class="level level-{colour}">{body if width_mm else ""}{lines}</g>'
-
-
-def _branch_marks(deployment: Deployment) -> list[str]:
-    """Return the attributes by which a page finds a branch and shortens it."""
-    base_mm, grown_mm = deployment.base_mm.tolist(), deployment.grown_mm.tolist()
-    return [
-        f' data-branch="{name}" data-base="{base:.10g}" data-grown="{grown:.10g}"'
-        for name, base, grown in zip(
-            deployment.tree.ids, _thousandths(base_mm), _thousandths(grown_mm), strict=True
-        )
-    ]
-
-
-def _thousandths(values: list[float]) -> list[float]:
-    return [round(value, 3) for value in values]
 
 
 def _contacts(deployment: Deployment, points: list[str]) -> str:

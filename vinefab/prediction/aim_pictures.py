@@ -10,9 +10,12 @@ import numpy as np
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.pages.charts import curve, ends_of, series_colour
-from vinefab.pages.colours import ALERT, HEAT_COLOURS, INK, SOFT
 from vinefab.pages.panel import (
+    ALERT,
     COLUMN_PT,
+    HEAT_COLOURS,
+    INK,
+    SOFT,
     TICK_PT,
     Ink,
     Marks,

@@ -46,7 +46,7 @@ from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.target import TargetsResult
 from vinefab.model.tree import branch_tree
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import Panel, page_of
 from vinefab.pages.plan import page_bytes
 from vinefab.prediction.aim_pictures import (

@@ -27,7 +27,7 @@ from vinefab.core.view import (
 )
 from vinefab.growth.options import growth_text
 from vinefab.model.design import Design
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
 from vinefab.prediction.deployment_sections import deployment_picture, spread_pictures
 from vinefab.prediction.family_deployments import (
     FamilyDeployments,

@@ -407,11 +407,11 @@ class DeployedDesign(Result):
             raise BadInputError("suffix", suffix, ".svg or .gif")
         shapes, widths_mm = self.history.even_steps(frames), self._widths_mm
         if kind == ".svg":
-            from vinefab.pages.animation_svg import svg_animation  # noqa: PLC0415  as below
+            from vinefab.pages.animation import svg_animation  # noqa: PLC0415  as below
 
             return svg_animation(self.world, shapes, widths_mm)
         # Pillow is not needed for anything else here.
-        from vinefab.pages.animation_gif import gif_animation  # noqa: PLC0415
+        from vinefab.pages.animation import gif_animation  # noqa: PLC0415
 
         return gif_animation(self.world, shapes, widths_mm)
 

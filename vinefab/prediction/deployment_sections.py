@@ -16,7 +16,7 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.target import TargetsResult
 from vinefab.pages.map_view import STOP_WORDS
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import COLUMN_PT
 from vinefab.pages.plan import BODY_IS_LINE, deployment_plan, page_bytes
 from vinefab.prediction.measures import (

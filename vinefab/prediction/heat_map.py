@@ -21,8 +21,8 @@ from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import STUCK_STOPS, Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
-from vinefab.pages.body_raster import body_cells
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
+from vinefab.pages.plan import body_cells
 from vinefab.prediction.family_deployments import PredictionPlan
 from vinefab.prediction.pictures import heat_plan
 from vinefab.tasks.evaluate import PreparedMap

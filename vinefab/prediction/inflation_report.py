@@ -43,9 +43,20 @@ from vinefab.inflation.robot import ACROSS, InflatedRobot, inflated_robot, with_
 from vinefab.inflation.tube import tube_stretch
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Material, Standing
-from vinefab.pages.colours import ALERT, INK, LEVEL_COLOURS, ROCK, ROCK_EDGE
-from vinefab.pages.page_svg import page_svg
-from vinefab.pages.panel import Ink, Page, Panel, Shape, page_of_rows, plan_panel
+from vinefab.pages.page_files import page_svg
+from vinefab.pages.panel import (
+    ALERT,
+    INK,
+    LEVEL_COLOURS,
+    ROCK,
+    ROCK_EDGE,
+    Ink,
+    Page,
+    Panel,
+    Shape,
+    page_of_rows,
+    plan_panel,
+)
 from vinefab.pages.plan import page_bytes
 from vinefab.physics.seam import hoop_strain
 from vinefab.prediction.family_deployments import ProgressCallback, no_progress, part_of

@@ -11,22 +11,20 @@ from vinefab.core.validation import Floats
 from vinefab.maps.passages import Passage
 from vinefab.model.map import Map
 from vinefab.pages.charts import curve, ends_of, jitter, series_colour, upright
-from vinefab.pages.colours import (
+from vinefab.pages.map_view import UNSEEN_DETAIL
+from vinefab.pages.panel import (
     ALERT,
     HEAT_COLOURS,
     INK,
     LEVEL_COLOURS,
     SOFT,
-    level_colour,
-)
-from vinefab.pages.map_view import UNSEEN_DETAIL
-from vinefab.pages.panel import (
     TICK_PT,
     Ink,
     Page,
     Panel,
     Raster,
     blended,
+    level_colour,
     page_of,
     page_of_rows,
     plan_panel,

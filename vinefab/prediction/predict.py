@@ -43,7 +43,7 @@ from vinefab.model.map import Map
 from vinefab.model.score import FAILED_PERCENT, HARDLY_GROWN, NOTHING_TOUCHED, Failures
 from vinefab.model.target import TargetsResult
 from vinefab.model.tree import branch_tree
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
 from vinefab.physics.tube import self_weight_span_mm
 from vinefab.prediction.anchoring_prediction import (
     AnchoringPrediction,

@@ -22,7 +22,7 @@ from vinefab.growth.options import BRANCH_CONTACTS, GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, FITTED_DIAMETER_RANGE_MM
 from vinefab.prediction.family_deployments import PreparedFamily
 from vinefab.prediction.measures import (

@@ -11,7 +11,7 @@ from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Standing
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
 from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, seam_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureTable

@@ -28,7 +28,7 @@ from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.map import Map
 from vinefab.pages.html import page
 from vinefab.pages.map_view import STOP_WORDS
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
 from vinefab.prediction.deployment_sections import TOO_FINE, deployment_picture, stop_table
 from vinefab.prediction.family_deployments import PreparedFamily
 from vinefab.prediction.pictures import cost_chart

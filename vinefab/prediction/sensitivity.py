@@ -21,7 +21,7 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.model.tree import BranchTree, branch_tree
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
 from vinefab.prediction.family_deployments import (
     PredictionPlan,
     PreparedFamily,

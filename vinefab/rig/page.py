@@ -31,10 +31,22 @@ from vinefab.core.view import (
 )
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
-from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
 from vinefab.pages.map_view import UNSEEN_DETAIL, StartMark, start_marks
-from vinefab.pages.page_svg import page_svg
-from vinefab.pages.panel import Box, Ink, Page, Panel, page_of, page_of_paper, plan_panel
+from vinefab.pages.page_files import page_svg
+from vinefab.pages.panel import (
+    INK,
+    ROCK,
+    ROCK_EDGE,
+    SOFT,
+    Box,
+    Ink,
+    Page,
+    Panel,
+    level_colour,
+    page_of,
+    page_of_paper,
+    plan_panel,
+)
 from vinefab.pages.plan import draw_start_range
 from vinefab.rig.build import LoosePiece
 from vinefab.rig.fixtures import Fixtures, MarkerPad, black_cells, outside_of, paper_crop_mm

@@ -50,11 +50,19 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map
 from vinefab.model.target import Target
 from vinefab.pages.charts import ends_of, fitness_curve
-from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
 from vinefab.pages.html import Live, page
-from vinefab.pages.page_png import page_png
-from vinefab.pages.page_svg import page_svg
-from vinefab.pages.panel import Ink, Page, Panel, Primitive, page_of_rows, plan_panel
+from vinefab.pages.page_files import page_png, page_svg
+from vinefab.pages.panel import (
+    INK,
+    LEVEL_COLOURS,
+    SOFT,
+    Ink,
+    Page,
+    Panel,
+    Primitive,
+    page_of_rows,
+    plan_panel,
+)
 from vinefab.pages.plan import deployment_plan, draw_deployment, draw_map, draw_targets, map_plan
 from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.finalists import LEAST_BEND, feasible_points, knee, minimized, non_dominated

@@ -16,7 +16,6 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.pages.figure import svg_bytes
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
@@ -40,7 +39,7 @@ from vinefab.studies.deployment_studies import (
     reach_test,
     redeployments,
 )
-from vinefab.studies.paper_charts import Bar, forest, grouped_bars
+from vinefab.studies.paper_charts import Bar, forest, grouped_bars, svg_bytes
 from vinefab.studies.study_runs import (
     COVERAGE_TASK,
     NAMES,

@@ -18,7 +18,7 @@ from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
 from vinefab.physics.anchoring import ASSUMED_FRICTION, amplification_interval
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.search.space import Bounds, SpaceSettings

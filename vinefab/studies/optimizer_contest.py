@@ -22,7 +22,7 @@ from vinefab.core.validation import Floats, whole
 from vinefab.core.view import Block, Number, Rows, Value
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.pages.charts import panels_of_strips
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
 from vinefab.search.record.generations import RunIdentity
 from vinefab.search.record.identity import package_versions
 from vinefab.search.run import Search, fresh_maps, generated_maps, penalty_of

@@ -8,7 +8,6 @@ import numpy as np
 from vinefab.core.validation import Floats
 from vinefab.core.view import Picture
 from vinefab.model.design import Design
-from vinefab.pages.figure import svg_bytes
 from vinefab.search.settings import PartSettings, RunSettings
 from vinefab.studies.claims import (
     Claim,
@@ -24,7 +23,7 @@ from vinefab.studies.claims import (
     seed_mean,
     spread,
 )
-from vinefab.studies.paper_charts import Bar, curves, densities, grouped_bars
+from vinefab.studies.paper_charts import Bar, curves, densities, grouped_bars, svg_bytes
 from vinefab.studies.study_runs import (
     FIRST_TRAINING,
     NAMES,

@@ -27,8 +27,8 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.start_place import start_record
-from vinefab.pages.body_raster import body_cells
-from vinefab.pages.colours import HEAT_COLOURS
+from vinefab.pages.panel import HEAT_COLOURS
+from vinefab.pages.plan import body_cells
 from vinefab.pages.plan_svg import ground_svg, robot_svg, view_box
 from vinefab.prediction.family_deployments import PreparedFamily
 from vinefab.prediction.measures import COVERAGE, REACH, SEEN, Measure

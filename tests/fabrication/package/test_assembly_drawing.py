@@ -23,8 +23,7 @@ from vinefab.fabrication.package.piece_joining import joining_order
 from vinefab.model.design import PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.outline import Contour
-from vinefab.pages.colours import ALERT, INK
-from vinefab.pages.panel import Shape
+from vinefab.pages.panel import ALERT, INK, Shape
 
 
 @pytest.fixture(scope="module")

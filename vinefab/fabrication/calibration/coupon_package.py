@@ -31,7 +31,7 @@ from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import CheckReport, RuleRun
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
-from vinefab.pages.page_png import page_png
+from vinefab.pages.page_files import page_png
 
 
 def coupon_readme(profile: LaserProfile, jobs: Sequence[Job], matrix: Matrix | None) -> str:

@@ -31,17 +31,22 @@ from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition, Sleeve
-from vinefab.pages.colours import ALERT, INK, LEVEL_COLOURS, SOFT
-from vinefab.pages.label_places import Labels, boxes_around, spots_around
-from vinefab.pages.page_svg import page_svg
+from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (
+    ALERT,
+    INK,
+    LEVEL_COLOURS,
+    SOFT,
     Ink,
+    Labels,
     Page,
     Panel,
     Shape,
+    boxes_around,
     fitted,
     page_of_paper,
     paper,
+    spots_around,
     text_width,
 )
 

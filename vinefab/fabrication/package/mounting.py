@@ -7,8 +7,7 @@ import shapely
 
 from vinefab.core.validation import Floats
 from vinefab.model.design import Build
-from vinefab.pages.colours import ALERT, INK, SOFT
-from vinefab.pages.panel import Ink, Panel
+from vinefab.pages.panel import ALERT, INK, SOFT, Ink, Panel
 
 FACES_PT = 132.0
 """Height of the drawing."""

@@ -65,7 +65,7 @@ from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition
 from vinefab.model.tree import branch_tree
 from vinefab.pages.html import page
-from vinefab.pages.page_png import page_png
+from vinefab.pages.page_files import page_png
 
 ANIMATION_NAME = "animation.svg"
 

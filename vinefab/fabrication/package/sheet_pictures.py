@@ -19,15 +19,20 @@ from vinefab.inflation.robot import with_short_tail
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
-from vinefab.pages.colours import ALERT, INK, ROCK, ROCK_EDGE, SOFT, level_colour
 from vinefab.pages.map_view import Box, longer_mm
 from vinefab.pages.panel import (
+    ALERT,
+    INK,
+    ROCK,
+    ROCK_EDGE,
+    SOFT,
     TICK_PT,
     Ink,
     Marks,
     Page,
     Panel,
     Shape,
+    level_colour,
     page_of,
     page_of_rows,
     plan_panel,

@@ -30,7 +30,7 @@ check: $(READY) page
 # The studio's page: types and lint.
 page: $(PAGE_READY)
 	$(NODE_BIN)/tsc --project $(PAGE)
-	$(NODE_BIN)/biome lint --config-path=$(PAGE) --error-on-warnings vinefab/studio/page
+	$(NODE_BIN)/biome lint --config-path=$(PAGE) --error-on-warnings vinefab/studio/page vinefab/pages/templates
 
 docs: $(READY)
 	$(BIN)/python -m sphinx -b html -q -W --keep-going docs docs/_build

@@ -120,7 +120,7 @@ type Design = {
   origin: Record<string, unknown>;
 };
 
-/** A number with its 95 % interval and what it was measured from; its unit is in its name. */
+/** A number with its 95 % interval and its sample; its unit is in its name. */
 type MeasuredNumber = {
   /** of the 95 % interval */
   low: number;

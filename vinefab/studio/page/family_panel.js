@@ -1,7 +1,6 @@
 // Many maps: the design on a family of maps, its scores, and where its body usually lies.
 
-import { ticks } from "studio/charts.js";
-import { el, fillSvg, number, paused, svgEl, WAYS } from "studio/dom.js";
+import { el, fillSvg, number, paused, svgEl, ticks, WAYS } from "studio/dom.js";
 import { isStale, isStopped } from "studio/connection.js";
 
 const STILL_MS = 120;

@@ -2,8 +2,7 @@
 
 import { el, fillSvg, number, paused, shownBlocks, svgEl, WAYS } from "studio/dom.js";
 import { isStale } from "studio/connection.js";
-import { thingsRow } from "studio/map_things.js";
-import { mapTools } from "studio/map_tools.js";
+import { mapTools, thingsRow } from "studio/map_tools.js";
 import { createView, ZOOM } from "studio/view.js";
 
 const PLAY_S = 4;

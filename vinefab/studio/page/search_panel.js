@@ -1,7 +1,6 @@
 // Searches: settings around the design, one search at a time, its curve, its best robot, its front.
 
-import { ticks } from "studio/charts.js";
-import { copyable, el, number, paused, svgEl, WAYS } from "studio/dom.js";
+import { copyable, el, number, paused, svgEl, ticks, WAYS } from "studio/dom.js";
 import { isStale, problemOf } from "studio/connection.js";
 
 const STATES = {

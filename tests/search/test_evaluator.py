@@ -22,8 +22,7 @@ from vinefab.search.evaluator import (
     Evaluations,
     Evaluator,
     EvaluatorSpec,
-    SerialExecutor,
-    ThreadExecutor,
+    Executor,
     block_sizes,
     penalized_fitness,
 )
@@ -211,8 +210,8 @@ def test_results_do_not_depend_on_executor_or_division(fabricable: RunSettings, 
         [evaluator.evaluate(part, poses)[0] for part in np.array_split(x, 7)]
     )
     with ThreadPoolExecutor(2) as threads:
-        shared, spent = evaluator.begin(x, poses, ThreadExecutor(threads, 3))()
-    for found in (parts, shared, evaluator.begin(x, poses, SerialExecutor())()[0]):
+        shared, spent = evaluator.begin(x, poses, Executor(threads, 3))()
+    for found in (parts, shared, evaluator.begin(x, poses, Executor())()[0]):
         np.testing.assert_array_equal(found.score, whole.score)
         np.testing.assert_array_equal(found.penalty, whole.penalty)
         for name, values in whole.terms.items():

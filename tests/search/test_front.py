@@ -19,8 +19,8 @@ from vinefab.search.finalists import (
     non_dominated,
     spread_out,
 )
-from vinefab.search.optimizers.evolution import FrontOptimizer, NsgaConfig, ranking
-from vinefab.search.optimizers.optimizer import SearchAxes
+from vinefab.search.optimizers.evolution import NsgaConfig, ranking
+from vinefab.search.optimizers.optimizer import FrontOptimizer, SearchAxes
 from vinefab.search.record.generations import RunIdentity
 from vinefab.search.record.result import RunResult
 from vinefab.search.record.store import RunStore

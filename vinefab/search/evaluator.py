@@ -235,42 +235,14 @@ class WorkUnit(Generic[_Result]):
         return self._done[0]
 
 
-class Executor(Protocol):
-    """Runs work units."""
-
-    @property
-    def count(self) -> int:
-        """Number of workers."""
-        ...
-
-    def begin(self, units: Sequence[WorkUnit[Any]]) -> Callable[[], None]:
-        """Begin work units in their order; return the function that finishes them."""
-        ...
-
-
-class SerialExecutor:
-    """Runs all work units in the calling thread, when they are to be finished."""
-
-    count = 1
-
-    def begin(self, units: Sequence[WorkUnit[Any]]) -> Callable[[], None]:
-        """Defer work units until they are to be finished."""
-
-        def finish() -> None:
-            for unit in units:
-                unit.do()
-
-        return finish
-
-
-class ThreadExecutor:
-    """Runs work units in the calling thread and in helper threads.
+class Executor:
+    """Runs work units in the calling thread and in helper threads, if there are any.
 
     A caller that only waited would have to be woken at the end, and would take a processor from
     the helpers whenever it does something else meanwhile.
     """
 
-    def __init__(self, helpers: ThreadPoolExecutor, count: int) -> None:
+    def __init__(self, helpers: ThreadPoolExecutor | None = None, count: int = 1) -> None:
         self.count = count
         self._helpers = helpers
         # Appending and popping are thread-safe.
@@ -279,9 +251,8 @@ class ThreadExecutor:
     def begin(self, units: Sequence[WorkUnit[Any]]) -> Callable[[], None]:
         """Begin work units in the helpers; nothing else may begin before these are finished."""
         self._queue.extend(units)
-        helping = [
-            self._helpers.submit(self._work_off) for _ in range(min(self.count, len(units)) - 1)
-        ]
+        wanted = range(min(self.count, len(units)) - 1)
+        helping = [self._helpers.submit(self._work_off) for _ in wanted] if self._helpers else []
 
         def finish() -> None:
             self._work_off()
@@ -527,15 +498,14 @@ class EvaluatorSpec:
 
     def _together(self, tasks: Sequence[Task]) -> Task:
         """Return one task for the task and the others, in the order of `tasks`."""
-        task, *others = (self._penalized(each) for each in tasks)
+        weight = self.settings.evaluation.head_on_weight
+        task, *others = (
+            HeadOnPenalty(task=each, weight=weight) if weight > 0.0 else each for each in tasks
+        )
         names = [other.name for other in self.settings.other_tasks]
         if not others:
             return task
         return TaskWithOthers(task=task, others=dict(zip(names, others, strict=True)))
-
-    def _penalized(self, task: Task) -> Task:
-        weight = self.settings.evaluation.head_on_weight
-        return HeadOnPenalty(task=task, weight=weight) if weight > 0.0 else task
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -699,7 +669,7 @@ class Evaluator:
 
     def evaluate(self, x: Floats, conditions: Conditions) -> tuple[Evaluations, Work]:
         """Return the evaluations of points and the processor time that they took; see `begin`."""
-        return self.begin(x, conditions, SerialExecutor())()
+        return self.begin(x, conditions, Executor())()
 
     def warm_up(self, conditions: Conditions) -> None:
         """Evaluate the middle of the space once: compiled code is loaded when first used."""

@@ -459,6 +459,9 @@ def _packing(designs, d, tables, limits, scratch):
     return found + _excess(own_percent, limits.packing_percent, limits.most)
 
 
+_SURELY_MM = 1e-6
+"""Room beyond the rounding of turned coordinates."""
+
 # --- The flat robot -----------------------------------------------------------------------------
 
 
@@ -644,11 +647,26 @@ def _over_sheet(designs, d, capsules, limits, scratch):
 
     The trunk begins with the two corners of the tail.
     """
+    if _fits_as_laid(capsules, limits, scratch):
+        return 0.0
     _span_of_mouth(scratch)
     for k in range(capsules):
         _widen_span(scratch, k, 2)
         _widen_to_begin(designs, d, k, scratch)
     return _excess_of_span(limits, scratch)
+
+
+@inlined
+def _fits_as_laid(capsules, limits, scratch):
+    """Return whether all boxes fit the sheet as they lie or by a quarter turn, which most do."""
+    box, low_x, low_y, high_x, high_y = scratch.box, math.inf, math.inf, -math.inf, -math.inf
+    for k in range(capsules):
+        low_x, low_y = min(low_x, box[k, 0]), min(low_y, box[k, 1])
+        high_x, high_y = max(high_x, box[k, 2]), max(high_y, box[k, 3])
+    room = _SURELY_MM + max(0.0, -limits.clearance_mm)  # boxes hold half the clearance on each side
+    wide, high = high_x - low_x + room, high_y - low_y + room
+    lies = wide <= limits.sheet_wide_mm and high <= limits.sheet_high_mm
+    return lies or (high <= limits.sheet_wide_mm and wide <= limits.sheet_high_mm)
 
 
 @inlined

@@ -17,7 +17,6 @@ from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import parameter_names
 from vinefab.core.rng import child
-from vinefab.core.validation import Floats
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.files.run_context import RunRecipe
@@ -35,12 +34,13 @@ from vinefab.search.manufacturability import (
     refuse_infeasible_space,
     run_profile,
 )
-from vinefab.search.optimizers.evolution import FrontOptimizer
-from vinefab.search.optimizers.islands import (
+from vinefab.search.optimizers.optimizer import (
+    FrontOptimizer,
+    Optimizer,
     ScreeningOptimizer,
     StartingOptimizer,
+    make_optimizer_config,
 )
-from vinefab.search.optimizers.optimizer import Optimizer, make_optimizer_config
 from vinefab.search.record.generations import Finalist, Generation, Progress, RunIdentity
 from vinefab.search.record.result import (
     RECORD_FILE,
@@ -177,7 +177,12 @@ class Search:
         )
         conditions = evaluator.training_conditions(seed, 0)
         evaluator.launches(conditions)
-        _check_room(evaluator, conditions)
+        space = evaluator.space
+        if int(space.batch(np.zeros((1, len(space)))).sizes[0]) > MOST_BRANCHES:
+            allowed = f"designs with at most {MOST_BRANCHES} branches; the smallest has more"
+            raise BadInputError("space", "too many levels or branches", allowed)
+        space.refuse_limits_without_designs()
+        refuse_starts_without_room(evaluator, conditions)
         _check_reach(evaluator)
         return search
 
@@ -277,7 +282,10 @@ class Search:
         began = time.perf_counter()
         with ledger.spending("optimizer"):
             asked = self.optimizer.ask()
-        self._check(asked)
+        shaped = asked.ndim == 2 and len(asked) > 0 and asked.shape[1] == len(self.evaluator.space)
+        if not (shaped and ((asked >= 0.0) & (asked <= 1.0)).all()):
+            key = f"optimizer {self.settings.optimizer.name}"
+            raise BadInputError(key, "points outside the space", "numbers from 0 to 1")
         # Copied, because an optimizer may reuse the arrays that it returns or is given.
         x = np.array(asked, dtype=np.float64)
         with ledger.spending("evaluating"):
@@ -294,7 +302,12 @@ class Search:
         fitness = self.evaluator.fitness(composite, penalty, costs)
         terms = self.evaluator.term_means(evaluations.terms, conditions.weights)
         with ledger.spending("optimizer"):
-            self._tell(asked, fitness.copy(), terms)
+            further = self.settings.further_objectives
+            if further and isinstance(self.optimizer, FrontOptimizer):
+                values = minimized(asked, terms, self.evaluator.space, further)
+                self.optimizer.tell_costs(asked, fitness.copy(), values)
+            else:
+                self.optimizer.tell(asked, fitness.copy())
         return Generation(
             number=number,
             x=x,
@@ -304,22 +317,6 @@ class Search:
             terms=terms,
             seconds=time.perf_counter() - began,
         )
-
-    def _tell(self, x: Floats, fitness: Floats, terms: Mapping[str, Floats]) -> None:
-        """Tell the optimizer the fitness, and the further objectives of a run that has them."""
-        further = self.settings.further_objectives
-        if further and isinstance(self.optimizer, FrontOptimizer):
-            costs = minimized(x, terms, self.evaluator.space, further)
-            self.optimizer.tell_costs(x, fitness, costs)
-        else:
-            self.optimizer.tell(x, fitness)
-
-    def _check(self, x: Floats) -> None:
-        shaped = x.ndim == 2 and len(x) > 0 and x.shape[1] == len(self.evaluator.space)
-        if not (shaped and ((x >= 0.0) & (x <= 1.0)).all()):
-            name = self.settings.optimizer.name
-            wanted = "numbers from 0 to 1"
-            raise BadInputError(f"optimizer {name}", "points outside the space", wanted)
 
     def _final(
         self,
@@ -345,17 +342,6 @@ class Search:
             if found := settled(finalists, conditions, evaluator, stage):
                 return found, choice.repair
         return finalists, choice.repair
-
-
-def _check_room(evaluator: Evaluator, conditions: Conditions) -> None:
-    """Refuse a space whose smallest design is too large, and starts that no trunk can leave."""
-    space = evaluator.space
-    least = int(space.batch(np.zeros((1, len(space)))).sizes[0])
-    if least > MOST_BRANCHES:
-        allowed = f"designs with at most {MOST_BRANCHES} branches; the smallest has more"
-        raise BadInputError("space", "too many levels or branches", allowed)
-    space.refuse_limits_without_designs()
-    refuse_starts_without_room(evaluator, conditions)
 
 
 def _check_reach(evaluator: Evaluator) -> None:

@@ -108,7 +108,17 @@ class RunListing(Result):
         yield Rows(
             caption=counted(len(self.rows), "run"),
             headings=("folder", "run", "generations", "best fitness", "winner on fresh poses", ""),
-            rows=tuple(map(_run_cells, self.rows)),
+            rows=tuple(
+                (
+                    row["folder"],
+                    f"{row['name']} ({row['optimizer']}, seed {row['seed']}, run {row['run']})",
+                    f"{row['generations']}/{row['most_generations']}",
+                    Number(row["best_fitness"], form=".4f"),
+                    Number((row["winner_score"] or {}).get("mean"), form=".4f"),
+                    f"stopped by {row['stopped']}" if row["stopped"] else "can be resumed",
+                )
+                for row in self.rows
+            ),
         )
         yield from (Remark(f"unreadable: {line}", "warning") for line in self.broken)
         yield Rows(
@@ -233,19 +243,6 @@ def list_runs(folders: Sequence[Path]) -> RunListing:
     return RunListing(rows=tuple(rows), broken=tuple(broken))
 
 
-def _run_cells(row: dict[str, Any]) -> tuple[Value, ...]:
-    """Return one record as a row."""
-    won = row["winner_score"]
-    return (
-        row["folder"],
-        f"{row['name']} ({row['optimizer']}, seed {row['seed']}, run {row['run']})",
-        f"{row['generations']}/{row['most_generations']}",
-        Number(row["best_fitness"], form=".4f"),
-        Number(None if won is None else won["mean"], form=".4f"),
-        f"stopped by {row['stopped']}" if row["stopped"] else "can be resumed",
-    )
-
-
 def write_best(listing: RunListing, path: Path, *, force: bool = False) -> bool:
     """Write the best winner of runs that differ in their seed alone; return whether all ended."""
     kinds = {row["seedless_run"] for row in listing.rows}
@@ -356,8 +353,10 @@ class LivePage:
 
     def update(self, progress: Progress) -> None:
         """Write the page, unless that was just done."""
-        if self._last is None:
-            self._clear()
+        if self._last is None:  # remove half-written versions of killed sessions
+            with suppress(OSError):
+                for path in self.path.parent.glob(f".{PAGE_NAME}.*"):
+                    path.unlink(missing_ok=True)
         self._last = progress
         self._best.look(progress.history)
         began_s, worked_s = time.monotonic(), time.thread_time()
@@ -370,12 +369,6 @@ class LivePage:
             working_s = (time.thread_time() - worked_s) / _OF_PROCESSOR
             self._pause_s = max(LEAST_PAUSE_S, working_s, (now_s - began_s) / _OF_TIME)
         self._next_s = now_s + self._pause_s
-
-    def _clear(self) -> None:
-        """Remove what killed sessions left of a version half written."""
-        with suppress(OSError):
-            for path in self.path.parent.glob(f".{PAGE_NAME}.*"):
-                path.unlink(missing_ok=True)
 
     @staticmethod
     def _done(progress: Progress) -> str:
@@ -513,6 +506,8 @@ def run_facts(settings: RunSettings) -> tuple[Fact, ...]:
     where = "from files" if maps.files else f"of {maps.environment}, seed {maps.seed}"
     evaluation = settings.evaluation
     made = f"recipe {evaluation.recipe or DEFAULT_RECIPE}" if evaluation.fabricable else "not asked"
+    pieces, weight = settings.build.pieces, evaluation.joint_weight
+    charged = f", every joint costs {weight:g} of the fitness" if weight else ""
     return (
         Fact("task", settings.task.name),
         Fact("training maps", f"{maps.count} {where}"),
@@ -522,16 +517,8 @@ def run_facts(settings: RunSettings) -> tuple[Fact, ...]:
             f"{counted(search.population, 'design')} x {counted(search.generations, 'generation')}",
         ),
         Fact("manufacturability", made),
-        *([Fact("pieces", _pieces_fact(settings))] if settings.build.pieces else []),
+        *([Fact("pieces", f"at most {pieces.most}, joined by sleeves{charged}")] if pieces else []),
     )
-
-
-def _pieces_fact(settings: RunSettings) -> str:
-    """Return how many pieces a run allows, and what it charges for their joints."""
-    pieces, weight = settings.build.pieces, settings.evaluation.joint_weight
-    most = pieces.most if pieces else 1
-    charged = f", every joint costs {weight:g} of the fitness" if weight else ""
-    return f"at most {most}, joined by sleeves{charged}"
 
 
 def _duration(seconds: float) -> str:
@@ -596,11 +583,13 @@ def front_figure(data: FrontData, world: Map, robots: Mapping[int, FrontRobot]) 
 def _chart(data: FrontData, width_pt: float) -> Panel:
     every = np.vstack([data.evaluated, data.front])
     (x0, x1), (y0, y1) = ends_of(every[:, 0]), ends_of(every[:, 1])
+    cost = COSTS.get(data.further)
+    unit = " score (simulated)" if cost is None else f" ({cost.unit})" if cost.unit else ""
     chart = Panel(
         box=(x0, y0, x1, y1),
         width_pt=width_pt,
         height_pt=190.0,
-        x_name=_axis_text(data.further),
+        x_name=data.further.replace("_", " ") + unit,
         y_name=f"{data.task} score (simulated)",
         title="Scores of one kind compare with each other only.",
         frame=True,
@@ -615,13 +604,6 @@ def _chart(data: FrontData, width_pt: float) -> Panel:
     label = "the front, scored again on fresh poses"
     chart.marks(data.front, "o", 5.5, Ink(fill=colour), label=label)
     return chart
-
-
-def _axis_text(name: str) -> str:
-    if name not in COSTS:
-        return f"{name} score (simulated)"
-    unit = f" ({COSTS[name].unit})" if COSTS[name].unit else ""
-    return name.replace("_", " ") + unit
 
 
 FRONT_SCHEMA = "vinefab/front-1"
@@ -654,11 +636,13 @@ def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...
     along = costs[:, names.index(settings.front_axis)]
     rows = np.flatnonzero(non_dominated(fitness, costs))
     rows = rows[np.argsort(along[rows], kind="stable")]
-    bend = knee(fitness[rows], along[rows])
+    bend, kept = knee(fitness[rows], along[rows]), RunContext.of(result.best).kept
     return tuple(
         FrontMember(
             x=finalists[row].x,
-            design=_named(finalists[row].design, settings, result, place + 1),
+            design=finalists[row].design.changed(
+                name=f"{settings.name}_{place + 1:02}", origin={**kept, "front": place + 1}
+            ),
             score=finalists[row].score,
             fitness=float(fitness[row]),
             penalty=finalists[row].penalty,
@@ -667,11 +651,6 @@ def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...
         )
         for place, row in enumerate(rows.tolist())
     )
-
-
-def _named(design: Design, settings: RunSettings, result: RunResult, place: int) -> Design:
-    origin = {**RunContext.of(result.best).kept, "front": place}
-    return design.changed(name=f"{settings.name}_{place:02}", origin=origin)
 
 
 def front_json(members: Sequence[FrontMember], result: RunResult, settings: RunSettings) -> str:

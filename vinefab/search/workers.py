@@ -11,7 +11,7 @@ from typing import Protocol, Self, TypeVar
 from vinefab.core.errors import WorkersLostError
 from vinefab.core.interruption import end_with_parent, stops_deferred
 from vinefab.core.validation import Floats, whole
-from vinefab.search.evaluator import Evaluations, Evaluator, Ledger, ThreadExecutor
+from vinefab.search.evaluator import Evaluations, Evaluator, Executor, Ledger
 from vinefab.tasks.evaluate import Conditions
 
 Finish = Callable[[], Evaluations]
@@ -61,7 +61,7 @@ class ThreadEvaluator:
         usual_s = sys.getswitchinterval()
         # A pool needs at least one worker; without work it starts no thread.
         with ThreadPoolExecutor(max_workers=max(1, self.count - 1)) as pool:
-            executor, is_loaded = ThreadExecutor(pool, self.count), False
+            executor, is_loaded = Executor(pool, self.count), False
 
             def begin(x: Floats, conditions: Conditions) -> Finish:
                 nonlocal is_loaded

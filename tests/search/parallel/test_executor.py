@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from vinefab.search.evaluator import SerialExecutor, ThreadExecutor, WorkUnit
+from vinefab.search.evaluator import Executor, WorkUnit
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def test_helpers_work_while_the_caller_does_something_else(helper: ThreadPoolExe
         return threading.get_ident()
 
     units = [WorkUnit(slow), *(WorkUnit(threading.get_ident) for _ in range(5))]
-    finish = ThreadExecutor(helper, 2).begin(units)
+    finish = Executor(helper, 2).begin(units)
     assert began.wait(10.0)
     # The caller does the rest; only then the helper may end.
     threading.Timer(0.05, go_on.set).start()
@@ -35,7 +35,7 @@ def test_helpers_work_while_the_caller_does_something_else(helper: ThreadPoolExe
 
 def test_a_serial_executor_works_in_order_when_finished() -> None:
     done: list[int] = []
-    finish = SerialExecutor().begin([WorkUnit(lambda k=k: done.append(k)) for k in range(4)])
+    finish = Executor().begin([WorkUnit(lambda k=k: done.append(k)) for k in range(4)])
     assert done == []
     finish()
     assert done == [0, 1, 2, 3]
@@ -43,7 +43,7 @@ def test_a_serial_executor_works_in_order_when_finished() -> None:
 
 def test_an_executor_of_one_needs_no_helper(helper: ThreadPoolExecutor) -> None:
     units = [WorkUnit(threading.get_ident) for _ in range(3)]
-    ThreadExecutor(helper, 1).begin(units)()
+    Executor(helper, 1).begin(units)()
     assert {unit.result for unit in units} == {threading.get_ident()}
 
 
@@ -64,7 +64,7 @@ def test_an_error_is_raised_and_stops_the_rest(helper: ThreadPoolExecutor, place
 
     done: list[int] = []
     work = [first, *(lambda k=k: fail(k) for k in range(1, 1000))]
-    finish = ThreadExecutor(helper, 2).begin([WorkUnit(one) for one in work])
+    finish = Executor(helper, 2).begin([WorkUnit(one) for one in work])
     assert started.wait(10.0)
     threading.Timer(0.05, hold.set).start()
     with pytest.raises(KeyError):
@@ -80,7 +80,7 @@ def test_nothing_is_begun_after_a_stop(helper: ThreadPoolExecutor) -> None:
         assert hold.wait(10.0)
 
     done: list[int] = []
-    executor = ThreadExecutor(helper, 2)
+    executor = Executor(helper, 2)
     finish = executor.begin(
         [WorkUnit(first), *(WorkUnit(lambda: done.append(1)) for _ in range(9))]
     )

@@ -2,7 +2,7 @@
 
 Parents are drawn at random, real and integer variables have their own crossover and mutation, and
 the best of parents and children survive. pymoo's own loop hides its random generator and history;
-its operators can be driven step by step.
+its public operators can be driven step by step. They take a second to import.
 
 NSGA-II is the same for several objectives, with pymoo's ranking: designs are ranked by
 non-dominated front, and within a front by crowding distance. Parents are the winners of binary
@@ -11,22 +11,27 @@ manufacturable rank below all others, by their fitness.
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Protocol, runtime_checkable
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Le
+from pymoo.core.duplicate import DefaultDuplicateElimination
+from pymoo.core.mixed import MixedVariableMating
+from pymoo.core.population import Population
+from pymoo.core.problem import Problem
+from pymoo.core.variable import Integer, Real
+from pymoo.operators.crossover.sbx import SBX
+from pymoo.operators.mutation.pm import PM
+from pymoo.operators.repair.rounding import RoundingRepair
+from pymoo.operators.selection.tournament import TournamentSelection
+from pymoo.operators.survival.rank_and_crowding.metrics import calc_crowding_distance
+from pymoo.util.nds.non_dominated_sorting import NonDominatedSorting
 from typing_extensions import Doc
 
-from vinefab.core.compiling import imported_later
 from vinefab.core.rng import child
 from vinefab.core.table import Table
 from vinefab.core.validation import Floats, Ints
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
-
-if TYPE_CHECKING:
-    from vinefab.search.optimizers import pymoo_parts
-else:
-    pymoo_parts = imported_later("vinefab.search.optimizers.pymoo_parts")
 
 _STREAM = 1404
 
@@ -58,26 +63,25 @@ class Evolution:
         self._generation = 0
         self._parents = np.empty((0, len(axes)))
         self._fitness = np.empty(0)
-        integer, real = pymoo_parts.Integer, pymoo_parts.Real
         variables = {
-            axis: integer(bounds=(0, choices - 1)) if choices else real(bounds=(0.0, 1.0))
+            axis: Integer(bounds=(0, choices - 1)) if choices else Real(bounds=(0.0, 1.0))
             for axis, choices in enumerate(axes.choices)
         }
-        self._problem = pymoo_parts.Problem(vars=variables, n_obj=1)
+        self._problem = Problem(vars=variables, n_obj=1)
         crossover, mutation = config.crossover_eta, config.mutation_eta
-        rounded = {"vtype": float, "repair": pymoo_parts.RoundingRepair()}
-        self._mating = pymoo_parts.MixedVariableMating(
+        rounded = {"vtype": float, "repair": RoundingRepair()}
+        self._mating = MixedVariableMating(
             crossover={
-                real: pymoo_parts.SBX(eta=crossover),
-                integer: pymoo_parts.SBX(eta=crossover, **rounded),
+                Real: SBX(eta=crossover),
+                Integer: SBX(eta=crossover, **rounded),
             },
             mutation={
-                real: pymoo_parts.PM(eta=mutation),
-                integer: pymoo_parts.PM(eta=mutation, **rounded),
+                Real: PM(eta=mutation),
+                Integer: PM(eta=mutation, **rounded),
             },
         )
         # Children that stand for the same design as another one are left out.
-        self._mating.eliminate_duplicates = pymoo_parts.DefaultDuplicateElimination(
+        self._mating.eliminate_duplicates = DefaultDuplicateElimination(
             func=lambda pop: axes.canonical(self._points(pop))
         )
 
@@ -87,7 +91,15 @@ class Evolution:
         first = rng.random((self._population, len(self._axes)))
         if self._generation == 0:
             return self._axes.canonical(first)
-        parents = self._individuals(self._parents)
+        indices = self._axes.indices(self._parents)
+        rows = [
+            {
+                a: i if n else v
+                for a, (n, i, v) in enumerate(zip(self._axes.choices, *row, strict=True))
+            }
+            for row in zip(indices.tolist(), self._parents.tolist(), strict=True)
+        ]
+        parents = Population.new(X=rows)
         children = self._mating.do(self._problem, parents, self._population, random_state=rng)
         points = self._points(children)
         # Where the parents give too few new designs, random points fill up.
@@ -116,20 +128,6 @@ class Evolution:
         parents = np.array(state["parents"], dtype=np.float64)
         self._parents = parents.reshape(-1, len(self._axes))
 
-    def _individuals(self, points: Floats) -> Any:  # noqa: ANN401 - pymoo has no types
-        rows = [
-            {
-                axis: index if choices else value
-                for axis, (choices, index, value) in enumerate(
-                    zip(self._axes.choices, indices, values, strict=True)
-                )
-            }
-            for indices, values in zip(
-                self._axes.indices(points).tolist(), points.tolist(), strict=True
-            )
-        ]
-        return pymoo_parts.Population.new(X=rows)
-
     def _points(self, individuals: Any) -> Floats:  # noqa: ANN401 - pymoo has no types
         axes = range(len(self._axes))
         rows = [one.X for one in individuals]
@@ -138,25 +136,6 @@ class Evolution:
         counts = np.maximum(np.array(self._axes.choices), 1)
         points: Floats = np.where(self._axes.integer, (values + 0.5) / counts, values)
         return points
-
-
-if TYPE_CHECKING:
-    from vinefab.search.optimizers import pymoo_parts
-else:
-    pymoo_parts = imported_later("vinefab.search.optimizers.pymoo_parts")
-
-
-@runtime_checkable
-class FrontOptimizer(Protocol):
-    """An optimizer for fitness and costs."""
-
-    def set_lowest(self, lowest: float) -> None:
-        """Take the lowest fitness of a manufacturable design."""
-        ...
-
-    def tell_costs(self, x: Floats, fitness: Floats, costs: Floats) -> None:
-        """Take what `tell` does, and what is to be minimized beside it, shape (m, k)."""
-        ...
 
 
 class NsgaConfig(EvolutionConfig):
@@ -174,7 +153,7 @@ class Nsga(Evolution):
         super().__init__(config, axes, population, seed)
         self._costs = np.empty((0, 0))
         self._lowest = -np.inf
-        self._mating.selection = pymoo_parts.TournamentSelection(
+        self._mating.selection = TournamentSelection(
             func_comp=lambda _, pairs, **__: pairs.min(axis=1)[:, None]
         )
 
@@ -220,8 +199,8 @@ def ranking(fitness: Floats, costs: Floats, lowest: float) -> Ints:
     order = [rest[np.argsort(-fitness[rest], kind="stable")]]
     if len(feasible):
         values = np.column_stack([-fitness[feasible], costs[feasible]])
-        for front in reversed(pymoo_parts.NonDominatedSorting().do(values)):
+        for front in reversed(NonDominatedSorting().do(values)):
             rows = np.sort(front)
-            crowding = pymoo_parts.calc_crowding_distance(values[rows])
+            crowding = calc_crowding_distance(values[rows])
             order.insert(0, feasible[rows[np.argsort(-crowding, kind="stable")]])
     return np.concatenate(order)

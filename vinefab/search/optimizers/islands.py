@@ -13,10 +13,10 @@ without penalty are evaluated.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import Annotated, Any, Protocol, runtime_checkable
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -33,30 +33,9 @@ from vinefab.search.optimizers.cmaes import (
     Distribution,
     Spread,
 )
-from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
+from vinefab.search.optimizers.optimizer import Optimizer, PenaltyOfPoints, SearchAxes
 
 _STREAM = 1406
-
-PenaltyOfPoints = Callable[[Floats], Floats]
-"""Takes points, shape (m, d); returns penalties, 0 if manufacturable, NaN if not valid; (m,)."""
-
-
-@runtime_checkable
-class ScreeningOptimizer(Protocol):
-    """An optimizer that asks only for points without penalty, where it finds any."""
-
-    def screen_by(self, penalty: PenaltyOfPoints) -> None:
-        """Take the penalty of points."""
-        ...
-
-
-@runtime_checkable
-class StartingOptimizer(Protocol):
-    """An optimizer that can begin at given points."""
-
-    def start_from(self, points: Sequence[Floats]) -> None:
-        """Take the points, each of shape (d,), before the first generation."""
-        ...
 
 
 class IslandsConfig(Table):

@@ -1,8 +1,8 @@
 """Optimizers: the protocol (ask and tell), the coordinates that they search, and the registry."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, cast
+from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,6 +124,41 @@ class Optimizer(Protocol):
 
     def restore(self, state: Mapping[str, object]) -> None:
         """Continue from a state that an optimizer with the same settings returned."""
+        ...
+
+
+PenaltyOfPoints = Callable[[Floats], Floats]
+"""Takes points, shape (m, d); returns penalties, 0 if manufacturable, NaN if not valid; (m,)."""
+
+
+@runtime_checkable
+class ScreeningOptimizer(Protocol):
+    """An optimizer that asks only for points without penalty, where it finds any."""
+
+    def screen_by(self, penalty: PenaltyOfPoints) -> None:
+        """Take the penalty of points."""
+        ...
+
+
+@runtime_checkable
+class StartingOptimizer(Protocol):
+    """An optimizer that can begin at given points."""
+
+    def start_from(self, points: Sequence[Floats]) -> None:
+        """Take the points, each of shape (d,), before the first generation."""
+        ...
+
+
+@runtime_checkable
+class FrontOptimizer(Protocol):
+    """An optimizer for fitness and costs."""
+
+    def set_lowest(self, lowest: float) -> None:
+        """Take the lowest fitness of a manufacturable design."""
+        ...
+
+    def tell_costs(self, x: Floats, fitness: Floats, costs: Floats) -> None:
+        """Take what `tell` does, and what is to be minimized beside it, shape (m, k)."""
         ...
 
 

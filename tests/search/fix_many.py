@@ -16,7 +16,6 @@ from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.laser import LaserProfile
 from vinefab.prediction.fix_proposal import propose_fix
 from vinefab.search.fix import DesignChange, parsed_keeps
 
@@ -32,11 +31,11 @@ class Case:
     seconds: float  # of the processor
 
     @property
-    def size(self) -> float:
+    def size(self):
         return math.fsum(change.cost for change in self.changes)
 
 
-def random_design(rng: np.random.Generator, deepest: int = 5) -> Design:
+def random_design(rng, deepest=5):
     """Draw levels, lengths, angles, branches and growth from the ranges of Table 1."""
     depth = int(rng.integers(2, deepest + 1))
     levels = tuple(
@@ -53,9 +52,7 @@ def random_design(rng: np.random.Generator, deepest: int = 5) -> Design:
     return Design(name="random", trunk_length_mm=trunk_mm, levels=levels, build=build)
 
 
-def fix_many(
-    count: int, profile: LaserProfile, deepest: int = 5, keep: frozenset[str] = frozenset()
-) -> list[Case]:
+def fix_many(count, profile, deepest=5, keep=frozenset()):
     """Fix the first designs that have errors."""
     cases: list[Case] = []
     number = 0
@@ -79,11 +76,11 @@ def fix_many(
     return cases
 
 
-def report(line: str) -> None:
+def report(line):
     sys.stdout.write(f"{line}\n")
 
 
-def main(count: int, keep: frozenset[str]) -> None:
+def main(count, keep):
     cases = fix_many(count, read_profile("co2_60w__stretchlon_200"), keep=keep)
     fixed = [case for case in cases if case.fixed]
     pruned = [case for case in fixed if case.fixed.branch_count < case.design.branch_count]

@@ -15,7 +15,6 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -39,7 +38,7 @@ QUESTIONS = {
 Content = dict[str, list[tuple[object, ...]]]
 
 
-def run_text(optimizer: str) -> str:
+def run_text(optimizer):
     """Return a run file whose generations take some milliseconds each."""
     return f"""schema = "vinefab/run-1"
 name = "killed"
@@ -57,7 +56,7 @@ final_poses_per_map = 2
 """
 
 
-def content(folder: Path) -> Content:
+def content(folder):
     """Return the content of a record without times."""
     connection = sqlite3.connect(folder / RECORD_FILE)
     try:
@@ -66,7 +65,7 @@ def content(folder: Path) -> Content:
         connection.close()
 
 
-def generations(folder: Path) -> int:
+def generations(folder):
     """Return the number of generations in a record, after checking that it is consistent."""
     if not (folder / RECORD_FILE).exists():
         return 0
@@ -84,9 +83,7 @@ def generations(folder: Path) -> int:
     return len(numbers)
 
 
-def start(
-    run_file: Path, folder: Path, limit: Callable[[], None] | None = None
-) -> subprocess.Popen[str]:
+def start(run_file, folder, limit=None):
     command = [sys.executable, "-m", "vinefab", "optimize", str(run_file), "--out", str(folder)]
     return subprocess.Popen(
         [*command, *OPTIONS],
@@ -118,7 +115,7 @@ class Course:
     recorded: list[int] = field(default_factory=list)
     runs: int = 0
 
-    def __post_init__(self) -> None:
+    def __post_init__(self):
         self.run_file = self.folder / "killed.toml"
         self.run_file.write_text(run_text(self.optimizer))
         whole = self.folder / "whole"
@@ -133,7 +130,7 @@ class Course:
         self.best = (whole / "best.toml").read_bytes()
         self.size = (whole / RECORD_FILE).stat().st_size
 
-    def disturbed_run(self, most: int) -> None:
+    def disturbed_run(self, most):
         """Strike a run at most so often, let it end, and compare it with the undisturbed one."""
         folder = Path(tempfile.mkdtemp(dir=self.folder))
         for _ in range(most):
@@ -146,13 +143,13 @@ class Course:
         assert (folder / "best.toml").read_bytes() == self.best
         self.runs += 1
 
-    def _strike(self, folder: Path, kind: str) -> bool:
+    def _strike(self, folder, kind):
         """Tell whether a blow met the run before it had ended."""
         most = self.rng.randrange(4_000, int(1.2 * self.size))
         limit = None
         if kind == "full disk":
 
-            def limit() -> None:
+            def limit():
                 resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
 
         process = start(self.run_file, folder, limit)
@@ -169,18 +166,18 @@ class Course:
         self.blows[kind] += 1
         return True
 
-    def _moment_s(self) -> float:
+    def _moment_s(self):
         """Return when to strike: at any moment of a run, but mostly after it has begun."""
         first_s = 0.0 if self.rng.random() < 0.2 else 0.9 * self.ready_s
         return self.rng.uniform(first_s, 1.05 * self.longest_s)
 
-    def _finish(self, folder: Path) -> None:
+    def _finish(self, folder):
         process = start(self.run_file, folder)
         _, words = process.communicate()
         assert process.returncode == 0, words
 
 
-def main(arguments: list[str]) -> None:
+def main(arguments):
     blows = int(arguments[0]) if arguments else 50
     names = arguments[1:] or list(OPTIMIZERS)
     rng = random.Random(17)  # noqa: S311

@@ -10,7 +10,6 @@ import argparse
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,6 @@ from shapely import Polygon, affinity
 from vinefab.core.errors import VinefabError
 from vinefab.model.map import Map, Pose, Start
 from vinefab.search.advice import with_trunk_for_film
-from vinefab.search.record.result import RunResult
 from vinefab.search.run import run_search, violations_of
 from vinefab.search.settings import RunSettings
 
@@ -38,7 +36,7 @@ SPACE = {
 }
 
 
-def arena(seed: int) -> Map:
+def arena(seed):
     """Return five boxes in an arena, and three points that a body has room at."""
     rng = np.random.default_rng(seed)
     bounds, start = shapely.box(0.0, 0.0, 600.0, 400.0), (25.0, 200.0)
@@ -64,7 +62,7 @@ def arena(seed: int) -> Map:
     ).with_targets(*((point.x, point.y) for point in points))
 
 
-def thick_film(folder: Path) -> Path:
+def thick_film(folder):
     """Write the recipe of film of 0.1 mm on a 300 mm roll, on a bed of 500 x 300 mm."""
     shipped = Path(__file__).parents[2] / "laser_profiles"
     changed = {
@@ -86,9 +84,7 @@ def thick_film(folder: Path) -> Path:
     return folder / f"recipes/{SEALED}.toml"
 
 
-def cases(
-    folder: Path, generations: int, thick_trunk_mm: float | None = None
-) -> Iterator[tuple[str, int, RunSettings]]:
+def cases(folder, generations, thick_trunk_mm=None):
     """Yield each search by its film and pieces, and its number."""
     # Too much thick film is folded in bodies of 24 mm (VF-W03): it has the width by default.
     films = {
@@ -116,7 +112,7 @@ def cases(
                 yield kind, number, with_trunk_for_film(settings)
 
 
-def solved(settings: RunSettings, folder: Path) -> tuple[bool, str, RunResult | None]:
+def solved(settings, folder):
     """Return whether a search found what was asked for, and a line about it."""
     try:
         result = run_search(settings, folder)
@@ -129,7 +125,7 @@ def solved(settings: RunSettings, folder: Path) -> tuple[bool, str, RunResult | 
     return result.targets.all_touched and not broken, words, result
 
 
-def main() -> int:
+def main():
     """Search every case and print what was found."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("generations", nargs="?", type=int, default=40)

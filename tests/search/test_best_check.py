@@ -7,11 +7,9 @@ import numpy as np
 
 from vinefab.model.design import Design
 from vinefab.model.finding import Finding, Severity
-from vinefab.model.map import Map
 from vinefab.search.advice import FAILED, BestCheck
 from vinefab.search.record.generations import Progress
 from vinefab.search.run import Search
-from vinefab.search.settings import RunSettings
 
 FOUND = (Finding(rule="VF-X99", severity=Severity.ERROR, message="odd", fingerprint="1"),)
 
@@ -24,28 +22,23 @@ class Tabled:
     by_table: Callable[[Design], bool | None]
     simulated: list[Design] = field(default_factory=list)
 
-    def __call__(self, _: Design) -> float:
+    def __call__(self, _):
         return 0.0
 
-    def broken(self, design: Design) -> tuple[Finding, ...] | None:
+    def broken(self, design):
         found = self.by_table(design)
         return None if found is None else () if found else FOUND
 
-    def passes(self, design: Design) -> bool:
+    def passes(self, design):
         self.simulated.append(design)
         return self.passing(design)
 
 
-def even(design: Design) -> bool:
+def even(design):
     return int(design.trunk_length_mm) % 2 == 0
 
 
-Maps = tuple[Map, ...]
-
-
-def test_no_best_design_fails_a_rule_that_the_penalty_does_not_know(
-    fabricable: RunSettings, maps: Maps
-) -> None:
+def test_no_best_design_fails_a_rule_that_the_penalty_does_not_know(fabricable, maps):
     penalty, seen = Tabled(even, even), list[Progress]()
     search = Search.of(fabricable, maps, penalty)
     result = search.run(progress=seen.append)
@@ -63,9 +56,7 @@ def test_no_best_design_fails_a_rule_that_the_penalty_does_not_know(
     assert "checking finalist 1 of 3" in seen[-1].stage
 
 
-def test_one_that_fails_when_simulated_makes_room_for_the_next(
-    fabricable: RunSettings, maps: Maps
-) -> None:
+def test_one_that_fails_when_simulated_makes_room_for_the_next(fabricable, maps):
     table = Tabled(even, lambda _: True)
     result = Search.of(fabricable, maps, table).run()
     assert even(result.finalists[0].design)
@@ -74,9 +65,7 @@ def test_one_that_fails_when_simulated_makes_room_for_the_next(
     assert result.best.trunk_length_mm in [design.trunk_length_mm for design in table.simulated]
 
 
-def test_where_only_a_simulation_tells_the_quick_rules_decide(
-    fabricable: RunSettings, maps: Maps
-) -> None:
+def test_where_only_a_simulation_tells_the_quick_rules_decide(fabricable, maps):
     seen = list[Progress]()
     result = Search.of(fabricable, maps, Tabled(even, lambda _: None)).run(progress=seen.append)
     assert even(result.finalists[0].design)
@@ -84,7 +73,7 @@ def test_where_only_a_simulation_tells_the_quick_rules_decide(
     assert seen[-1].passes is None
 
 
-def test_a_run_without_rules_asks_nothing(small: RunSettings, maps: Maps) -> None:
+def test_a_run_without_rules_asks_nothing(small, maps):
     seen = list[Progress]()
     penalty = Tabled(even, even)
     Search.of(small, maps, penalty).run(progress=seen.append)
@@ -92,7 +81,7 @@ def test_a_run_without_rules_asks_nothing(small: RunSettings, maps: Maps) -> Non
     assert seen[-1].passes is None
 
 
-def test_the_number_of_workers_changes_no_check(fabricable: RunSettings, maps: Maps) -> None:
+def test_the_number_of_workers_changes_no_check(fabricable, maps):
     search = Search.of(fabricable, maps, Tabled(even, even))
     history = search.run().history
     assert BestCheck(search.evaluator, history).passes
@@ -101,9 +90,7 @@ def test_the_number_of_workers_changes_no_check(fabricable: RunSettings, maps: M
     assert [g.penalty.tolist() for g in history] == [g.penalty.tolist() for g in again]
 
 
-def test_a_resumed_run_asks_as_one_that_was_not_stopped(
-    fabricable: RunSettings, maps: Maps
-) -> None:
+def test_a_resumed_run_asks_as_one_that_was_not_stopped(fabricable, maps):
     search = Search.of(fabricable, maps, Tabled(even, even))
     history = search.run().history
     for number, generation in enumerate(history):

@@ -1,6 +1,5 @@
 """Costs of designs, limits of them, and symmetric spaces."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -18,13 +17,13 @@ from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Build, Design, Level, Pouch
-from vinefab.model.map import Map, Pose
+from vinefab.model.map import Pose
 from vinefab.model.tree import branch_tree
 from vinefab.search import space as space_module
 from vinefab.search.design_batch import DesignBatch
 from vinefab.search.record.generations import RunIdentity
 from vinefab.search.run import Search, violations_of
-from vinefab.search.settings import PartSettings, RunSettings, plain_settings
+from vinefab.search.settings import PartSettings, plain_settings
 from vinefab.search.space import COSTS, Bounds, BuildSettings, Space, SpaceSettings, cost_text
 
 POUCHES = (
@@ -34,7 +33,7 @@ POUCHES = (
 )
 
 
-def twin(design: Design) -> dict[str, float]:
+def twin(design):
     """The costs of one design, as one would compute them by hand."""
     tree = branch_tree(design)
     capsules = capsules_of(flat_layout(design), design.build)
@@ -52,9 +51,7 @@ def twin(design: Design) -> dict[str, float]:
 
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000), pouch=st.sampled_from(POUCHES), symmetric=st.booleans())
-def test_costs_of_a_batch_are_those_of_its_designs(
-    seed: int, pouch: Pouch | None, *, symmetric: bool
-) -> None:
+def test_costs_of_a_batch_are_those_of_its_designs(seed, pouch, *, symmetric):
     ranges = SpaceSettings(
         levels=Bounds(low=1, high=4), branches=Bounds(low=1, high=4), symmetric=symmetric
     )
@@ -70,7 +67,7 @@ def test_costs_of_a_batch_are_those_of_its_designs(
             assert alone.tolist() == pytest.approx([value], rel=1e-12)
 
 
-def test_large_batches_are_measured_some_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_batches_are_measured_some_at_a_time(monkeypatch):
     space = Space(SpaceSettings(), BuildSettings())
     batch = space.batch(np.random.default_rng(2).random((30, len(space))))
     whole = COSTS["sheet_area"].of(batch, space.build_of)
@@ -80,7 +77,7 @@ def test_large_batches_are_measured_some_at_a_time(monkeypatch: pytest.MonkeyPat
     assert len(COSTS["sheet_area"].of(batch.part(np.arange(0)), space.build_of)) == 0
 
 
-def test_costs_of_a_design_done_by_hand() -> None:
+def test_costs_of_a_design_done_by_hand():
     fork = Level(branches=2, length_mm=50.0, fan_rad=np.pi, growth=1.5)
     build = Build(widths_mm=(20.0, 10.0), fillet_mm=(2.0,), tail_mm=30.0)
     design = Design(name="fork", trunk_length_mm=100.0, levels=(fork,), build=build)
@@ -93,7 +90,7 @@ def test_costs_of_a_design_done_by_hand() -> None:
     assert values["sheet_area"] == pytest.approx([(30.0 + 100.0 + 10.0) * (50.0 + 75.0 + 10.0)])
 
 
-def test_the_sheet_holds_the_outline() -> None:
+def test_the_sheet_holds_the_outline():
     space = Space(SpaceSettings(levels=Bounds(low=3, high=3)), BuildSettings(trunk_width_mm=24.0))
     design = space.design(np.full(len(space), 0.4))
     x_min, y_min, x_max, y_max = body_outline(design).contour.box_mm
@@ -101,7 +98,7 @@ def test_the_sheet_holds_the_outline() -> None:
     assert area == pytest.approx((x_max - x_min) * (y_max - y_min), rel=1e-6)
 
 
-def limited(small: RunSettings, most: Mapping[str, float]) -> RunSettings:
+def limited(small, most):
     return small.changed(space=small.space.changed(most=most))
 
 
@@ -109,10 +106,8 @@ MOST = {"film_length": 900.0, "film_area": 25_000.0, "sheet_area": 120_000.0, "b
 
 
 @pytest.mark.parametrize("name", MOST)
-def test_winners_keep_limits_that_the_search_would_exceed(
-    small: RunSettings, maps: tuple[Map, ...], name: str
-) -> None:
-    def cost(design: Design) -> float:
+def test_winners_keep_limits_that_the_search_would_exceed(small, maps, name):
+    def cost(design):
         return twin(design)[name]
 
     free = Search.of(small, maps).run()
@@ -136,9 +131,7 @@ def test_winners_keep_limits_that_the_search_would_exceed(
 
 
 @pytest.mark.parametrize("most", [{"branches": 9.0}, {"film_length": 700.0, "sheet_area": 9e4}])
-def test_islands_evaluate_only_designs_within_the_limits(
-    small: RunSettings, maps: tuple[Map, ...], most: dict[str, float]
-) -> None:
+def test_islands_evaluate_only_designs_within_the_limits(small, maps, most):
     islands = limited(small, most).changed(optimizer=PartSettings(name="islands"))
     result = Search.of(islands, maps).run()
     assert sum(len(generation.x) for generation in result.history) >= 20
@@ -146,9 +139,7 @@ def test_islands_evaluate_only_designs_within_the_limits(
     assert all(twin(result.best)[name] <= limit for name, limit in most.items())
 
 
-def test_limits_add_to_the_penalty_of_rules(
-    fabricable: RunSettings, maps: tuple[Map, ...], film_penalty: object
-) -> None:
+def test_limits_add_to_the_penalty_of_rules(fabricable, maps, film_penalty):
     settings_ = limited(fabricable, {"branches": 2.0})
     result = Search.of(settings_, maps, film_penalty).run()
     space = Space(settings_.space, settings_.build)
@@ -160,7 +151,7 @@ def test_limits_add_to_the_penalty_of_rules(
     assert result.best.branch_count <= 2
 
 
-def test_a_winner_beyond_a_limit_is_named(small: RunSettings, maps: tuple[Map, ...]) -> None:
+def test_a_winner_beyond_a_limit_is_named(small, maps):
     result = Search.of(small, maps).run()
     worst = replace(result.finalists[0], penalty=0.5)
     beyond = replace(result, finalists=(worst,))
@@ -180,10 +171,8 @@ def test_a_winner_beyond_a_limit_is_named(small: RunSettings, maps: tuple[Map, .
         ({"paint": 3.0}, "most", "film_length"),
     ],
 )
-def test_limits_that_no_design_keeps_are_refused(
-    small: RunSettings, maps: tuple[Map, ...], most: dict[str, float], key: str, words: str
-) -> None:
-    def search() -> None:
+def test_limits_that_no_design_keeps_are_refused(small, maps, most, key, words):
+    def search():
         trunk = {1: {"length_mm": Bounds(low=15.0, high=90.0)}}
         space = small.space.changed(by_level=trunk, most=most)
         Search.of(small.changed(space=space), maps)
@@ -193,9 +182,7 @@ def test_limits_that_no_design_keeps_are_refused(
     assert caught.value.key == key
 
 
-def test_a_changed_limit_is_another_run_and_none_leaves_ids_alone(
-    small: RunSettings, maps: tuple[Map, ...]
-) -> None:
+def test_a_changed_limit_is_another_run_and_none_leaves_ids_alone(small, maps):
     ids = {
         RunIdentity.of(run, maps).run_id
         for run in (
@@ -215,7 +202,7 @@ def test_a_changed_limit_is_another_run_and_none_leaves_ids_alone(
     assert "symmetric" not in plain_settings(small)["space"]
 
 
-def test_designs_of_a_symmetric_space_are_their_own_mirror_images() -> None:
+def test_designs_of_a_symmetric_space_are_their_own_mirror_images():
     lopsided = Space(SpaceSettings(levels=Bounds(low=3, high=3)), BuildSettings())
     even = Space(
         SpaceSettings(levels=Bounds(low=3, high=3), symmetric=True),
@@ -232,7 +219,7 @@ def test_designs_of_a_symmetric_space_are_their_own_mirror_images() -> None:
     assert not np.allclose(layout.end_mm[:, 1].sum(), 0.0)
 
 
-def test_a_symmetric_robot_grows_alike_on_both_sides() -> None:
+def test_a_symmetric_robot_grows_alike_on_both_sides():
     space = Space(SpaceSettings(symmetric=True), BuildSettings())
     design = space.design(np.full(len(space), 0.4))
     box = shapely.box(-4000.0, -4000.0, 4000.0, 4000.0)

@@ -31,9 +31,7 @@ CROSSING = Space(
 WHOLE_BED = (980.0, 580.0)
 
 
-def cuts(
-    design: Design, most: int = 6, sheet_mm: tuple[float, float] = WHOLE_BED, **settings: object
-) -> tuple[tuple[int, ...], float]:
+def cuts(design, most=6, sheet_mm=WHOLE_BED, **settings):
     """Branches that the search cuts, and what is left of conflicts."""
     pieces = PieceSettings(most=most, **settings)
     design = design.changed(build=design.build.changed(pieces=pieces))
@@ -42,7 +40,7 @@ def cuts(
     return tuple(found.cut.tolist()), found.left
 
 
-def tree(*levels: Level) -> Design:
+def tree(*levels):
     build = BuildSettings(
         trunk_width_mm=24.0, width_ratio=0.65, pieces=PieceSettings(), compensation="none"
     )
@@ -51,7 +49,7 @@ def tree(*levels: Level) -> Design:
     )
 
 
-def fan(branches: int, length_mm: float, angle_deg: float) -> Level:
+def fan(branches, length_mm, angle_deg):
     return Level(branches=branches, length_mm=length_mm, fan_rad=math.radians(angle_deg))
 
 
@@ -59,12 +57,12 @@ CROSSED = tree(fan(2, 100.0, 60.0), fan(2, 150.0, 130.0))
 """The inner grandchildren of both sides cross once."""
 
 
-def random_designs(count: int, seed: int = 1) -> list[Design]:
+def random_designs(count, seed=1):
     random = np.random.default_rng(seed)
     return [CROSSING.design(point) for point in random.random((count, len(CROSSING)))]
 
 
-def test_a_crossing_takes_one_cut_where_a_sleeve_has_room() -> None:
+def test_a_crossing_takes_one_cut_where_a_sleeve_has_room():
     (branch,), left = cuts(CROSSED)
     assert left == 0.0
     assert branch in (1, 2, 4, 5)
@@ -74,20 +72,20 @@ def test_a_crossing_takes_one_cut_where_a_sleeve_has_room() -> None:
     assert cuts(tree(fan(3, 120.0, 150.0))) == ((), 0.0)
 
 
-def test_pieces_that_are_larger_than_the_sheet_are_cut_further() -> None:
+def test_pieces_that_are_larger_than_the_sheet_are_cut_further():
     vine = tree(fan(1, 400.0, 0.0))
     assert cuts(vine, sheet_mm=(5000.0, 5000.0)) == ((), 0.0)
     assert cuts(vine, sheet_mm=(600.0, 60.0)) == ((1,), 0.0)
     assert cuts(vine, sheet_mm=(200.0, 60.0))[1] > 0.0
 
 
-def test_too_large_trees_are_not_looked_at() -> None:
+def test_too_large_trees_are_not_looked_at():
     large = tree(fan(21, 100.0, 300.0), fan(21, 60.0, 160.0))
     assert large.branch_count > MOST_PIECE_BRANCHES
     assert PenaltyRules.of(large.build, PROFILE, {}, WHOLE_BED).found([large]).left == math.inf
 
 
-def test_no_smaller_set_of_cuts_leaves_nothing() -> None:
+def test_no_smaller_set_of_cuts_leaves_nothing():
     """Every smaller set is tried; the search may stop early, but hardly ever does."""
     missed, tried = 0, 0
     for design in random_designs(150, seed=2):
@@ -103,7 +101,7 @@ def test_no_smaller_set_of_cuts_leaves_nothing() -> None:
     assert missed <= 0.05 * tried
 
 
-def test_what_is_left_falls_as_branches_part() -> None:
+def test_what_is_left_falls_as_branches_part():
     lefts = []
     for angle_deg in np.linspace(20.0, 70.0, 26):
         design = tree(fan(3, 60.0, 2.0 * angle_deg), fan(3, 70.0, 140.0))
@@ -114,7 +112,7 @@ def test_what_is_left_falls_as_branches_part() -> None:
 
 
 @pytest.mark.parametrize("taper", [(), (0.9, 0.9, 0.9)], ids=["even", "tapered"])
-def test_cuts_without_anything_left_pass_as_pieces(taper: tuple[float, ...]) -> None:
+def test_cuts_without_anything_left_pass_as_pieces(taper):
     design = CROSSED.changed(build=CROSSED.build.changed(taper=taper))
     found, left = cuts(design)
     assert left == 0.0

@@ -16,7 +16,6 @@ from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.poses import draw_poses
-from vinefab.model.deployment import Deployment
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.tree import branch_tree
 from vinefab.search.design_batch import planned_batch
@@ -45,7 +44,7 @@ PLAIN = Space(SpaceSettings(levels=Bounds(low=1, high=1)), BuildSettings())
 SPACES = [Space(SpaceSettings(), BuildSettings()), WIDE, PLAIN]
 
 
-def points(space: Space, count: int = 60) -> np.ndarray:
+def points(space, count=60):
     """Random points, with corners of the space among them."""
     x = np.random.default_rng(5).random((count, len(space)))
     x[: count // 4] = np.round(x[: count // 4])
@@ -55,9 +54,7 @@ def points(space: Space, count: int = 60) -> np.ndarray:
 @pytest.mark.parametrize("space", SPACES, ids=["table 1", "wide", "plain vines"])
 @pytest.mark.parametrize("pressure_stop", [False, True])
 @pytest.mark.parametrize("body", ["centerline", "inflated"])
-def test_a_batch_has_the_plans_of_its_designs(
-    space: Space, body: str, *, pressure_stop: bool
-) -> None:
+def test_a_batch_has_the_plans_of_its_designs(space, body, *, pressure_stop):
     x, options = points(space), GrowthOptions.published(body=body, pressure_stop=pressure_stop)
     singles = [space.design(row) for row in x]
     deepest = space.build_of(int(space.settings.levels.high)).widths_mm
@@ -80,14 +77,14 @@ def test_a_batch_has_the_plans_of_its_designs(
             np.testing.assert_array_equal(one, other)
 
 
-def everything(deployment: Deployment) -> list[object]:
+def everything(deployment):
     arrays = (deployment.points_mm, deployment.grown_mm, deployment.stop)
     return [deployment.pose, deployment.contact_turn_rad.tolist(), *(a.tolist() for a in arrays)]
 
 
 @pytest.mark.parametrize("space", SPACES[1:], ids=["wide", "plain vines"])
 @pytest.mark.parametrize("body", ["centerline", "inflated"])
-def test_a_batch_grows_as_its_designs_do(space: Space, body: str) -> None:
+def test_a_batch_grows_as_its_designs_do(space, body):
     x, options = (
         points(space, 20),
         GrowthOptions.published(body=body, pressure_stop=body == "inflated"),
@@ -111,7 +108,7 @@ def test_a_batch_grows_as_its_designs_do(space: Space, body: str) -> None:
     assert lengths[0] == lengths[1]
 
 
-def test_growth_is_compiled_once_for_all_ways_to_grow() -> None:
+def test_growth_is_compiled_once_for_all_ways_to_grow():
     """Compiling it again would take ten seconds; arrays of another kind make that necessary."""
     terrains = [Terrain.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
     poses = [terrain.world.starts[0].pose for terrain in terrains]
@@ -130,7 +127,7 @@ def test_growth_is_compiled_once_for_all_ways_to_grow() -> None:
 
 
 @given(st.lists(st.integers(-(10**9), 10**9), min_size=1, max_size=9), st.integers(-3, 3))
-def test_numbers_are_rounded_as_python_does(thousandths: list[int], ulps: int) -> None:
+def test_numbers_are_rounded_as_python_does(thousandths, ulps):
     values = np.array(thousandths) / 1000.0
     for _ in range(abs(ulps)):
         values = np.nextafter(values, math.copysign(math.inf, ulps))
@@ -138,7 +135,7 @@ def test_numbers_are_rounded_as_python_does(thousandths: list[int], ulps: int) -
     assert _rounded(values).tolist() == expected
 
 
-def test_trees_too_large_for_a_design_are_counted_but_not_planned() -> None:
+def test_trees_too_large_for_a_design_are_counted_but_not_planned():
     space = Space(
         SpaceSettings(levels=Bounds(low=10, high=10), branches=Bounds(low=1, high=1000)),
         BuildSettings(),
@@ -159,7 +156,7 @@ def test_trees_too_large_for_a_design_are_counted_but_not_planned() -> None:
     np.testing.assert_array_equal(tree.parent, branch_tree(space.design(x[2])).parent)
 
 
-def test_every_corner_of_what_bounds_may_be_is_a_design_unless_it_is_too_large() -> None:
+def test_every_corner_of_what_bounds_may_be_is_a_design_unless_it_is_too_large():
     ranges = {name: Bounds(low=low, high=high) for name, (low, high) in LIMITS.items()}
     space = Space(SpaceSettings(levels=Bounds(low=1, high=2), **ranges), BuildSettings())
     corners = np.array(np.meshgrid(*[[0.0, 1.0]] * len(space))).reshape(len(space), -1).T

@@ -1,7 +1,6 @@
 """Poses of a generation, evaluations, and how scores and penalties become a fitness."""
 
 import math
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -10,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.search.conftest import optimize
 from vinefab.core.errors import BadInputError
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.design import Design, PieceSettings
+from vinefab.model.design import PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.model.map import Map
 from vinefab.search.evaluator import (
     INVALID_FITNESS,
     Evaluations,
@@ -27,29 +26,17 @@ from vinefab.search.evaluator import (
     penalized_fitness,
 )
 from vinefab.search.manufacturability import ManufacturabilityPenalty
-from vinefab.search.record.result import RunResult
 from vinefab.search.run import Search
-from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings
+from vinefab.search.settings import EvaluationSettings, PartSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 from vinefab.tasks.evaluate import Conditions, composite, map_weights, score_designs
 
 
-def optimize(
-    settings: RunSettings, maps: Sequence[Map], penalty: object = None, **options: object
-) -> RunResult:
-    return Search.of(settings, maps, penalty).run(**options)
-
-
-Maps = tuple[Map, ...]
-
-
-def with_evaluation(small: RunSettings, **changes: object) -> RunSettings:
+def with_evaluation(small, **changes):
     return small.changed(evaluation=small.evaluation.changed(**changes))
 
 
-def test_poses_are_redrawn_every_generation_unless_redraw_is_off(
-    small: RunSettings, maps: Maps
-) -> None:
+def test_poses_are_redrawn_every_generation_unless_redraw_is_off(small, maps):
     drawn = [
         Evaluator.of(EvaluatorSpec(settings=small, maps=maps)).training_conditions(3, number)
         for number in (0, 0, 1)
@@ -59,9 +46,7 @@ def test_poses_are_redrawn_every_generation_unless_redraw_is_off(
     assert still.training_conditions(3, 0) == still.training_conditions(3, 7) == drawn[0]
 
 
-def test_the_range_of_poses_can_be_narrowed_to_the_starts_themselves(
-    small: RunSettings, maps: Maps
-) -> None:
+def test_the_range_of_poses_can_be_narrowed_to_the_starts_themselves(small, maps):
     several = with_evaluation(small, poses_per_map=20)
     start = maps[0].starts[0]
     assert start.spread_heading_rad > 0.0
@@ -76,7 +61,7 @@ def test_the_range_of_poses_can_be_narrowed_to_the_starts_themselves(
     assert 0.0 == found[0.0] < found[0.1] < found[1.0]
 
 
-def test_a_generation_may_use_some_of_the_maps(small: RunSettings, maps: Maps) -> None:
+def test_a_generation_may_use_some_of_the_maps(small, maps):
     several = (*maps, grid_map(3), grid_map(4))
     evaluator = Evaluator.of(
         EvaluatorSpec(settings=with_evaluation(small, maps_per_generation=2), maps=several)
@@ -93,9 +78,7 @@ def test_a_generation_may_use_some_of_the_maps(small: RunSettings, maps: Maps) -
         )
 
 
-def test_single_uses_one_evaluation_and_ranks_finalists_by_their_mean(
-    small: RunSettings, maps: Maps
-) -> None:
+def test_single_uses_one_evaluation_and_ranks_finalists_by_their_mean(small, maps):
     single = with_evaluation(small, composite="single")
     evaluator = Evaluator.of(EvaluatorSpec(settings=single, maps=maps))
     assert sum(len(places) for places in evaluator.training_conditions(3, 1).poses) == 1
@@ -107,12 +90,12 @@ def test_single_uses_one_evaluation_and_ranks_finalists_by_their_mean(
 @pytest.mark.parametrize(
     "contradiction", [{"poses_per_map": 2}, {"maps_per_generation": 2}], ids=lambda c: next(iter(c))
 )
-def test_single_contradicts_several_evaluations(contradiction: dict[str, int]) -> None:
+def test_single_contradicts_several_evaluations(contradiction):
     with pytest.raises(BadInputError, match="one evaluation"):
         EvaluationSettings(composite="single", **contradiction)
 
 
-def test_min_deviation_uses_the_runs_reference_deviation(small: RunSettings, maps: Maps) -> None:
+def test_min_deviation_uses_the_runs_reference_deviation(small, maps):
     steady = with_evaluation(small, composite="min_deviation", reference_deviation=0.1)
     result = optimize(steady, maps)
     expected = composite(result.score.scores, 0.1)["min_deviation"]
@@ -120,9 +103,7 @@ def test_min_deviation_uses_the_runs_reference_deviation(small: RunSettings, map
     assert result.score.composite["min_deviation"] != expected
 
 
-def test_branches_that_stop_head_on_reduce_the_score_by_the_weight(
-    small: RunSettings, maps: Maps
-) -> None:
+def test_branches_that_stop_head_on_reduce_the_score_by_the_weight(small, maps):
     priced = optimize(with_evaluation(small, head_on_weight=0.5), maps)
     assert "head_on" in priced.history[0].terms
     free = optimize(small, maps)
@@ -139,7 +120,7 @@ CROSSING = SpaceSettings(
 )
 
 
-def in_pieces(small: RunSettings, **evaluation: object) -> RunSettings:
+def in_pieces(small, **evaluation):
     """A run for robots of bench size in up to three pieces."""
     build = BuildSettings(trunk_width_mm=24.0, width_ratio=0.65, pieces=PieceSettings(most=3))
     islands = PartSettings(name="islands")
@@ -147,9 +128,7 @@ def in_pieces(small: RunSettings, **evaluation: object) -> RunSettings:
     return with_evaluation(run, fabricable=True, **evaluation)
 
 
-def test_every_joint_costs_fitness_and_none_makes_a_design_worse_than_a_broken_one(
-    small: RunSettings, maps: Maps
-) -> None:
+def test_every_joint_costs_fitness_and_none_makes_a_design_worse_than_a_broken_one(small, maps):
     penalty = ManufacturabilityPenalty(profile=read_profile(DEFAULT_RECIPE))
     dear = in_pieces(small, joint_weight=10.0, finalists_by="training")
     result = Search.of(dear, maps, penalty).run()
@@ -167,7 +146,7 @@ def test_every_joint_costs_fitness_and_none_makes_a_design_worse_than_a_broken_o
     assert best.fitness == pytest.approx(best.score.composite["mean"] - cost, abs=1e-12)
 
 
-def test_joints_are_charged_only_where_they_are_counted(small: RunSettings, maps: Maps) -> None:
+def test_joints_are_charged_only_where_they_are_counted(small, maps):
     whole = with_evaluation(small, fabricable=True, joint_weight=0.1)
     free = whole.changed(build=BuildSettings(pieces=PieceSettings()))
     free = with_evaluation(free, fabricable=False)
@@ -180,15 +159,13 @@ def test_joints_are_charged_only_where_they_are_counted(small: RunSettings, maps
 class Picky:
     """A penalty that refuses some designs."""
 
-    def __call__(self, design: Design) -> float:
+    def __call__(self, design):
         if design.trunk_length_mm > 100.0:
             raise BadInputError("trunk", design.trunk_length_mm, "shorter")
         return 0.0 if design.trunk_length_mm > 50.0 else 1.0
 
 
-def test_points_that_the_penalty_refuses_have_no_valid_design(
-    fabricable: RunSettings, maps: Maps
-) -> None:
+def test_points_that_the_penalty_refuses_have_no_valid_design(fabricable, maps):
     evaluator = Evaluator.of(EvaluatorSpec(settings=fabricable, maps=maps, penalty=Picky()))
     x = np.random.default_rng(2).random((30, len(evaluator.space)))
     found, _ = evaluator.evaluate(x, evaluator.training_conditions(1, 0))
@@ -201,7 +178,7 @@ def test_points_that_the_penalty_refuses_have_no_valid_design(
     assert (fitness[gone] == INVALID_FITNESS).all()
 
 
-def test_results_do_not_depend_on_executor_or_division(fabricable: RunSettings, maps: Maps) -> None:
+def test_results_do_not_depend_on_executor_or_division(fabricable, maps):
     evaluator = Evaluator.of(EvaluatorSpec(settings=fabricable, maps=maps, penalty=Picky()))
     x = np.random.default_rng(3).random((25, len(evaluator.space)))
     poses = evaluator.training_conditions(1, 0)
@@ -219,7 +196,7 @@ def test_results_do_not_depend_on_executor_or_division(fabricable: RunSettings, 
     assert min(spent) > 0.0
 
 
-def test_every_worker_gets_a_block() -> None:
+def test_every_worker_gets_a_block():
     for growths in (1, 7, 64, 500, 10_000):
         for workers in (1, 2, 16, 300):
             sizes = block_sizes(growths, workers)
@@ -234,15 +211,13 @@ SCORES = st.floats(-1.0, 1e4)
 PENALTIES = st.floats(1e-12, 1e3)
 
 
-def fitness_of(score: float, penalty: float, lowest: float, weight: float) -> float:
+def fitness_of(score, penalty, lowest, weight):
     (fitness,) = penalized_fitness(np.array([score]), np.array([penalty]), lowest, weight)
     return float(fitness)
 
 
 @given(SCORES, SCORES, PENALTIES)
-def test_a_penalized_design_ranks_below_every_manufacturable_one(
-    score: float, penalized: float, penalty: float
-) -> None:
+def test_a_penalized_design_ranks_below_every_manufacturable_one(score, penalized, penalty):
     manufacturable = fitness_of(score, 0.0, lowest=-1.0, weight=1.0)
     assert manufacturable == score
     assert (
@@ -250,21 +225,19 @@ def test_a_penalized_design_ranks_below_every_manufacturable_one(
     )
 
 
-def test_lower_penalty_and_higher_score_both_raise_the_fitness_of_penalized_designs() -> None:
+def test_lower_penalty_and_higher_score_both_raise_the_fitness_of_penalized_designs():
     fitness = fitness_of(0.5, 0.3, lowest=-1.0, weight=2.0)
     assert fitness_of(0.5, 0.2, lowest=-1.0, weight=2.0) > fitness
     assert fitness_of(0.6, 0.3, lowest=-1.0, weight=2.0) > fitness
 
 
-def test_scores_and_penalties_that_are_not_finite_give_the_lowest_fitness() -> None:
+def test_scores_and_penalties_that_are_not_finite_give_the_lowest_fitness():
     assert fitness_of(math.nan, 0.0, lowest=0.0, weight=1.0) == INVALID_FITNESS
     assert fitness_of(0.5, math.inf, lowest=0.0, weight=1.0) == INVALID_FITNESS
     assert fitness_of(0.5, math.nan, lowest=0.0, weight=1.0) == INVALID_FITNESS
 
 
-def test_half_angles_of_a_range_are_drawn_for_each_evaluation_and_stand_with_the_terms(
-    small: RunSettings, maps: Maps
-) -> None:
+def test_half_angles_of_a_range_are_drawn_for_each_evaluation_and_stand_with_the_terms(small, maps):
     wide = GrowthOptions.published(head_on_half_angle_rad=(math.radians(1.0), math.radians(15.0)))
     evaluator = Evaluator.of(EvaluatorSpec(settings=small.changed(growth=wide), maps=maps))
     draws = [evaluator.training_conditions(3, number) for number in range(3)]
@@ -291,9 +264,7 @@ def test_half_angles_of_a_range_are_drawn_for_each_evaluation_and_stand_with_the
     assert part.half_angles_rad == (draws[0].half_angles_rad[taken],)
 
 
-def test_a_start_without_spread_gives_one_evaluation_and_maps_count_alike(
-    small: RunSettings, maps: Maps
-) -> None:
+def test_a_start_without_spread_gives_one_evaluation_and_maps_count_alike(small, maps):
     start = replace(maps[0].starts[0], spread_x_mm=0.0, spread_y_mm=0.0, spread_heading_rad=0.0)
     mixed = (replace(maps[0], starts=(start,)), maps[1])
     settings = with_evaluation(small, poses_per_map=3)
@@ -312,7 +283,7 @@ def test_a_start_without_spread_gives_one_evaluation_and_maps_count_alike(
     assert fixed.notes == ()
 
 
-def test_weights_make_maps_count_alike_in_every_composite() -> None:
+def test_weights_make_maps_count_alike_in_every_composite():
     weights = map_weights([1, 0, 2])
     assert weights is not None
     np.testing.assert_allclose(weights, [0.5, 0.25, 0.25])
@@ -325,9 +296,7 @@ def test_weights_make_maps_count_alike_in_every_composite() -> None:
 @pytest.mark.parametrize(
     "rule", [{"branch_contact": "stop"}, {"emergence": 0.7}, {"body_width_ratio": 1.3}, {}]
 )
-def test_a_search_grows_designs_as_scores_do(
-    small: RunSettings, maps: Maps, rule: dict[str, object]
-) -> None:
+def test_a_search_grows_designs_as_scores_do(small, maps, rule):
     growth = GrowthOptions(pressure_stop=False, **rule)
     evaluator = Evaluator.of(EvaluatorSpec(settings=small.changed(growth=growth), maps=maps))
     conditions = evaluator.training_conditions(3, 0)

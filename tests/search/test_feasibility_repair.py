@@ -18,7 +18,7 @@ from vinefab.search.finalists import (
 from vinefab.search.space import BuildSettings, Space, SpaceSettings
 
 
-def even(design: Design) -> bool:
+def even(design):
     """A rule that no penalty covers: an even number of whole millimetres."""
     return int(design.trunk_length_mm) % 2 == 0
 
@@ -30,14 +30,14 @@ class LongTrunk:
     longest_mm: float
     passing: Callable[[Design], bool] = even
 
-    def __call__(self, design: Design) -> float:
+    def __call__(self, design):
         return max(0.0, design.trunk_length_mm - self.longest_mm) / 100.0
 
-    def passes(self, design: Design) -> bool:
+    def passes(self, design):
         return self.passing(design)
 
 
-def test_a_repair_stays_near_and_is_always_the_same() -> None:
+def test_a_repair_stays_near_and_is_always_the_same():
     space = Space(SpaceSettings(), BuildSettings())
     x = np.full(len(space), 0.9)
     strict = LongTrunk(150.0)
@@ -52,12 +52,12 @@ def test_a_repair_stays_near_and_is_always_the_same() -> None:
     assert not repair_design(x, space, replace(strict, longest_mm=0.0), strict.passes).passed
 
 
-def test_a_repair_without_progress_is_given_up() -> None:
+def test_a_repair_without_progress_is_given_up():
     space = Space(SpaceSettings(), BuildSettings())
     x, budget = np.full(len(space), 0.9), RepairBudget()
     checked = list[Design]()
 
-    def flat(design: Design) -> float:
+    def flat(design):
         checked.append(design)
         return 1.5
 
@@ -68,7 +68,7 @@ def test_a_repair_without_progress_is_given_up() -> None:
     assert given_up.penalty == 1.5
 
 
-def test_many_repairs_share_one_budget() -> None:
+def test_many_repairs_share_one_budget():
     space = Space(SpaceSettings(), BuildSettings())
     points = [np.full(len(space), share) for share in np.linspace(0.1, 0.9, 40)]
     repairs = RepairResults.of(points, space, lambda _: 1.5, even)
@@ -81,10 +81,10 @@ def test_many_repairs_share_one_budget() -> None:
     assert len(checks) == 2 * MOST_CHECKS
 
 
-def test_refusals_do_not_stop_a_repair() -> None:
+def test_refusals_do_not_stop_a_repair():
     space = Space(SpaceSettings(), BuildSettings())
 
-    def refusing(design: Design) -> float:
+    def refusing(design):
         if design.depth > 2:
             raise BadInputError("depth", design.depth, "two levels")
         return 0.0

@@ -1,35 +1,26 @@
 """Who may win: only designs that pass the full check, as long as there is one."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.search.conftest import optimize
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import rad
 from vinefab.growth.options import CONTACT_ANGLES_DEG
 from vinefab.model.design import Design
-from vinefab.model.map import Map, Pose, Start
+from vinefab.model.map import Pose, Start
 from vinefab.search.evaluator import FRESH
 from vinefab.search.finalists import FRESH_POSES, _passing
 from vinefab.search.record.generations import Generation
-from vinefab.search.record.result import RunResult
 from vinefab.search.run import FRESH_MAPS, Search, fresh_maps, training_maps
-from vinefab.search.settings import PartSettings, RunSettings
+from vinefab.search.settings import PartSettings
 from vinefab.search.space import BuildSettings, Space, SpaceSettings
 from vinefab.tasks.evaluate import PreparedMap, score_design
 from vinefab.tasks.shipped_tasks import make_task
-
-
-def optimize(
-    settings: RunSettings, maps: Sequence[Map], penalty: object = None, **options: object
-) -> RunResult:
-    return Search.of(settings, maps, penalty).run(**options)
-
-
-Maps = tuple[Map, ...]
 
 
 @dataclass
@@ -39,21 +30,19 @@ class Strict:
     longest_mm: float
     passing: Callable[[Design], bool]
 
-    def __call__(self, design: Design) -> float:
+    def __call__(self, design):
         return max(0.0, design.trunk_length_mm - self.longest_mm) / 100.0
 
-    def passes(self, design: Design) -> bool:
+    def passes(self, design):
         return self.passing(design)
 
 
-def even(design: Design) -> bool:
+def even(design):
     """A rule that no penalty covers: an even number of whole millimetres."""
     return int(design.trunk_length_mm) % 2 == 0
 
 
-def test_only_designs_that_pass_the_full_check_are_finalists(
-    fabricable: RunSettings, maps: Maps
-) -> None:
+def test_only_designs_that_pass_the_full_check_are_finalists(fabricable, maps):
     result = optimize(fabricable, maps, penalty=Strict(150.0, even))
     assert result.fabricable
     assert len(result.finalists) == 3
@@ -62,7 +51,7 @@ def test_only_designs_that_pass_the_full_check_are_finalists(
     assert not all(even(finalist.design) for finalist in blind.finalists)
 
 
-def test_when_none_passes_the_best_are_repaired(fabricable: RunSettings, maps: Maps) -> None:
+def test_when_none_passes_the_best_are_repaired(fabricable, maps):
     """All trunks of the run are too long, so they are shortened."""
     first = optimize(fabricable, maps, penalty=Strict(0.0, even)).history
     shortest = min(100.0 * g.penalty.min() for g in first)
@@ -76,7 +65,7 @@ def test_when_none_passes_the_best_are_repaired(fabricable: RunSettings, maps: M
     assert result.best == optimize(fabricable, maps, penalty=strict).best
 
 
-def test_a_winner_beyond_repair_is_penalized(fabricable: RunSettings, maps: Maps) -> None:
+def test_a_winner_beyond_repair_is_penalized(fabricable, maps):
     result = optimize(fabricable, maps, penalty=Strict(500.0, lambda _: False))
     assert not result.fabricable
     assert result.finalists[0].penalty == 1.0
@@ -84,9 +73,7 @@ def test_a_winner_beyond_repair_is_penalized(fabricable: RunSettings, maps: Maps
     assert "tried 100 changes of the best 2: none is manufacturable" in result.repair
 
 
-def test_finalists_may_be_chosen_by_their_mean_over_the_range_of_contacts(
-    small: RunSettings, maps: Maps
-) -> None:
+def test_finalists_may_be_chosen_by_their_mean_over_the_range_of_contacts(small, maps):
     small = small.changed(search=small.search.changed(population=12, generations=6))
     by_range = small.evaluation.changed(finalists=8, finalists_by="contact_range")
     usual = optimize(small.changed(evaluation=by_range.changed(finalists_by="training")), maps)
@@ -112,12 +99,12 @@ def test_finalists_may_be_chosen_by_their_mean_over_the_range_of_contacts(
     assert [f.design for f in result.finalists] != [f.design for f in usual.finalists]
 
 
-def test_other_ways_to_choose_finalists_are_refused(small: RunSettings) -> None:
+def test_other_ways_to_choose_finalists_are_refused(small):
     with pytest.raises(BadInputError, match="allowed: 'fresh_maps', 'training' or 'contact_range'"):
         small.evaluation.changed(finalists_by="range")
 
 
-def test_a_winner_is_chosen_on_maps_that_the_search_has_not_seen(small: RunSettings) -> None:
+def test_a_winner_is_chosen_on_maps_that_the_search_has_not_seen(small):
     settings = small.changed(evaluation=small.evaluation.changed(finalists=8))
     fresh = fresh_maps(settings)
     assert len(fresh) == FRESH_MAPS
@@ -141,7 +128,7 @@ def test_a_winner_is_chosen_on_maps_that_the_search_has_not_seen(small: RunSetti
     assert fitness[0] == pytest.approx(best.composite["mean"])
 
 
-def test_where_a_run_names_its_places_the_winner_is_chosen_there(small: RunSettings) -> None:
+def test_where_a_run_names_its_places_the_winner_is_chosen_there(small):
     start = Start(pose=Pose(x_mm=10.0, y_mm=10.0, heading_rad=0.0))
     aimed = PartSettings(name="reach", parameters={"target_mm": [[100.0, 100.0]]})
     for other in (
@@ -154,7 +141,7 @@ def test_where_a_run_names_its_places_the_winner_is_chosen_there(small: RunSetti
 
 
 @pytest.mark.parametrize(("count", "most"), [(3, 60), (40, 80)])
-def test_so_many_designs_are_checked_in_full(count: int, most: int) -> None:
+def test_so_many_designs_are_checked_in_full(count, most):
     space = Space(SpaceSettings(), BuildSettings())
     x, checked = np.random.default_rng(1).random((300, len(space))), list[Design]()
     history = [
@@ -169,7 +156,7 @@ def test_so_many_designs_are_checked_in_full(count: int, most: int) -> None:
         )
     ]
 
-    def refuse(design: Design) -> bool:
+    def refuse(design):
         checked.append(design)
         return False
 

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -40,13 +39,13 @@ Make = Callable[..., Design]
 
 
 @pytest.fixture
-def make(make: Make) -> Make:
+def make(make):
     """Return what makes designs that are cut as designed: no joint is simulated."""
     return functools.partial(make, compensation="none")
 
 
 @pytest.fixture(scope="module")
-def many() -> ModuleType:
+def many():
     path = Path(__file__).with_name("fix_many.py")
     spec = importlib.util.spec_from_file_location("fix_many", path)
     module = importlib.util.module_from_spec(spec)
@@ -55,7 +54,7 @@ def many() -> ModuleType:
     return module
 
 
-def only_change(design: Design, profile: LaserProfile) -> str:
+def only_change(design, profile):
     found = fix_design(design, FixTargets.of(design, profile))
     assert found is not None
     assert run_checks(Subject.of(found.design, profile)).blocking == ()
@@ -63,13 +62,13 @@ def only_change(design: Design, profile: LaserProfile) -> str:
     return change.text
 
 
-def test_a_sound_design_is_left_alone(make: Make, profile: LaserProfile) -> None:
+def test_a_sound_design_is_left_alone(make, profile):
     design = make((3, 200.0, 120.0), (2, 120.0, 50.0))
     found = fix_design(design, FixTargets.of(design, profile))
     assert (found.design, found.cost) == (design, 0.0)
 
 
-def test_each_simple_fault_is_fixed_where_it_is(make: Make, profile: LaserProfile) -> None:
+def test_each_simple_fault_is_fixed_where_it_is(make, profile):
     fan = make((2, 300.0, 14.0), widths_mm=(20.0, 6.0))
     assert only_change(fan, profile).startswith("level 2 fan: 14 -> 15")
     assert only_change(make(tail_mm=100.0), profile) == "the tail: 100 -> 150 mm (+50.0 %)"
@@ -112,13 +111,13 @@ def test_the_change_is_near_the_smallest_that_a_grid_finds(
     assert found.cost < 1.15 * least, (least, found.cost, design_changes(design, found.design))
 
 
-def test_the_search_is_repeatable(make: Make, profile: LaserProfile) -> None:
+def test_the_search_is_repeatable(make, profile):
     design = make((2, 90.0, 70.0), (2, 60.0, 100.0))
     one, two = (fix_design(design, FixTargets.of(design, profile)) for _ in range(2))
     assert one == two
 
 
-def test_pouches_and_waivers_and_limits_go_along(make: Make, profile: LaserProfile) -> None:
+def test_pouches_and_waivers_and_limits_go_along(make, profile):
     design = make((2, 150.0, 40.0), pouch=Pouch(shape="round", radius_mm=60.0)).changed(
         limits={"VF-C07": {"warning": 3.5}},
     )
@@ -128,18 +127,18 @@ def test_pouches_and_waivers_and_limits_go_along(make: Make, profile: LaserProfi
     assert run_checks(Subject.of(found, profile)).blocking == ()
 
 
-def test_the_designs_own_limits_are_kept_to(make: Make, profile: LaserProfile) -> None:
+def test_the_designs_own_limits_are_kept_to(make, profile):
     design = make((2, 200.0, 60.0)).changed(limits={"VF-B01": {"error": 250.0}})
     assert fix_design(design, FixTargets.of(design, profile)).design.build.tail_mm == 250.0
 
 
-def test_nothing_is_found_for_an_impossible_limit(make: Make, profile: LaserProfile) -> None:
+def test_nothing_is_found_for_an_impossible_limit(make, profile):
     design = make((2, 200.0, 60.0))
     targets = FixTargets.of(design, profile, {"VF-W01": {"error": 50.0}, "VF-B02": {"error": 45.0}})
     assert fix_design(design, targets) is None
 
 
-def test_ways_to_prune_begin_with_none_and_end_with_the_trunk(make: Make) -> None:
+def test_ways_to_prune_begin_with_none_and_end_with_the_trunk(make):
     design = make((3, 100.0, 90.0), (4, 50.0, 90.0))
     ways = kept_branches(design)
     assert ways[0] == (3, 4)
@@ -149,9 +148,7 @@ def test_ways_to_prune_begin_with_none_and_end_with_the_trunk(make: Make) -> Non
     assert pruning_cost(design, (3,)) == pytest.approx(2.0 * math.log(2.0))
 
 
-def test_the_window_of_the_targets_is_never_below_the_rules_own(
-    make: Make, profile: LaserProfile
-) -> None:
+def test_the_window_of_the_targets_is_never_below_the_rules_own(make, profile):
     for fans in (((2, 200.0, 60.0),), ((3, 100.0, 170.0), (4, 80.0, 100.0))):
         design = make(*fans, widths_mm=(90.0, 12.0, 7.0)[: 1 + len(fans)])
         subject = Subject.of(design, profile)
@@ -165,7 +162,7 @@ def test_the_window_of_the_targets_is_never_below_the_rules_own(
 
 
 @pytest.mark.thorough
-def test_random_designs_of_table_1_are_fixed(many: ModuleType, profile: LaserProfile) -> None:
+def test_random_designs_of_table_1_are_fixed(many, profile):
     cases = many.fix_many(4, profile, deepest=2)
     assert all(case.fixed is not None for case in cases)
     for case in cases:
@@ -173,7 +170,7 @@ def test_random_designs_of_table_1_are_fixed(many: ModuleType, profile: LaserPro
         assert 0.0 < case.size < 6.0
 
 
-def test_a_smaller_fillet_is_tried_before_anything_else(make: Make, profile: LaserProfile) -> None:
+def test_a_smaller_fillet_is_tried_before_anything_else(make, profile):
     design = make((2, 45.0, 150.0), (2, 80.0, 200.0), trunk_mm=250.0, fillet_mm=(6.0, 14.0))
     found = run_checks(Subject.of(design, profile)).blocking
     assert "VF-C03" in {finding.rule for finding in found}
@@ -185,7 +182,7 @@ def test_a_smaller_fillet_is_tried_before_anything_else(make: Make, profile: Las
     assert run_checks(Subject.of(fixed.design, profile)).blocking == ()
 
 
-def test_fillets_stop_at_the_limit_of_the_recipe(make: Make, profile: LaserProfile) -> None:
+def test_fillets_stop_at_the_limit_of_the_recipe(make, profile):
     design = make((2, 45.0, 150.0), (2, 80.0, 200.0), trunk_mm=250.0, fillet_mm=(6.0, 14.0))
     targets = FixTargets.of(design, profile, {"VF-C04": {"error": 5.9}})
     assert min(fix_in_stage(design, targets, FILLETS).design.build.fillet_mm) >= 5.9
@@ -193,19 +190,19 @@ def test_fillets_stop_at_the_limit_of_the_recipe(make: Make, profile: LaserProfi
     assert fix_in_stage(design, strict, FILLETS) is None
 
 
-def short(make: Make) -> Design:
+def short(make):
     """A fork whose children end within the end of its trunk, and whose crotch is too long."""
     return make((2, 36.0, 80.0), trunk_mm=100.0)
 
 
-def changed(design: Design, profile: LaserProfile, keep: str) -> set[str]:
+def changed(design, profile, keep):
     """Fix a design, and return which kinds of values changed."""
     found = fix_design(design, FixTargets.of(design, profile), keep=parsed_keeps([keep]))
     assert run_checks(Subject.of(found.design, profile)).blocking == ()
     return {change.what.split()[-1] for change in design_changes(design, found.design)}
 
 
-def test_widths_narrow_into_the_joint(make: Make, profile: LaserProfile) -> None:
+def test_widths_narrow_into_the_joint(make, profile):
     design = short(make)
     found = fix_design(design, FixTargets.of(design, profile)).design
     assert run_checks(Subject.of(found, profile)).blocking == ()
@@ -215,7 +212,7 @@ def test_widths_narrow_into_the_joint(make: Make, profile: LaserProfile) -> None
     assert found.build.widths_mm[1] < 36.0 * math.sin(math.radians(40.0))
 
 
-def test_what_is_kept_does_not_change(make: Make, profile: LaserProfile) -> None:
+def test_what_is_kept_does_not_change(make, profile):
     design = short(make)
     assert changed(design, profile, "width") == {"length"}
     assert changed(design, profile, "width, length,angle") == {"branches"}
@@ -234,7 +231,7 @@ def test_branches_go_only_if_nothing_else_helps(make: Make, profile: LaserProfil
     assert fix_stages(everything) == (FILLETS,)
 
 
-def test_a_tapered_design_loses_whole_levels_too(make: Make, profile: LaserProfile) -> None:
+def test_a_tapered_design_loses_whole_levels_too(make, profile):
     design = make((2, 36.0, 80.0), (2, 20.0, 80.0), taper=(0.9, 0.9, 1.0))
     keep = parsed_keeps(["length,width", "angle"])
     found = fix_design(design, FixTargets.of(design, profile), keep=keep).design
@@ -243,7 +240,7 @@ def test_a_tapered_design_loses_whole_levels_too(make: Make, profile: LaserProfi
 
 
 @pytest.mark.parametrize("word", ["", "branch", "length,", "Length", "growth", "x" * 100_000])
-def test_a_word_that_says_nothing_is_refused(word: str) -> None:
+def test_a_word_that_says_nothing_is_refused(word):
     with pytest.raises(BadInputError, match="branches, length, angle, width") as caught:
         parsed_keeps(["branches", word])
     assert len(str(caught.value)) < 300

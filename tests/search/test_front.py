@@ -1,16 +1,12 @@
 """Several objectives at once: fronts, NSGA-II, and runs that end with a front."""
 
-from collections.abc import Sequence
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.search.conftest import optimize
 from vinefab.core.errors import BadInputError
-from vinefab.model.design import Design
-from vinefab.model.map import Map
 from vinefab.model.tree import branch_tree
 from vinefab.search.dask_cluster import deserialized, serialized
 from vinefab.search.evaluator import Evaluator
@@ -22,26 +18,17 @@ from vinefab.search.finalists import (
 from vinefab.search.optimizers.evolution import NsgaConfig, ranking
 from vinefab.search.optimizers.optimizer import FrontOptimizer, SearchAxes
 from vinefab.search.record.generations import RunIdentity
-from vinefab.search.record.result import RunResult
 from vinefab.search.record.store import RunStore
 from vinefab.search.run import Search
-from vinefab.search.settings import PartSettings, RunSettings, check_objectives
+from vinefab.search.settings import PartSettings, check_objectives
 from vinefab.tasks.evaluate import composites, score_design
 from vinefab.tasks.reach import Reach
 
-
-def optimize(
-    settings: RunSettings, maps: Sequence[Map], penalty: object = None, **options: object
-) -> RunResult:
-    return Search.of(settings, maps, penalty).run(**options)
-
-
-Maps = tuple[Map, ...]
 VALUES = st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), min_size=1, max_size=15)
 
 
 @given(VALUES)
-def test_a_front_holds_exactly_the_non_dominated_points(values: list[tuple[int, int]]) -> None:
+def test_a_front_holds_exactly_the_non_dominated_points(values):
     worth, cost = np.array(values, dtype=float).T
     kept = non_dominated(worth, cost[:, None])
     for row, (w, c) in enumerate(values):
@@ -50,14 +37,14 @@ def test_a_front_holds_exactly_the_non_dominated_points(values: list[tuple[int, 
         assert kept[row] == (first and not dominated)
 
 
-def test_the_knee_and_points_along_a_front() -> None:
+def test_the_knee_and_points_along_a_front():
     worth, cost = np.array([0.0, 0.5, 0.9, 1.0]), np.array([1.0, 2.0, 3.0, 10.0])
     assert knee(worth, cost) == 2
     assert spread_out(cost[::-1, None], 2) == [3, 0]
     assert spread_out(cost[:, None], 9) == [0, 1, 2, 3]
 
 
-def test_a_front_that_does_not_bend_has_no_knee() -> None:
+def test_a_front_that_does_not_bend_has_no_knee():
     cost = np.linspace(3.0, 9.0, 7)
     share = (cost - 3.0) / 6.0
     assert knee(share**2, cost) is None  # sags
@@ -69,9 +56,7 @@ def test_a_front_that_does_not_bend_has_no_knee() -> None:
 
 
 @given(VALUES, st.integers(1, 9), st.integers(-5, 5))
-def test_a_knee_is_above_the_line_between_the_ends_in_any_units(
-    values: list[tuple[int, int]], scale: int, shift: int
-) -> None:
+def test_a_knee_is_above_the_line_between_the_ends_in_any_units(values, scale, shift):
     worth, cost = np.array(values, dtype=float).T
     found = knee(worth, cost)
     assert knee(scale * worth + shift, 2.0 * scale * cost) == found
@@ -85,7 +70,7 @@ def test_a_knee_is_above_the_line_between_the_ends_in_any_units(
         assert _height(front, here) == pytest.approx(max(_height(front, p) for p in front))
 
 
-def _non_dominated(values: list[tuple[int, int]]) -> set[tuple[int, int]]:
+def _non_dominated(values):
     return {
         (c, w)
         for w, c in values
@@ -93,14 +78,14 @@ def _non_dominated(values: list[tuple[int, int]]) -> set[tuple[int, int]]:
     }
 
 
-def _height(front: list[tuple[int, int]], point: tuple[float, float]) -> float:
+def _height(front, point):
     """The vertical way from the line between the ends to a point, over the front's height."""
     (c0, w0), (c1, w1) = front[0], front[-1]
     on_line = w0 + (w1 - w0) * (point[0] - c0) / (c1 - c0)
     return (point[1] - on_line) / (w1 - w0)
 
 
-def test_ranking_goes_front_by_front_ends_first_and_infeasible_points_last() -> None:
+def test_ranking_goes_front_by_front_ends_first_and_infeasible_points_last():
     worth = np.array([1.0, 2.0, 3.0, 0.5, -9.0, -5.0, 1.9])
     cost = np.array([[1.0], [2.0], [3.0], [1.5], [0.1], [0.1], [2.5]])
     order = ranking(worth, cost, lowest=0.0).tolist()
@@ -110,7 +95,7 @@ def test_ranking_goes_front_by_front_ends_first_and_infeasible_points_last() -> 
     assert order[5:] == [5, 4]
 
 
-def sphere_front(seed: int, generations: int) -> np.ndarray:
+def sphere_front(seed, generations):
     """What NSGA-II finds for -|x - a| against |x - b|: the way from a to b."""
     a, b = np.full(4, 0.3), np.full(4, 0.7)
     search = NsgaConfig().start(SearchAxes.continuous(4), 24, seed)
@@ -123,7 +108,7 @@ def sphere_front(seed: int, generations: int) -> np.ndarray:
     return np.asarray(search.state()["parents"])
 
 
-def test_the_algorithm_finds_a_front_that_is_known() -> None:
+def test_the_algorithm_finds_a_front_that_is_known():
     x = sphere_front(1, 60)
     ways = np.linalg.norm(x - 0.3, axis=1) + np.linalg.norm(x - 0.7, axis=1)
     assert np.median(ways) < 1.03 * 0.8  # the straight way from a to b
@@ -133,13 +118,13 @@ def test_the_algorithm_finds_a_front_that_is_known() -> None:
     assert not np.array_equal(x, sphere_front(2, 60))
 
 
-def with_front(settings: RunSettings) -> RunSettings:
+def with_front(settings):
     return settings.changed(
         objectives=("coverage", "film_length"), optimizer=PartSettings(name="nsga2")
     )
 
 
-def test_finalists_of_a_run_are_its_front(small: RunSettings, maps: Maps) -> None:
+def test_finalists_of_a_run_are_its_front(small, maps):
     result = optimize(with_front(small), maps)
     x = np.concatenate([g.x for g in result.history])
     assert len(x) == 30
@@ -149,13 +134,11 @@ def test_finalists_of_a_run_are_its_front(small: RunSettings, maps: Maps) -> Non
     assert result.fabricable
 
 
-def test_a_front_is_the_same_after_an_interrupt(
-    small: RunSettings, maps: Maps, tmp_path: Path
-) -> None:
+def test_a_front_is_the_same_after_an_interrupt(small, maps, tmp_path):
     settings = with_front(small)
     whole = optimize(settings, maps)
 
-    def stop(progress: object) -> None:
+    def stop(progress):
         if progress.generation == 2:
             raise KeyboardInterrupt
 
@@ -169,7 +152,7 @@ def test_a_front_is_the_same_after_an_interrupt(
     assert len(resumed.history) == 5
 
 
-def with_two_tasks(settings: RunSettings, composite: str = "mean") -> RunSettings:
+def with_two_tasks(settings, composite="mean"):
     return settings.changed(
         objectives=("reach", "coverage", "branches"),
         other_parameters={"reach": {"buffer_mm": 25.0}},
@@ -179,9 +162,7 @@ def with_two_tasks(settings: RunSettings, composite: str = "mean") -> RunSetting
 
 
 @pytest.mark.parametrize("composite", ["mean", "min_deviation"])
-def test_other_tasks_are_scored_from_the_same_growths(
-    small: RunSettings, maps: Maps, composite: str
-) -> None:
+def test_other_tasks_are_scored_from_the_same_growths(small, maps, composite):
     settings = with_two_tasks(small, composite)
     result = optimize(settings, maps, workers=2)
     alone = small.changed(task=PartSettings(name="reach", parameters={"buffer_mm": 25.0}))
@@ -209,12 +190,12 @@ def test_other_tasks_are_scored_from_the_same_growths(
 
 
 def test_a_run_of_two_tasks_is_the_same_after_an_interrupt_and_in_other_processes(
-    small: RunSettings, maps: Maps, tmp_path: Path
-) -> None:
+    small, maps, tmp_path
+):
     settings = with_two_tasks(small)
     whole = optimize(settings, maps)
 
-    def stop(progress: object) -> None:
+    def stop(progress):
         if progress.generation == 3:
             raise KeyboardInterrupt
 
@@ -239,9 +220,7 @@ def test_a_run_of_two_tasks_is_the_same_after_an_interrupt_and_in_other_processe
 
 
 @pytest.mark.parametrize(("own", "key"), [("reach", "task."), ("coverage", "task.reach.")])
-def test_a_target_in_an_obstacle_is_refused_by_the_name_of_its_table(
-    small: RunSettings, maps: Maps, own: str, key: str
-) -> None:
+def test_a_target_in_an_obstacle_is_refused_by_the_name_of_its_table(small, maps, own, key):
     inside = maps[0].obstacles[3].representative_point()
     target = {"target_mm": [[250.0, 15.0], [inside.x, inside.y]]}
     settings = with_two_tasks(small).changed(other_parameters={"reach": target})
@@ -252,9 +231,7 @@ def test_a_target_in_an_obstacle_is_refused_by_the_name_of_its_table(
     assert caught.value.key == f"{key}target_mm[2]"
 
 
-def test_other_tasks_lose_for_head_on_stops_and_meet_the_same_contacts(
-    small: RunSettings, maps: Maps
-) -> None:
+def test_other_tasks_lose_for_head_on_stops_and_meet_the_same_contacts(small, maps):
     small = small.changed(
         growth=small.growth.changed(head_on_half_angle_rad=(0.02, 0.3)),
         evaluation=small.evaluation.changed(head_on_weight=0.3),
@@ -273,14 +250,14 @@ def test_other_tasks_lose_for_head_on_stops_and_meet_the_same_contacts(
 class Short:
     """Designs over 700 mm of film are penalized; those of 300 to 500 mm fail the full check."""
 
-    def __call__(self, design: Design) -> float:
+    def __call__(self, design):
         return max(0.0, branch_tree(design).total_length_mm - 700.0) / 1000.0
 
-    def passes(self, design: Design) -> bool:
+    def passes(self, design):
         return not 300.0 < branch_tree(design).total_length_mm < 500.0
 
 
-def test_every_design_of_a_front_is_manufacturable(fabricable: RunSettings, maps: Maps) -> None:
+def test_every_design_of_a_front_is_manufacturable(fabricable, maps):
     settings = with_front(fabricable.changed(search=fabricable.search.changed(population=20)))
     result = optimize(settings, maps, penalty=Short())
     for finalist in result.finalists:
@@ -299,8 +276,6 @@ def test_every_design_of_a_front_is_manufacturable(fabricable: RunSettings, maps
         (("coverage", "branches"), "pso", "'nsga2' for several objectives"),
     ],
 )
-def test_objectives_that_contradict_are_refused(
-    objectives: tuple[str, ...], optimizer: str, words: str
-) -> None:
+def test_objectives_that_contradict_are_refused(objectives, optimizer, words):
     with pytest.raises(BadInputError, match=words):
         check_objectives(objectives, "coverage", optimizer)

@@ -1,29 +1,19 @@
 """The front of a run as designs, JSON and a picture."""
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
+from tests.search.conftest import optimize
 from vinefab.growth.options import GrowthOptions, trained_growth
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.map import Map
 from vinefab.model.tree import branch_tree
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import Words
-from vinefab.search.record.result import RunResult
-from vinefab.search.run import Search
 from vinefab.search.run_pages import front_json, front_of, front_picture, front_table
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, SpaceSettings
-
-
-def optimize(
-    settings: RunSettings, maps: Sequence[Map], penalty: object = None, **options: object
-) -> RunResult:
-    return Search.of(settings, maps, penalty).run(**options)
-
 
 SETTINGS = RunSettings(
     name="two",
@@ -38,11 +28,11 @@ WORLD = grid_map(1)
 
 
 @pytest.fixture(scope="module")
-def result() -> RunResult:
+def result():
     return optimize(SETTINGS, (WORLD,))
 
 
-def test_a_front_rises_with_its_cost_and_no_member_dominates_another(result: RunResult) -> None:
+def test_a_front_rises_with_its_cost_and_no_member_dominates_another(result):
     members = front_of(result, SETTINGS)
     costs = [member.further for member in members]
     assert len(members) >= 2
@@ -56,7 +46,7 @@ def test_a_front_rises_with_its_cost_and_no_member_dominates_another(result: Run
             assert one is other or not (as_cheap and one.fitness >= other.fitness)
 
 
-def test_a_front_of_two_tasks_goes_from_one_to_the_other() -> None:
+def test_a_front_of_two_tasks_goes_from_one_to_the_other():
     straight = {"target_mm": [[260.0, 488.0]], "falloff_mm": 480.0, "reached_by": "tip"}
     settings = SETTINGS.changed(
         objectives=("coverage", "reach"), other_parameters={"reach": straight}
@@ -74,7 +64,7 @@ def test_a_front_of_two_tasks_goes_from_one_to_the_other() -> None:
     assert b"reach score (simulated)" in page_svg(front_picture(members, run, settings, WORLD))
 
 
-def test_json_and_text_describe_the_front(result: RunResult) -> None:
+def test_json_and_text_describe_the_front(result):
     members = front_of(result, SETTINGS)
     content = json.loads(front_json(members, result, SETTINGS))
     assert content["schema"] == "vinefab/front-1"
@@ -90,15 +80,13 @@ def test_json_and_text_describe_the_front(result: RunResult) -> None:
     assert ("no knee" in table.caption) == (not names)
 
 
-def test_a_knee_is_named_where_there_is_one(
-    result: RunResult,
-) -> None:
+def test_a_knee_is_named_where_there_is_one(result):
     """The same finalists with fitness that rises early, and with fitness that rises late."""
     settings = SETTINGS.changed(objectives=("coverage", "film_length"))
     by_cost = sorted(result.finalists, key=lambda f: branch_tree(f.design).total_length_mm)
     assert len(by_cost) >= 4
 
-    def with_fitness(power: float, count: int) -> RunResult:
+    def with_fitness(power, count):
         shares = (index / (count - 1 or 1) for index in range(count))
         finalists = (
             replace(f, fitness=share**power) for f, share in zip(by_cost, shares, strict=False)
@@ -122,7 +110,7 @@ def test_a_knee_is_named_where_there_is_one(
         assert page_svg(front_picture(members, flat, settings, WORLD))
 
 
-def test_the_picture_is_the_same_every_time_also_for_a_front_of_one(result: RunResult) -> None:
+def test_the_picture_is_the_same_every_time_also_for_a_front_of_one(result):
     members = front_of(result, SETTINGS)
     pictures = [page_svg(front_picture(members, result, SETTINGS, WORLD)) for _ in range(2)]
     assert pictures[0] == pictures[1]
@@ -130,9 +118,7 @@ def test_the_picture_is_the_same_every_time_also_for_a_front_of_one(result: RunR
     assert page_svg(front_picture(alone, result, SETTINGS, WORLD)) != pictures[0]
 
 
-def test_scores_of_the_search_and_fresh_ones_have_their_own_marker_and_words(
-    result: RunResult,
-) -> None:
+def test_scores_of_the_search_and_fresh_ones_have_their_own_marker_and_words(result):
     page = front_picture(front_of(result, SETTINGS), result, SETTINGS, WORLD)
     chart = page.panels[0]
     assert {words: signs.sign for words, signs in chart.legend.items()} == {

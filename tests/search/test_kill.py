@@ -5,7 +5,6 @@ import random
 import sys
 import time
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
@@ -14,7 +13,7 @@ SMALL_MAPS = "options = { size_mm = 250.0, columns = 3, rows = 3 }"
 
 
 @pytest.fixture(scope="module")
-def kill() -> ModuleType:
+def kill():
     spec = importlib.util.spec_from_file_location("kill_runs", Path(__file__).with_name("kill.py"))
     module = importlib.util.module_from_spec(spec)
     sys.modules["kill_runs"] = module
@@ -31,8 +30,8 @@ class NearTheLeast(random.Random):
 
 @pytest.mark.thorough
 def test_a_run_that_is_killed_and_out_of_disk_ends_as_the_undisturbed_one(
-    kill: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    kill, tmp_path, monkeypatch
+):
     monkeypatch.setattr(kill, "GENERATIONS", 150)
     monkeypatch.setattr(kill, "OPTIONS", (*kill.OPTIONS, "--no-page"))
     monkeypatch.setattr(kill, "MAPS", SMALL_MAPS)

@@ -1,7 +1,6 @@
 """The page of a run that is going on."""
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +14,11 @@ from vinefab.prediction.run_winner import run_in_folder
 from vinefab.search import run_pages
 from vinefab.search.record.generations import Generation, Progress
 from vinefab.search.run_pages import PAGE_NAME, LivePage
-from vinefab.search.settings import MapSettings, RunSettings
+from vinefab.search.settings import MapSettings
 
 
 @pytest.fixture
-def settings(small: RunSettings, monkeypatch: pytest.MonkeyPatch) -> RunSettings:
+def settings(small, monkeypatch):
     """A run on one map whose page is written after every generation."""
     monkeypatch.setattr(run_pages, "LEAST_PAUSE_S", 0.0)
     monkeypatch.setattr(run_pages, "_OF_PROCESSOR", 1e9)
@@ -27,8 +26,8 @@ def settings(small: RunSettings, monkeypatch: pytest.MonkeyPatch) -> RunSettings
     return small.changed(maps=MapSettings(count=1))
 
 
-def stopped_in(generation: int, seen: list[str], folder: Path) -> Callable[[Progress], None]:
-    def look(progress: Progress) -> None:
+def stopped_in(generation, seen, folder):
+    def look(progress):
         seen.append((folder / PAGE_NAME).read_text())
         if progress.generation == generation:
             raise KeyboardInterrupt
@@ -36,9 +35,7 @@ def stopped_in(generation: int, seen: list[str], folder: Path) -> Callable[[Prog
     return look
 
 
-def test_the_page_shows_the_run_while_it_goes_on_and_says_how_to_go_on(
-    settings: RunSettings, tmp_path: Path
-) -> None:
+def test_the_page_shows_the_run_while_it_goes_on_and_says_how_to_go_on(settings, tmp_path):
     seen: list[str] = []
     with pytest.raises(KeyboardInterrupt):
         run_in_folder(
@@ -56,19 +53,17 @@ def test_the_page_shows_the_run_while_it_goes_on_and_says_how_to_go_on(
     assert "http" not in re.sub(r"data:[^\"]*|http-equiv", "", ended)
 
 
-def test_no_result_depends_on_the_page(settings: RunSettings, tmp_path: Path) -> None:
+def test_no_result_depends_on_the_page(settings, tmp_path):
     one = run_in_folder(settings, tmp_path / "one", again="", page=True).result
     two = run_in_folder(settings, tmp_path / "two", again="", page=False).result
     assert (one.best, one.prediction) == (two.best, two.prediction)
     assert not (tmp_path / "two" / PAGE_NAME).exists()
 
 
-def test_a_page_that_cannot_be_written_stops_no_run(
-    settings: RunSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_page_that_cannot_be_written_stops_no_run(settings, tmp_path, monkeypatch):
     calls: list[Path] = []
 
-    def full(path: Path, _: str) -> Path:
+    def full(path, _):
         calls.append(path)
         raise CannotWriteError(path, "disk full")
 
@@ -78,24 +73,20 @@ def test_a_page_that_cannot_be_written_stops_no_run(
     assert len(calls) == 1
 
 
-def test_a_refused_run_leaves_the_page_of_another_one(
-    settings: RunSettings, tmp_path: Path
-) -> None:
+def test_a_refused_run_leaves_the_page_of_another_one(settings, tmp_path):
     (tmp_path / PAGE_NAME).write_text("written by vinefab: of another run")
     with pytest.raises(InterruptedRunError), LivePage(tmp_path, settings, ""):
         raise InterruptedRunError("before the first generation", "")
     assert (tmp_path / PAGE_NAME).read_text() == "written by vinefab: of another run"
 
 
-def test_pages_are_written_no_oftener_than_their_cost_allows(
-    settings: RunSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_pages_are_written_no_oftener_than_their_cost_allows(settings, tmp_path, monkeypatch):
     now_s, written = [0.0], [0]
     monkeypatch.setattr(run_pages, "LEAST_PAUSE_S", 3.0)
     monkeypatch.setattr(run_pages, "_OF_TIME", 0.05)
     monkeypatch.setattr(run_pages.time, "monotonic", lambda: now_s[0])
 
-    def slow(path: Path, _: str) -> Path:
+    def slow(path, _):
         now_s[0] += 2.0
         written[0] += 1
         return path
@@ -110,7 +101,7 @@ def test_pages_are_written_no_oftener_than_their_cost_allows(
     assert spent_s / now_s[0] < 0.07
 
 
-def generation(number: int, best: float = 0.3) -> Generation:
+def generation(number, best=0.3):
     values = np.array([0.1, best, -1e6])
     return Generation(
         number=number,
@@ -123,7 +114,7 @@ def generation(number: int, best: float = 0.3) -> Generation:
     )
 
 
-def progress(history: list[Generation]) -> Progress:
+def progress(history):
     return Progress(
         generation=len(history),
         generations=10,
@@ -137,16 +128,14 @@ def progress(history: list[Generation]) -> Progress:
     )
 
 
-def test_a_killed_session_leaves_no_half_written_page(
-    settings: RunSettings, tmp_path: Path
-) -> None:
+def test_a_killed_session_leaves_no_half_written_page(settings, tmp_path):
     (tmp_path / f".{PAGE_NAME}.k1ll3d").write_text("half")
     LivePage(tmp_path, settings, "").update(progress([generation(0)]))
     assert sorted(path.name for path in tmp_path.iterdir()) == [PAGE_NAME]
 
 
 @pytest.mark.parametrize("count", [1, 2, 5 * MOST_POINTS])
-def test_the_curve_is_drawn_at_any_length_within_its_frame(count: int) -> None:
+def test_the_curve_is_drawn_at_any_length_within_its_frame(count):
     best = np.linspace(-5.0, 0.4, count)
     mean, spread = np.linspace(0.1, 0.3, count), np.full(count, 0.05)
     mean[0] = np.nan if count > 2 else mean[0]
@@ -160,7 +149,7 @@ def test_the_curve_is_drawn_at_any_length_within_its_frame(count: int) -> None:
     assert len(places) <= 4 * MOST_POINTS
 
 
-def test_the_curve_of_designs_that_all_fail_is_empty() -> None:
+def test_the_curve_of_designs_that_all_fail_is_empty():
     gap = np.full(3, np.nan)
     (panel,) = fitness_curve(gap, gap, gap).panels
     assert all(isinstance(one, Shape) and not one.chains for one in panel.primitives)

@@ -3,43 +3,34 @@
 import gc
 import math
 import tracemalloc
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
+from tests.search.conftest import optimize
 from vinefab.core.errors import BadInputError
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.search.evaluator import FINAL, INVALID_FITNESS, TRAINING, Evaluator, EvaluatorSpec
-from vinefab.search.optimizers.optimizer import OPTIMIZERS, Optimizer, RandomSearch, SearchAxes
+from vinefab.search.optimizers.optimizer import OPTIMIZERS, RandomSearch
 from vinefab.search.record.generations import Generation, Progress
-from vinefab.search.record.result import RunResult
 from vinefab.search.run import AHEAD, Schedule, Search, why_stop
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 from vinefab.tasks.coverage import Coverage
-from vinefab.tasks.evaluate import Conditions, score_design
+from vinefab.tasks.evaluate import score_design
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.reach import Reach
-from vinefab.tasks.task import Outcome, Task
-
-
-def optimize(
-    settings: RunSettings, maps: Sequence[Map], penalty: object = None, **options: object
-) -> RunResult:
-    return Search.of(settings, maps, penalty).run(**options)
-
+from vinefab.tasks.task import Outcome
 
 Maps = tuple[Map, ...]
-Penalty = Callable[[Design], float]
 
 
-def same(one: RunResult, other: RunResult) -> bool:
+def same(one, other):
     """Whether two runs agree in every number but the times."""
     numbers = [
         np.concatenate([np.r_[g.x.ravel(), g.fitness, g.penalty] for g in result.history])
@@ -53,7 +44,7 @@ def same(one: RunResult, other: RunResult) -> bool:
     )
 
 
-def test_a_run_gives_a_named_design_and_its_whole_history(small: RunSettings, maps: Maps) -> None:
+def test_a_run_gives_a_named_design_and_its_whole_history(small, maps):
     seen: list[Progress] = []
     result = optimize(small, maps, progress=seen.append)
     assert result.best.name == "small"
@@ -69,18 +60,16 @@ def test_a_run_gives_a_named_design_and_its_whole_history(small: RunSettings, ma
     assert set(result.history[0].terms) == {"area", "count", "length", "film", "eta"}
 
 
-def test_the_number_of_workers_changes_nothing(small: RunSettings, maps: Maps) -> None:
+def test_the_number_of_workers_changes_nothing(small, maps):
     assert same(optimize(small, maps), optimize(small, maps, workers=3))
 
 
-def test_the_seed_changes_the_run(small: RunSettings, maps: Maps) -> None:
+def test_the_seed_changes_the_run(small, maps):
     other = small.changed(search=small.search.changed(seed=4))
     assert not same(optimize(small, maps), optimize(other, maps))
 
 
-def test_poses_are_the_same_within_a_generation_and_differ_between_generations(
-    small: RunSettings, maps: Maps
-) -> None:
+def test_poses_are_the_same_within_a_generation_and_differ_between_generations(small, maps):
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
     assert evaluator.conditions(3, TRAINING, 0, 2) == evaluator.conditions(3, TRAINING, 0, 2)
     draws = [evaluator.conditions(3, TRAINING, g, 2) for g in range(3)] + [
@@ -90,7 +79,7 @@ def test_poses_are_the_same_within_a_generation_and_differ_between_generations(
     assert len({pose for draw in draws for poses in draw.poses for pose in poses}) == 4 * 2 * 2
 
 
-def test_fitness_can_be_computed_again_from_the_record(small: RunSettings, maps: Maps) -> None:
+def test_fitness_can_be_computed_again_from_the_record(small, maps):
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
     for redraw in (True, False):
         settings = small.changed(evaluation=small.evaluation.changed(redraw=redraw))
@@ -102,9 +91,7 @@ def test_fitness_can_be_computed_again_from_the_record(small: RunSettings, maps:
             assert score.composite["mean"] == fitness
 
 
-def test_finalists_are_evaluated_on_fresh_poses_and_the_best_there_wins(
-    small: RunSettings, maps: Maps
-) -> None:
+def test_finalists_are_evaluated_on_fresh_poses_and_the_best_there_wins(small, maps):
     result = optimize(small, maps)
     fitness = [finalist.fitness for finalist in result.finalists]
     assert len(fitness) == 3
@@ -117,9 +104,7 @@ def test_finalists_are_evaluated_on_fresh_poses_and_the_best_there_wins(
     assert len(result.score.evaluations) == 4
 
 
-def test_the_winner_is_manufacturable_when_the_run_checks_it(
-    fabricable: RunSettings, small: RunSettings, maps: Maps, film_penalty: Penalty
-) -> None:
+def test_the_winner_is_manufacturable_when_the_run_checks_it(fabricable, small, maps, film_penalty):
     free = optimize(small, maps, penalty=film_penalty)
     bound = optimize(fabricable, maps, penalty=film_penalty)
     assert film_penalty(free.best) > 0.0
@@ -131,7 +116,7 @@ def test_the_winner_is_manufacturable_when_the_run_checks_it(
         assert (generation.fitness[~manufacturable] < -0.5).all()
 
 
-def test_the_search_learns(small: RunSettings, maps: Maps) -> None:
+def test_the_search_learns(small, maps):
     longer = small.changed(search=small.search.changed(population=10, generations=15))
     history = optimize(longer, maps).history
     early = np.mean([g.composite.mean() for g in history[:2]])
@@ -157,10 +142,8 @@ def test_points_without_valid_designs_have_the_lowest_fitness_and_do_not_stop_th
     assert result.score.composite["mean"] > -0.5
 
 
-def test_a_penalty_that_refuses_a_design_makes_it_invalid(
-    fabricable: RunSettings, maps: Maps
-) -> None:
-    def refusing(design: Design) -> float:
+def test_a_penalty_that_refuses_a_design_makes_it_invalid(fabricable, maps):
+    def refusing(design):
         raise BadInputError("outline", design.name, "a design that can be laid out")
 
     with pytest.raises(BadInputError, match="bounds that hold designs"):
@@ -175,20 +158,18 @@ class StrayConfig:
 
     value: float = math.nan
 
-    def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
+    def start(self, axes, population, seed):
         dimensions, value = len(axes), self.value
 
         class Stray(RandomSearch):
-            def ask(self) -> np.ndarray:
+            def ask(self):
                 return np.full((population, dimensions), value)
 
         return Stray(dimensions, population, seed)
 
 
 @pytest.mark.parametrize("value", [math.nan, 1.5])
-def test_an_optimizer_that_leaves_the_space_is_named(
-    small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch, value: float
-) -> None:
+def test_an_optimizer_that_leaves_the_space_is_named(small, maps, monkeypatch, value):
     parts: Mapping[str, object] = {**OPTIMIZERS._parts, "stray": StrayConfig}
     monkeypatch.setattr(OPTIMIZERS, "_parts", parts)
     stray = small.changed(optimizer=PartSettings(name="stray", parameters={"value": value}))
@@ -200,15 +181,15 @@ def test_an_optimizer_that_leaves_the_space_is_named(
 class InPlaceConfig:
     """The config of an optimizer that reuses the arrays that it returns and is given."""
 
-    def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
+    def start(self, axes, population, seed):
         class InPlace(RandomSearch):
             x = np.empty((population, len(axes)))
 
-            def ask(self) -> np.ndarray:
+            def ask(self):
                 self.x[:] = super().ask()
                 return self.x
 
-            def tell(self, x: np.ndarray, fitness: np.ndarray) -> None:
+            def tell(self, x, fitness):
                 super().tell(x, fitness)
                 x[:] = 0.0
                 fitness.sort()
@@ -216,9 +197,7 @@ class InPlaceConfig:
         return InPlace(len(axes), population, seed)
 
 
-def test_an_optimizer_may_reuse_the_arrays_that_it_returns_and_is_given(
-    small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_optimizer_may_reuse_the_arrays_that_it_returns_and_is_given(small, maps, monkeypatch):
     parts: Mapping[str, object] = {**OPTIMIZERS._parts, "in_place": InPlaceConfig}
     monkeypatch.setattr(OPTIMIZERS, "_parts", parts)
     usual = small.changed(optimizer=PartSettings(name="random"))
@@ -231,14 +210,12 @@ def test_an_optimizer_may_reuse_the_arrays_that_it_returns_and_is_given(
 
 
 @pytest.mark.parametrize("generations", [5, AHEAD])
-def test_poses_that_no_generation_needs_cannot_end_a_run(
-    small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch, generations: int
-) -> None:
+def test_poses_that_no_generation_needs_cannot_end_a_run(small, maps, monkeypatch, generations):
     """Those of another seed, and those after the last generation."""
     settings = small.changed(search=small.search.changed(generations=generations))
     draw, whole = Evaluator.training_conditions, optimize(settings, maps)
 
-    def rare(evaluator: Evaluator, seed: int, generation: int) -> Conditions:
+    def rare(evaluator, seed, generation):
         if seed != settings.search.seed or generation >= generations:
             raise BadInputError("starts", generation, "a start with free space in its range")
         return draw(evaluator, seed, generation)
@@ -247,9 +224,7 @@ def test_poses_that_no_generation_needs_cannot_end_a_run(
     assert same(whole, optimize(settings, maps))
 
 
-def test_unusable_inputs_are_refused(
-    small: RunSettings, fabricable: RunSettings, maps: Maps
-) -> None:
+def test_unusable_inputs_are_refused(small, fabricable, maps):
     with pytest.raises(BadInputError, match="at least one map"):
         optimize(small, ())
     with pytest.raises(BadInputError, match="a penalty function"):
@@ -265,7 +240,7 @@ def test_unusable_inputs_are_refused(
         optimize(small.changed(space=fixed), maps)
 
 
-def test_spaces_that_no_search_could_use_are_refused(small: RunSettings, maps: Maps) -> None:
+def test_spaces_that_no_search_could_use_are_refused(small, maps):
     wide = small.changed(
         build=BuildSettings(trunk_width_mm=400.0),
         growth=GrowthOptions.published(body="inflated"),
@@ -279,7 +254,7 @@ def test_spaces_that_no_search_could_use_are_refused(small: RunSettings, maps: M
         Search.of(small.changed(space=huge), maps, None)
 
 
-def past(*best: float, seconds: float = 1.0) -> list[Generation]:
+def past(*best, seconds=1.0):
     return [
         Generation(
             number=number,
@@ -294,7 +269,7 @@ def past(*best: float, seconds: float = 1.0) -> list[Generation]:
     ]
 
 
-def test_a_run_stops_for_each_of_its_reasons() -> None:
+def test_a_run_stops_for_each_of_its_reasons():
     search = SearchSettings(generations=5, stall_generations=2, wall_time_s=10.0)
     assert why_stop([], search) is None
     assert why_stop(past(0.1, 0.2, 0.3, 0.4, 0.5), search) == "generations"
@@ -309,7 +284,7 @@ def test_a_run_stops_for_each_of_its_reasons() -> None:
     assert why_stop(past(0.1, 0.2, 0.3), SearchSettings(evaluations=3)) == "evaluations"
 
 
-def test_settings_that_contradict_are_refused() -> None:
+def test_settings_that_contradict_are_refused():
     with pytest.raises(BadInputError, match="composite"):
         EvaluationSettings(composite="median")
     with pytest.raises(BadInputError, match="penalty_weight"):
@@ -318,9 +293,7 @@ def test_settings_that_contradict_are_refused() -> None:
         SearchSettings(population=1)
 
 
-def test_poses_drawn_ahead_are_those_drawn_one_by_one(
-    small: RunSettings, maps: tuple[Map, ...]
-) -> None:
+def test_poses_drawn_ahead_are_those_drawn_one_by_one(small, maps):
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
     schedule = Schedule(evaluator, 3)
     for generation in (0, 1, AHEAD - 1, AHEAD, 3 * AHEAD + 2, 5):
@@ -333,9 +306,7 @@ def test_poses_drawn_ahead_are_those_drawn_one_by_one(
         np.testing.assert_array_equal(ready.terrain, anew.terrain)
 
 
-def test_poses_that_are_not_redrawn_are_drawn_once(
-    small: RunSettings, maps: tuple[Map, ...]
-) -> None:
+def test_poses_that_are_not_redrawn_are_drawn_once(small, maps):
     still = small.changed(evaluation=small.evaluation.changed(redraw=False))
     schedule = Schedule(Evaluator.of(EvaluatorSpec(settings=still, maps=maps)), 3)
     assert schedule.conditions(0) is schedule.conditions(77)
@@ -355,7 +326,7 @@ class Leaves:
         return share - self.price, {"share": share}
 
 
-def test_a_task_object_is_searched_and_named_in_the_result(small: RunSettings, maps: Maps) -> None:
+def test_a_task_object_is_searched_and_named_in_the_result(small, maps):
     search = Search.of(small, maps, task=Leaves(price=0.5))
     assert search.settings.task == PartSettings(name="leaves", parameters={"price": 0.5})
     result = search.run()
@@ -369,13 +340,11 @@ def test_a_task_object_is_searched_and_named_in_the_result(small: RunSettings, m
     assert cheaper.history[0].composite == pytest.approx(result.history[0].composite + 0.25)
 
 
-def search_again(small: RunSettings, maps: Maps, task: Task) -> RunResult:
+def search_again(small, maps, task):
     return Search.of(small, maps, task=task).run(workers=2)
 
 
-def test_a_task_object_pays_for_head_on_stops_and_may_be_weighed_against_costs(
-    small: RunSettings, maps: Maps
-) -> None:
+def test_a_task_object_pays_for_head_on_stops_and_may_be_weighed_against_costs(small, maps):
     priced = small.changed(evaluation=small.evaluation.changed(head_on_weight=0.5))
     assert "head_on" in Search.of(priced, maps, task=Leaves()).run().history[0].terms
     several = small.changed(
@@ -388,9 +357,7 @@ def test_a_task_object_pays_for_head_on_stops_and_may_be_weighed_against_costs(
 
 
 @pytest.mark.parametrize("task", [Coverage(radius_mm=40.0), Reach(buffer_mm=30.0)])
-def test_a_shipped_task_is_the_same_by_name_and_as_an_object(
-    small: RunSettings, maps: Maps, task: Coverage | Reach
-) -> None:
+def test_a_shipped_task_is_the_same_by_name_and_as_an_object(small, maps, task):
     key = "radius_mm" if isinstance(task, Coverage) else "buffer_mm"
     part = PartSettings(name=task.name, parameters={key: getattr(task, key)})
     named = optimize(small.changed(task=part), maps)
@@ -400,10 +367,8 @@ def test_a_shipped_task_is_the_same_by_name_and_as_an_object(
         assert np.array_equal(one.fitness, other.fitness)
 
 
-def test_a_search_measures_areas_fast_unless_the_task_says_how(
-    small: RunSettings, maps: Maps
-) -> None:
-    def task_of(settings: RunSettings, task: Task | None = None) -> Task:
+def test_a_search_measures_areas_fast_unless_the_task_says_how(small, maps):
+    def task_of(settings, task=None):
         return Search.of(settings, maps, task=task).evaluator.task
 
     assert task_of(small) == Coverage(area="fast")
@@ -414,10 +379,10 @@ def test_a_search_measures_areas_fast_unless_the_task_says_how(
     assert task_of(small, Leaves()) == Leaves()
 
 
-def test_a_run_holds_no_more_than_its_history(small: RunSettings, maps: Maps) -> None:
+def test_a_run_holds_no_more_than_its_history(small, maps):
     held: list[int] = []
 
-    def watch(progress: Progress) -> None:
+    def watch(progress):
         if progress.generation == 20:
             tracemalloc.start()
         elif progress.generation == 80:
@@ -432,6 +397,6 @@ def test_a_run_holds_no_more_than_its_history(small: RunSettings, maps: Maps) ->
     assert held[0] / 60 < per_generation + 3000
 
 
-def _array_bytes(generation: Generation) -> int:
+def _array_bytes(generation):
     arrays = (generation.x, generation.fitness, generation.composite, generation.penalty)
     return sum(array.nbytes for array in (*arrays, *generation.terms.values()))

@@ -11,7 +11,7 @@ from vinefab.fabrication.checking import check_design
 from vinefab.model.design import Build, Design, Level, Pouch, Waiver
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.model.laser import LaserProfile, Quantity, Standing
+from vinefab.model.laser import Quantity, Standing
 from vinefab.search.evaluator import FullCheck
 from vinefab.search.manufacturability import (
     ManufacturabilityPenalty,
@@ -23,24 +23,24 @@ from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
 
 
 @pytest.fixture(scope="module")
-def penalty() -> ManufacturabilityPenalty:
+def penalty():
     return ManufacturabilityPenalty(profile=read_profile(DEFAULT_RECIPE))
 
 
-def fork(fan_rad: float, length_mm: float = 200.0) -> Design:
+def fork(fan_rad, length_mm=200.0):
     """Return a fork that is cut as designed."""
     level = Level(branches=2, length_mm=length_mm, fan_rad=fan_rad)
     build = Build.standard(2).changed(compensation="none")
     return Design(name="fork", trunk_length_mm=150.0, levels=(level,), build=build)
 
 
-def test_a_good_design_has_no_penalty_and_passes(penalty: ManufacturabilityPenalty) -> None:
+def test_a_good_design_has_no_penalty_and_passes(penalty):
     assert isinstance(penalty, FullCheck)
     assert penalty(fork(1.2)) == 0.0
     assert penalty.passes(fork(1.2))
 
 
-def test_the_pattern_decides_what_can_be_cut(penalty: ManufacturabilityPenalty) -> None:
+def test_the_pattern_decides_what_can_be_cut(penalty):
     """At 13 degrees no crotch has room; what deploys there is cut at 37 and passes."""
     compensated = Build.standard(2).changed(compensation="inflation")
     narrow, nearer = fork(0.23), fork(0.1)
@@ -52,9 +52,7 @@ def test_the_pattern_decides_what_can_be_cut(penalty: ManufacturabilityPenalty) 
     assert penalty.passes(nearer.changed(build=compensated))
 
 
-def test_a_search_keeps_to_one_bed_though_larger_robots_may_be_cut_in_tiles(
-    penalty: ManufacturabilityPenalty,
-) -> None:
+def test_a_search_keeps_to_one_bed_though_larger_robots_may_be_cut_in_tiles(penalty):
     long = fork(1.2, 900.0)
     assert penalty(long) > 0.0
     assert penalty.passes(long)
@@ -63,14 +61,12 @@ def test_a_search_keeps_to_one_bed_though_larger_robots_may_be_cut_in_tiles(
     assert not penalty.passes(endless)
 
 
-def test_a_narrow_fan_is_seen_by_both(penalty: ManufacturabilityPenalty) -> None:
+def test_a_narrow_fan_is_seen_by_both(penalty):
     assert penalty(fork(0.1)) > 0.0
     assert not penalty.passes(fork(0.1))
 
 
-def test_a_waived_finding_does_not_count_against_a_design(
-    penalty: ManufacturabilityPenalty,
-) -> None:
+def test_a_waived_finding_does_not_count_against_a_design(penalty):
     narrow = fork(0.24)
     waivers = tuple(
         Waiver(fingerprint=finding.fingerprint, reason="tried")
@@ -80,9 +76,7 @@ def test_a_waived_finding_does_not_count_against_a_design(
     assert penalty.passes(narrow.changed(waivers=waivers))
 
 
-def test_leaves_that_cannot_grow_at_what_the_trunk_stands_are_seen_by_both(
-    penalty: ManufacturabilityPenalty,
-) -> None:
+def test_leaves_that_cannot_grow_at_what_the_trunk_stands_are_seen_by_both(penalty):
     build = Build(widths_mm=(60.0, 24.0), fillet_mm=(6.0,), pressure_kpa=10.0)
     wide = fork(1.2, 200.0).changed(build=build)
     assert penalty.passes(wide)
@@ -96,10 +90,10 @@ def test_leaves_that_cannot_grow_at_what_the_trunk_stands_are_seen_by_both(
     assert not known.passes(narrow)
 
 
-def measured_film(profile: LaserProfile) -> LaserProfile:
+def measured_film(profile):
     """The same film where a tube of 20 mm burst at 70 kPa, and the published growth: measured."""
 
-    def measured(value: float) -> Quantity:
+    def measured(value):
         return Quantity(value=value, standing=Standing.MEASURED, source="a test")
 
     seam = {"burst_kpa": measured(70.0), "burst_width_mm": measured(20.0)}
@@ -118,9 +112,7 @@ def measured_film(profile: LaserProfile) -> LaserProfile:
     )
 
 
-def test_a_complaint_names_the_rules_that_forbid_a_design(
-    penalty: ManufacturabilityPenalty,
-) -> None:
+def test_a_complaint_names_the_rules_that_forbid_a_design(penalty):
     assert penalty.violations(fork(1.2)) == ""
     message = penalty.violations(fork(0.1))
     assert message.startswith("VF-T02, VF-C02, VF-C03, VF-I01, VF-L02 (the outline")
@@ -133,7 +125,7 @@ PENALTY = ManufacturabilityPenalty(profile=PROFILE)
 THREE = Bounds(low=3, high=5)
 
 
-def refused(settings: RunSettings, profile: LaserProfile = PROFILE) -> str:
+def refused(settings, profile=PROFILE):
     """Return why a run is refused; empty if it is not."""
     penalty = ManufacturabilityPenalty(profile=profile)
     try:
@@ -143,12 +135,12 @@ def refused(settings: RunSettings, profile: LaserProfile = PROFILE) -> str:
     return ""
 
 
-def run(levels: Bounds = THREE, build: BuildSettings | None = None, **space: Bounds) -> RunSettings:
+def run(levels=THREE, build=None, **space):
     settings = SpaceSettings(levels=levels, **space)
     return RunSettings(space=settings, build=build or BuildSettings())
 
 
-def bounds(low: float, high: float) -> Bounds:
+def bounds(low, high):
     return Bounds(low=low, high=high)
 
 
@@ -197,9 +189,7 @@ INFEASIBLE = {
 
 
 @pytest.mark.parametrize(("settings", "words", "rule"), INFEASIBLE.values(), ids=INFEASIBLE)
-def test_refused_spaces_have_no_manufacturable_design(
-    settings: RunSettings, words: str, rule: str
-) -> None:
+def test_refused_spaces_have_no_manufacturable_design(settings, words, rule):
     message = refused(settings)
     assert words in message
     assert f"(VF-{rule}), or evaluation.fabricable = false" in message
@@ -209,12 +199,12 @@ def test_refused_spaces_have_no_manufacturable_design(
         assert PENALTY(design) > 0.0 or not PENALTY.passes(design)
 
 
-def test_the_width_that_is_named_holds_the_film() -> None:
+def test_the_width_that_is_named_holds_the_film():
     wide = run(bounds(4, 4), BuildSettings(trunk_width_mm=54.3), branches=bounds(4, 4))
     assert "W03" not in refused(wide)
 
 
-def test_a_pressure_is_refused_where_the_seams_limit_was_measured() -> None:
+def test_a_pressure_is_refused_where_the_seams_limit_was_measured():
     settings = run(build=BuildSettings(pressure_kpa=60.0))
     assert refused(settings) == ""
     message = refused(settings, measured_film(PROFILE))
@@ -235,13 +225,11 @@ FEASIBLE = {
 
 
 @pytest.mark.parametrize("settings", FEASIBLE.values(), ids=FEASIBLE)
-def test_spaces_with_a_corner_that_passes_each_rule_are_left_to_the_search(
-    settings: RunSettings,
-) -> None:
+def test_spaces_with_a_corner_that_passes_each_rule_are_left_to_the_search(settings):
     assert refused(settings) == ""
 
 
-def test_a_level_of_its_own_is_named() -> None:
+def test_a_level_of_its_own_is_named():
     by_level = {3: {"angle_deg": bounds(2, 9)}}
     message = refused(RunSettings(space=SpaceSettings(levels=THREE, by_level=by_level)))
     assert "space.level 3.angle_deg is [2, 9]" in message
@@ -249,7 +237,7 @@ def test_a_level_of_its_own_is_named() -> None:
     assert refused(RunSettings(space=SpaceSettings(levels=bounds(2, 5), by_level=by_level))) == ""
 
 
-def test_the_limits_of_the_recipe_count() -> None:
+def test_the_limits_of_the_recipe_count():
     settings = run(build=BuildSettings(trunk_width_mm=14.0))
     assert refused(settings) == ""
     recipe = PROFILE.recipe.changed(limits={"VF-W01": {"error": 6.0}})

@@ -1,7 +1,5 @@
 """What is said of trunk and targets before a search, and the trunk that film is given."""
 
-from pathlib import Path
-
 import pytest
 
 from tests.search.target_cases import SPACE, cases, thick_film
@@ -18,7 +16,7 @@ from vinefab.search.settings import RunSettings
 from vinefab.search.space import BuildSettings
 
 
-def run_file(folder: Path, text: str) -> RunSettings:
+def run_file(folder, text):
     """Read a run of the space of the target cases with film of 0.1 mm, and more tables."""
     ranges = "".join(f"{name} = {ends}\n" for name, ends in SPACE.items())
     path = folder / "run.toml"
@@ -36,16 +34,14 @@ def run_file(folder: Path, text: str) -> RunSettings:
         ("fabricable = false\n[build]\nwidth_ratio = 0.8", 40.0),
     ],
 )
-def test_a_run_file_without_a_trunk_width_gets_one_that_its_film_takes(
-    tmp_path: Path, text: str, width_mm: float
-) -> None:
+def test_a_run_file_without_a_trunk_width_gets_one_that_its_film_takes(tmp_path, text, width_mm):
     assert run_file(tmp_path, text).build.trunk_width_mm == width_mm
 
 
 @pytest.mark.parametrize(("width_mm", "passes"), [(61.0, True), (59.0, False)])
 def test_the_width_is_the_narrowest_that_three_levels_of_the_film_keep_the_rule_with(
-    tmp_path: Path, width_mm: float, *, passes: bool
-) -> None:
+    tmp_path, width_mm, *, passes
+):
     build = BuildSettings(trunk_width_mm=width_mm, width_ratio=0.8, compensation="none").build(3)
     levels = tuple(Level.of(branches=3, length_mm=150.0, angle_deg=120.0) for _ in range(2))
     design = Design(name="tree", trunk_length_mm=150.0, levels=levels, build=build)
@@ -53,13 +49,11 @@ def test_the_width_is_the_narrowest_that_three_levels_of_the_film_keep_the_rule_
     assert (not run_checks(subject, only={"VF-W03"}).blocking) is passes
 
 
-def searched(settings: RunSettings) -> Search:
+def searched(settings):
     return Search.of(settings, training_maps(settings), penalty_of(settings))
 
 
-def test_a_narrow_trunk_and_a_small_sheet_are_named_before_anything_is_searched(
-    tmp_path: Path,
-) -> None:
+def test_a_narrow_trunk_and_a_small_sheet_are_named_before_anything_is_searched(tmp_path):
     asked = {(kind, number): settings for kind, number, settings in cases(tmp_path, 2)}
     flat, pieces = (asked[f"0.1 mm, 300 mm roll, {kind}", 1] for kind in ("flat", "pieces"))
     narrow = pieces.changed(build=pieces.build.changed(trunk_width_mm=24.0))
@@ -77,9 +71,7 @@ def test_a_narrow_trunk_and_a_small_sheet_are_named_before_anything_is_searched(
     assert said_before(searched(asked["shipped film, flat", 1]).evaluator) == ""
 
 
-def test_a_run_says_it_with_its_first_generation_and_where_targets_are_missed(
-    tmp_path: Path,
-) -> None:
+def test_a_run_says_it_with_its_first_generation_and_where_targets_are_missed(tmp_path):
     asked = {(kind, number): settings for kind, number, settings in cases(tmp_path, 2)}
     settings, seen = asked["0.1 mm, 300 mm roll, flat", 1], list[Progress]()
     settings = settings.changed(search=settings.search.changed(population=12))

@@ -9,12 +9,10 @@ import pytest
 
 from vinefab.core.rng import child
 from vinefab.fabrication.rules.catalog import run_checks
-from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design, Level, default_fillets_mm
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.finding import Severity
-from vinefab.model.laser import LaserProfile
 from vinefab.search.penalty_batch import PenaltyRules
 
 Make = Callable[..., Design]
@@ -28,7 +26,7 @@ SHEET_MM = (980.0, 580.0)
 """The usable bed less 10 mm for seam, kerf and overcut."""
 
 
-def errors(design: Design, profile: LaserProfile) -> set[str]:
+def errors(design, profile):
     report = run_checks(Subject.of(design, profile))
     return {f.rule for f in report.findings if f.severity is Severity.ERROR}
 
@@ -40,17 +38,13 @@ NO_LASER = {
 """Arcs come and go in steps: here, as if the laser could run the shortest of them."""
 
 
-def penalty(
-    design: Design, limits: LimitChanges | None = None, sheet_mm: tuple[float, float] = (1e5, 1e5)
-) -> float:
+def penalty(design, limits=None, sheet_mm=(100000.0, 100000.0)):
     design = design.changed(build=design.build.changed(compensation="none"))
     rules = PenaltyRules.of(design.build, PROFILE, NO_LASER | (limits or {}), sheet_mm, grows=False)
     return float(rules.penalties([design])[0])
 
 
-def window_penalty(
-    design: Design, profile: LaserProfile, limits: LimitChanges | None = None
-) -> float:
+def window_penalty(design, profile, limits=None):
     """What the pressure for growth adds."""
     with_growth, without = (
         PenaltyRules.of(design.build, profile, limits or {}, (1e5, 1e5), grows=grows)
@@ -60,7 +54,7 @@ def window_penalty(
 
 
 @pytest.fixture(scope="module")
-def penalties(profile: LaserProfile, random_design: Make) -> list[tuple[float, set[str]]]:
+def penalties(profile, random_design):
     """Penalty of random designs, and the rules that find errors in them."""
     designs = [random_design(child(11, number)) for number in range(150)]
     return [
@@ -68,22 +62,20 @@ def penalties(profile: LaserProfile, random_design: Make) -> list[tuple[float, s
     ]
 
 
-def test_no_penalty_means_no_errors_from_the_rules_it_stands_for(
-    penalties: list[tuple[float, set[str]]],
-) -> None:
+def test_no_penalty_means_no_errors_from_the_rules_it_stands_for(penalties):
     clean = [found for penalty, found in penalties if penalty == 0.0]
     assert len(clean) > 10
     assert all(found == set() for found in clean)
     assert sum(penalty > 0.0 and bool(found) for penalty, found in penalties) > 50
 
 
-def test_a_clean_design_is_hardly_ever_penalized(penalties: list[tuple[float, set[str]]]) -> None:
+def test_a_clean_design_is_hardly_ever_penalized(penalties):
     clean = [penalty for penalty, found in penalties if not found]
     assert len(clean) > 20
     assert sum(penalty > 0.0 for penalty in clean) <= 0.1 * len(clean)
 
 
-def test_the_penalty_falls_steadily_while_a_fan_opens(make: Make) -> None:
+def test_the_penalty_falls_steadily_while_a_fan_opens(make):
     values = [
         penalty(make((2, 150.0, angle), (2, 120.0, 60.0))) for angle in np.linspace(10.0, 130.0, 80)
     ]
@@ -94,7 +86,7 @@ def test_the_penalty_falls_steadily_while_a_fan_opens(make: Make) -> None:
     assert np.abs(steps).max() < 0.4
 
 
-def test_the_penalty_is_continuous_where_branches_begin_to_cross(make: Make) -> None:
+def test_the_penalty_is_continuous_where_branches_begin_to_cross(make):
     angles = np.linspace(60.0, 100.0, 1000)
     values = [penalty(make((2, 150.0, a), (2, 140.0, 80.0))) for a in angles]
     assert np.abs(np.diff(values)).max() < 0.02
@@ -107,14 +99,12 @@ def test_the_penalty_is_continuous_where_branches_begin_to_cross(make: Make) -> 
         ({"widths_mm": (20.0, 17.0)}, {"widths_mm": (20.0, 16.0)}),
     ],
 )
-def test_each_width_rule_alone_is_penalized(
-    make: Make, bad: dict[str, object], good: dict[str, object]
-) -> None:
+def test_each_width_rule_alone_is_penalized(make, bad, good):
     assert penalty(make((2, 200.0, 60.0), **bad)) > 0.0
     assert penalty(make((2, 200.0, 60.0), **good)) == 0.0
 
 
-def test_packing_crotch_angle_and_sheet_are_penalized(make: Make) -> None:
+def test_packing_crotch_angle_and_sheet_are_penalized(make):
     assert penalty(make((17, 400.0, 320.0), widths_mm=(40.0, 24.0))) > 0.0
     assert penalty(make((2, 47.0, 60.0))) > 0.0
     assert penalty(make((2, 300.0, 14.0), widths_mm=(20.0, 6.0))) > 0.0
@@ -123,13 +113,13 @@ def test_packing_crotch_angle_and_sheet_are_penalized(make: Make) -> None:
     assert penalty(long, sheet_mm=SHEET_MM) > 0.0
 
 
-def test_limits_can_be_changed(make: Make) -> None:
+def test_limits_can_be_changed(make):
     design = make((2, 200.0, 60.0))
     assert penalty(design) == 0.0
     assert penalty(design, {"VF-W02": {"error": 2.0}}) > 0.0
 
 
-def test_the_penalty_is_bounded_and_finite_for_hopeless_trees(make: Make) -> None:
+def test_the_penalty_is_bounded_and_finite_for_hopeless_trees(make):
     heap = make((10, 100.0, 0.0), (10, 100.0, 360.0), (9, 100.0, 0.0))
     assert 5.0 < penalty(heap) < 100.0
     forest = make((50, 100.0, 360.0), (50, 50.0, 360.0), (2, 10.0, 90.0))
@@ -137,7 +127,7 @@ def test_the_penalty_is_bounded_and_finite_for_hopeless_trees(make: Make) -> Non
     assert penalty(forest) > 0.0
 
 
-def random_tree(rng: np.random.Generator) -> Design:
+def random_tree(rng):
     depth = int(rng.integers(1, 6))
     widths = tuple((60.0 * rng.uniform(0.4, 0.8, depth).cumprod()).tolist())
     levels = tuple(
@@ -152,9 +142,7 @@ def random_tree(rng: np.random.Generator) -> Design:
     return Design(name="random", trunk_length_mm=300.0, levels=levels, build=build)
 
 
-def test_the_window_penalty_is_zero_just_where_the_rule_finds_no_error(
-    grown_profile: LaserProfile,
-) -> None:
+def test_the_window_penalty_is_zero_just_where_the_rule_finds_no_error(grown_profile):
     """Where limits were measured; a search keeps to those that are assumed too."""
     profile = grown_profile
     closed = 0
@@ -171,9 +159,7 @@ def test_the_window_penalty_is_zero_just_where_the_rule_finds_no_error(
     assert 10 < closed < 70
 
 
-def test_the_window_penalty_falls_as_leaves_widen_and_follows_changed_limits(
-    profile: LaserProfile, make: Callable[..., Design]
-) -> None:
+def test_the_window_penalty_falls_as_leaves_widen_and_follows_changed_limits(profile, make):
     values = [
         window_penalty(make((2, 300.0, 90.0), widths_mm=(60.0, width)), profile)
         for width in np.linspace(3.0, 40.0, 30)

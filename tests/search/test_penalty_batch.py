@@ -22,7 +22,6 @@ from vinefab.model.design import (
     Compensation,
     Design,
     Level,
-    Mounting,
     PieceSettings,
     Pouch,
     default_fillets_mm,
@@ -55,12 +54,12 @@ POUCHES = {
 }
 
 
-def readable(design: Design) -> float:
+def readable(design):
     """Penalty of one design by the oracle."""
     return whole_penalty(design, PENALTY.profile)
 
 
-def both(space: Space, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def both(space, x):
     """Penalties of points, at once and one by one."""
     return PENALTY.within(space)(space.batch(x)), np.array([readable(space.design(p)) for p in x])
 
@@ -75,9 +74,7 @@ WITHIN = {"inflation": 1e-6, "none": 1e-9}
 @pytest.mark.parametrize("pouch", POUCHES.values(), ids=POUCHES)
 @pytest.mark.parametrize("ratio", [0.65, 1.0])
 @pytest.mark.parametrize("settings", [TABLE_1, BENCH], ids=["table 1", "bench"])
-def test_penalties_at_once_are_those_one_by_one(
-    settings: SpaceSettings, ratio: float, pouch: Pouch | None, compensation: Compensation
-) -> None:
+def test_penalties_at_once_are_those_one_by_one(settings, ratio, pouch, compensation):
     build = BuildSettings(
         width_ratio=ratio, pouch=pouch, trunk_width_mm=30.0, compensation=compensation
     )
@@ -92,7 +89,7 @@ def test_penalties_at_once_are_those_one_by_one(
 
 
 @pytest.mark.parametrize("widths_mm", [(34.0, 15.5, 12.0), (20.0, 24.0), (30.0,)], ids=str)
-def test_penalties_at_once_know_widths_by_level(widths_mm: tuple[float, ...]) -> None:
+def test_penalties_at_once_know_widths_by_level(widths_mm):
     space = Space(BENCH, BuildSettings(widths_mm=widths_mm, width_ratio=0.7))
     found, wanted = both(space, np.random.default_rng(6).random((60, len(space))))
     assert np.array_equal(found == 0.0, wanted == 0.0)
@@ -100,7 +97,7 @@ def test_penalties_at_once_know_widths_by_level(widths_mm: tuple[float, ...]) ->
 
 
 @pytest.mark.parametrize("gain", [0.7, 1.2])
-def test_penalties_at_once_know_a_measured_gain_and_large_fans(gain: float) -> None:
+def test_penalties_at_once_know_a_measured_gain_and_large_fans(gain):
     measured = Quantity(value=gain, standing=Standing.MEASURED, source="coupon")
     material = PENALTY.profile.material.changed(closing_gain=measured)
     penalty = replace(PENALTY, profile=replace(PENALTY.profile, material=material))
@@ -113,7 +110,7 @@ def test_penalties_at_once_know_a_measured_gain_and_large_fans(gain: float) -> N
     assert np.abs(found - PENALTY.within(space)(space.batch(x))).max() > 1e-3
 
 
-def test_the_pattern_decides_and_too_narrow_fans_add_to_it() -> None:
+def test_the_pattern_decides_and_too_narrow_fans_add_to_it():
     """Siblings 14 degrees apart are cut 37 apart; nearer ones lie on each other when inflated."""
     spaces = [Space(FORK, BuildSettings(compensation=choice)) for choice in CHOICES]
     angles_deg = np.array([1.0, 1.5, 2.0, 8.0, 14.0, 30.0])
@@ -125,14 +122,14 @@ def test_the_pattern_decides_and_too_narrow_fans_add_to_it() -> None:
 
 
 @pytest.mark.parametrize("compensation", CHOICES)
-def test_both_agree_which_designs_have_none(compensation: Compensation) -> None:
+def test_both_agree_which_designs_have_none(compensation):
     space = Space(BENCH, BuildSettings(trunk_width_mm=24.0, compensation=compensation))
     found, wanted = both(space, 0.3 + 0.4 * np.random.default_rng(4).random((300, len(space))))
     assert 20 < (wanted == 0.0).sum() < 280
     assert np.array_equal(found == 0.0, wanted == 0.0)
 
 
-def test_each_design_alone_has_the_penalty_that_it_has_among_others() -> None:
+def test_each_design_alone_has_the_penalty_that_it_has_among_others():
     space = Space(TABLE_1, BuildSettings())
     designs = space.batch(np.random.default_rng(5).random((30, len(space))))
     penalty = PENALTY.within(space)
@@ -140,7 +137,7 @@ def test_each_design_alone_has_the_penalty_that_it_has_among_others() -> None:
     assert penalty(designs).tolist() == alone
 
 
-def test_large_trees_count_by_their_size_and_too_large_ones_have_no_penalty() -> None:
+def test_large_trees_count_by_their_size_and_too_large_ones_have_no_penalty():
     wide = Bounds(low=50, high=50)
     settings = SpaceSettings(levels=Bounds(low=3, high=4), branches=wide)
     space = Space(settings, BuildSettings())
@@ -153,7 +150,7 @@ def test_large_trees_count_by_their_size_and_too_large_ones_have_no_penalty() ->
     assert np.isnan(invalid)
 
 
-def any_build(rng: np.random.Generator, *, pieces: bool) -> Design:
+def any_build(rng, *, pieces):
     """A design with a build of its own: widths, tapers, fillets, often a pouch and a collar."""
     depth, number = int(rng.integers(1, 5)), rng.uniform
     widths_mm = tuple((number(24, 50) * number(0.4, 1.05, depth).cumprod()).tolist())
@@ -188,7 +185,7 @@ def any_build(rng: np.random.Generator, *, pieces: bool) -> Design:
 
 
 @pytest.mark.parametrize("pieces", [False, True])
-def test_designs_with_builds_of_their_own_have_the_readable_penalties(*, pieces: bool) -> None:
+def test_designs_with_builds_of_their_own_have_the_readable_penalties(*, pieces):
     """Tapers, collars and laser paths, as a fix asks for them; no pressure for growth."""
     rng, profile, sheet_mm = np.random.default_rng(12), PENALTY.profile, (700.0, 500.0)
     designs = [any_build(rng, pieces=pieces) for _ in range(60 if pieces else 150)]
@@ -203,7 +200,7 @@ def test_designs_with_builds_of_their_own_have_the_readable_penalties(*, pieces:
         assert excess == pytest.approx(path_excess(flat, profile, {}), abs=1e-9)
 
 
-def test_a_batch_of_many_builds_has_the_penalties_of_each_alone() -> None:
+def test_a_batch_of_many_builds_has_the_penalties_of_each_alone():
     rng, sheet_mm = np.random.default_rng(13), (700.0, 500.0)
     designs = [any_build(rng, pieces=False).changed() for _ in range(40)]
     designs = [one.changed(build=one.build.changed(compensation="none")) for one in designs]
@@ -212,7 +209,7 @@ def test_a_batch_of_many_builds_has_the_penalties_of_each_alone() -> None:
     assert np.array_equal(np.transpose(rules.with_path_excess(designs)), alone[:, :, 0])
 
 
-def test_the_search_takes_the_faster_one() -> None:
+def test_the_search_takes_the_faster_one():
     assert isinstance(PENALTY, SpacePenalty)
 
 
@@ -242,12 +239,8 @@ FORK = SpaceSettings(
     "settings", [TABLE_1, BENCH, CROSSING], ids=["table 1", "bench", "crossing"]
 )
 def test_penalties_in_pieces_at_once_are_those_one_by_one(
-    settings: SpaceSettings,
-    most: int,
-    mounting: Mounting,
-    pouch: Pouch | None,
-    compensation: Compensation,
-) -> None:
+    settings, most, mounting, pouch, compensation
+):
     build = BuildSettings(
         pouch=pouch,
         trunk_width_mm=30.0,
@@ -263,9 +256,7 @@ def test_penalties_in_pieces_at_once_are_those_one_by_one(
     assert np.abs(found - wanted).max() < WITHIN[compensation]
 
 
-def in_pieces(
-    most: int, compensation: Compensation = "none", trunk_width_mm: float = 24.0
-) -> Space:
+def in_pieces(most, compensation="none", trunk_width_mm=24.0):
     build = BuildSettings(
         trunk_width_mm=trunk_width_mm,
         width_ratio=0.65,
@@ -276,7 +267,7 @@ def in_pieces(
 
 
 @pytest.mark.parametrize("compensation", CHOICES)
-def test_designs_without_a_penalty_in_pieces_are_cut_in_as_few(compensation: Compensation) -> None:
+def test_designs_without_a_penalty_in_pieces_are_cut_in_as_few(compensation):
     """The search's number is never less than the exact one, and hardly ever more."""
     space = in_pieces(6, compensation)
     x = np.random.default_rng(7).random((600, len(space)))
@@ -293,7 +284,7 @@ def test_designs_without_a_penalty_in_pieces_are_cut_in_as_few(compensation: Com
     assert (joints[rows] + 1).sum() <= 1.05 * pieces.sum()
 
 
-def thick(**recipe: object) -> ManufacturabilityPenalty:
+def thick(**recipe):
     """Two plies of 0.1 mm, with changes of the recipe."""
     profile = PENALTY.profile
     film = Quantity(value=0.1, standing=Standing.MEASURED, source="gauge")
@@ -303,7 +294,7 @@ def thick(**recipe: object) -> ManufacturabilityPenalty:
 
 
 @pytest.mark.parametrize("compensation", CHOICES)
-def test_film_with_laps_in_it_keeps_within_its_lumen(compensation: Compensation) -> None:
+def test_film_with_laps_in_it_keeps_within_its_lumen(compensation):
     """VF-J04, in the search and in the partition that is cut."""
     penalty, any_laps = thick(), thick(limits={"VF-J04": {"error": 1000.0}})
     space = in_pieces(6, compensation, trunk_width_mm=36.0)
@@ -328,7 +319,7 @@ def test_film_with_laps_in_it_keeps_within_its_lumen(compensation: Compensation)
         assert not run_checks(cut, only={LAP_PACKING.id}).blocking
 
 
-def test_branches_whose_lap_would_burst_or_whose_plug_does_not_go_in_are_not_cut() -> None:
+def test_branches_whose_lap_would_burst_or_whose_plug_does_not_go_in_are_not_cut():
     """VF-J03 forbids where laps were measured, VF-J06 where the film is thicker than the ease."""
     lap = PENALTY.profile.recipe.lap
     assert lap is not None
@@ -351,7 +342,7 @@ def test_branches_whose_lap_would_burst_or_whose_plug_does_not_go_in_are_not_cut
     assert not PENALTY.within(tight).with_joints(designs)[1].any()
 
 
-def test_more_pieces_never_make_a_penalty_larger_and_save_many_designs() -> None:
+def test_more_pieces_never_make_a_penalty_larger_and_save_many_designs():
     x = np.random.default_rng(8).random((400, len(in_pieces(2))))
     settings = [None, *(PieceSettings(most=most) for most in (1, 2, 3, 6))]
     spaces = [Space(CROSSING, BuildSettings(trunk_width_mm=24.0, pieces=one)) for one in settings]
@@ -364,7 +355,7 @@ def test_more_pieces_never_make_a_penalty_larger_and_save_many_designs() -> None
         assert not ((fewer == 0.0) & (found > 0.0)).any()
 
 
-def test_a_robot_that_is_larger_than_the_bed_is_cut_to_fit_it() -> None:
+def test_a_robot_that_is_larger_than_the_bed_is_cut_to_fit_it():
     """Nothing crosses: two trunks' lengths of branches in a row are too long for any turn."""
     levels = {
         1: {"length_mm": Bounds(low=590, high=600)},
@@ -382,7 +373,7 @@ def test_a_robot_that_is_larger_than_the_bed_is_cut_to_fit_it() -> None:
     assert len(partition_of(parts.design(x[0]), PENALTY.profile).pieces) == 2
 
 
-def test_huge_trees_count_as_one_outline() -> None:
+def test_huge_trees_count_as_one_outline():
     settings = SpaceSettings(levels=Bounds(low=3, high=3), branches=Bounds(low=20, high=21))
     whole = Space(settings, BuildSettings())
     parts = Space(settings, BuildSettings(pieces=PieceSettings()))
@@ -393,7 +384,7 @@ def test_huge_trees_count_as_one_outline() -> None:
     assert found[0] == PENALTY.within(whole)(whole.batch(x))[0]
 
 
-def test_a_fillet_that_the_seam_turns_into_a_corner_is_no_reason() -> None:
+def test_a_fillet_that_the_seam_turns_into_a_corner_is_no_reason():
     """A seam 5 mm wide runs 2.5 mm outside the lumen: third levels of 24 mm trunks pass the check.
 
     Their fillets of 2.5 mm are corners there; those of 2.8 mm are arcs too small to run.
@@ -417,7 +408,7 @@ def test_a_fillet_that_the_seam_turns_into_a_corner_is_no_reason() -> None:
     assert shares[1] == 0.0
 
 
-def test_no_design_without_a_penalty_has_an_end_between_fillets_too_short_to_be_run() -> None:
+def test_no_design_without_a_penalty_has_an_end_between_fillets_too_short_to_be_run():
     """Of a fork that opens from 78 to 86 degrees, the trunk's round end comes into view."""
     settings = SpaceSettings(
         levels=Bounds(low=2, high=2),

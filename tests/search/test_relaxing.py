@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.laser import LaserProfile, Quantity, Standing
+from vinefab.model.laser import Quantity, Standing
 from vinefab.search.advice import has_design, relaxations
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.record.generations import Progress
@@ -14,11 +14,11 @@ from vinefab.search.settings import MapSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 
 
-def thick() -> LaserProfile:
+def thick():
     """Two plies of 0.1 mm, sealed by hand, on a bed of 500 x 300 mm."""
     profile = read_profile("co2_60w__tpu_nylon_70d")
 
-    def measured(value: float) -> Quantity:
+    def measured(value):
         return Quantity(value=value, standing=Standing.MEASURED, source="gauge")
 
     film = profile.material.changed(ply_mm=measured(0.1), modulus_mpa=measured(30.0))
@@ -42,16 +42,14 @@ SMALL_ARCS = RunSettings(
 
 
 @pytest.fixture(scope="module")
-def seen() -> list[Progress]:
+def seen():
     """What a run reports that finds nothing."""
     reports = list[Progress]()
     Search.of(SMALL_ARCS, training_maps(SMALL_ARCS), PENALTY).run(progress=reports.append)
     return reports
 
 
-def test_a_run_without_a_manufacturable_design_names_rule_and_key_in_its_first_tenth(
-    seen: list[Progress],
-) -> None:
+def test_a_run_without_a_manufacturable_design_names_rule_and_key_in_its_first_tenth(seen):
     first = next(one for one in seen if one.advice)
     assert first.share <= 0.2
     assert "VF-L02" in first.advice
@@ -60,7 +58,7 @@ def test_a_run_without_a_manufacturable_design_names_rule_and_key_in_its_first_t
     assert "manufacturable: not yet" in progress_line(first, checked=True)
 
 
-def test_every_change_that_is_named_lets_a_design_pass_and_the_run_itself_does_not() -> None:
+def test_every_change_that_is_named_lets_a_design_pass_and_the_run_itself_does_not():
     found = relaxations(SMALL_ARCS, PENALTY)
     assert found
     assert len({change.key for change in found}) == len(found)
@@ -74,7 +72,7 @@ def test_every_change_that_is_named_lets_a_design_pass_and_the_run_itself_does_n
         assert any(one.passes for one in reports)
 
 
-def test_a_run_that_finds_designs_needs_no_advice() -> None:
+def test_a_run_that_finds_designs_needs_no_advice():
     search = SearchSettings(population=12, generations=3)
     wide = SMALL_ARCS.changed(build=SMALL_ARCS.build.changed(trunk_width_mm=40.0), search=search)
     reports = list[Progress]()

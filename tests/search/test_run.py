@@ -1,24 +1,21 @@
 """Training maps of a run, and its result for the user."""
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import shapely
 
+from tests.search.conftest import optimize
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.search.evaluator import with_pose_range
 from vinefab.search.record.generations import Progress
 from vinefab.search.record.identity import map_fingerprint
-from vinefab.search.record.result import RunArchive, RunResult, map_from_text, map_to_text
+from vinefab.search.record.result import RunArchive, map_from_text, map_to_text
 from vinefab.search.run import (
-    Search,
     generated_maps,
     progress_line,
     run_search,
@@ -27,18 +24,12 @@ from vinefab.search.run import (
 from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
 
 
-def optimize(
-    settings: RunSettings, maps: Sequence[Map], penalty: object = None, **options: object
-) -> RunResult:
-    return Search.of(settings, maps, penalty).run(**options)
-
-
 @pytest.mark.filterwarnings("error")
-def test_a_generation_without_any_design_has_no_mean_in_the_result() -> None:
+def test_a_generation_without_any_design_has_no_mean_in_the_result():
     """Grown, so with terms, but nothing of it can be laid out."""
     calls = list[str]()
 
-    def penalty(design: Design) -> float:
+    def penalty(design):
         calls.append(design.name)
         # The first call is the warm-up, the next six are the first generation.
         if len(calls) <= 7:
@@ -56,18 +47,18 @@ def test_a_generation_without_any_design_has_no_mean_in_the_result() -> None:
     assert second["fabricable_share"] == 1.0
 
 
-def test_maps_have_seeds_in_a_row_and_the_options_asked_for() -> None:
+def test_maps_have_seeds_in_a_row_and_the_options_asked_for():
     maps = generated_maps(MapSettings(count=3, seed=7, options={"size_mm": 300, "columns": 3}))
     assert [world.seed for world in maps] == [7, 8, 9]
     assert maps[0].size_mm == (300.0, 600.0)
     assert maps[0].obstacles != maps[1].obstacles
 
 
-def start(x_mm: float, y_mm: float, **spread: float) -> Start:
+def start(x_mm, y_mm, **spread):
     return Start(pose=Pose.of((x_mm, y_mm, 90)), **spread)
 
 
-def test_a_start_of_the_run_replaces_those_of_its_maps(small: RunSettings, tmp_path: Path) -> None:
+def test_a_start_of_the_run_replaces_those_of_its_maps(small, tmp_path):
     bare = replace(grid_map(5), starts=())
     bare.write(tmp_path / "bare.geojson")
     place = start(250.0, 30.0, spread_x_mm=20.0, spread_heading_rad=0.1)
@@ -107,9 +98,7 @@ def test_a_start_of_the_run_replaces_those_of_its_maps(small: RunSettings, tmp_p
         ),
     ],
 )
-def test_a_start_without_room_is_refused_by_name(
-    small: RunSettings, tmp_path: Path, place: Start, words: str
-) -> None:
+def test_a_start_without_room_is_refused_by_name(small, tmp_path, place, words):
     Map(
         name="wall",
         bounds=shapely.box(0.0, 0.0, 300.0, 300.0),
@@ -123,14 +112,14 @@ def test_a_start_without_room_is_refused_by_name(
     assert not (tmp_path / "run" / "run.sqlite").exists()
 
 
-def test_unknown_environments_and_options_are_refused() -> None:
+def test_unknown_environments_and_options_are_refused():
     with pytest.raises(UnknownNameError, match="environment"):
         generated_maps(MapSettings(environment="forest"))
     with pytest.raises(BadInputError, match=r"maps\.options\.colums"):
         generated_maps(MapSettings(options={"colums": 3}))
 
 
-def test_progress_says_whether_the_best_is_manufacturable_where_it_is_checked() -> None:
+def test_progress_says_whether_the_best_is_manufacturable_where_it_is_checked():
     progress = Progress(
         generation=3,
         generations=6,
@@ -150,9 +139,7 @@ def test_progress_says_whether_the_best_is_manufacturable_where_it_is_checked() 
     assert progress_line(replace(progress, stage="checking"), checked=True) == "checking"
 
 
-def test_the_result_says_whether_the_winner_is_manufacturable(
-    small: RunSettings, maps: tuple[Map, ...]
-) -> None:
+def test_the_result_says_whether_the_winner_is_manufacturable(small, maps):
     result = optimize(small, maps)
     assert "by the rules: not checked (`fabricable = false`)" in result.summary
     checked = replace(result, checked=True)
@@ -166,9 +153,7 @@ def test_the_result_says_whether_the_winner_is_manufacturable(
     assert "by the rules: not manufacturable: VF-T02 (crossing)" in refused.summary
 
 
-def test_a_side_is_found_on_every_map_kept_in_the_record_and_taken_up_again(
-    small: RunSettings, tmp_path: Path
-) -> None:
+def test_a_side_is_found_on_every_map_kept_in_the_record_and_taken_up_again(small, tmp_path):
     settings = small.changed(maps=MapSettings(count=2, seed=5, start="left side, heading +-20"))
     worlds = training_maps(settings)
     assert {world.starts[0].area.bounds for world in worlds} == {(15.0, 0.0, 15.0, 500.0)}
@@ -185,7 +170,7 @@ def test_a_side_is_found_on_every_map_kept_in_the_record_and_taken_up_again(
         run_search(other, tmp_path / "run", resume=True)
 
 
-def test_a_share_of_the_pose_range_is_one_of_the_line() -> None:
+def test_a_share_of_the_pose_range_is_one_of_the_line():
     world = grid_map(5).with_start("left side")
     (half,), (none,) = with_pose_range(world, 0.5).starts, with_pose_range(world, 0.0).starts
     assert half.area.length == pytest.approx(250.0)

@@ -30,13 +30,13 @@ from vinefab.tasks.shipped_tasks import make_task
 EXAMPLE = Path(__file__).parents[2] / "examples" / "grid_coverage.toml"
 
 
-def written(folder: Path, text: str) -> Path:
+def written(folder, text):
     path = folder / "trial.toml"
     path.write_text(f'schema = "vinefab/run-1"\n{text}')
     return path
 
 
-def test_the_example_spells_out_the_defaults(tmp_path: Path) -> None:
+def test_the_example_spells_out_the_defaults(tmp_path):
     example = read_run(EXAMPLE)
     bare = read_run(written(tmp_path, 'name = "grid_coverage"'))
     assert bare == RunSettings(name="grid_coverage")
@@ -48,11 +48,11 @@ def test_the_example_spells_out_the_defaults(tmp_path: Path) -> None:
     )
 
 
-def test_a_run_is_called_after_its_file(tmp_path: Path) -> None:
+def test_a_run_is_called_after_its_file(tmp_path):
     assert read_run(written(tmp_path, "")).name == "trial"
 
 
-def test_ranges_fixed_values_and_single_levels(tmp_path: Path) -> None:
+def test_ranges_fixed_values_and_single_levels(tmp_path):
     text = """
     [space]
     levels = 3
@@ -72,7 +72,7 @@ def test_ranges_fixed_values_and_single_levels(tmp_path: Path) -> None:
     assert space.bounds(3, "branches") == Bounds(low=2, high=3)
 
 
-def test_several_objectives_bring_their_optimizer(tmp_path: Path) -> None:
+def test_several_objectives_bring_their_optimizer(tmp_path):
     text = '[task]\nname = "reach"\nobjectives = ["branches", "reach"]'
     settings = read_run(written(tmp_path, text))
     assert settings.objectives == ("branches", "reach")
@@ -81,7 +81,7 @@ def test_several_objectives_bring_their_optimizer(tmp_path: Path) -> None:
     assert settings.task.parameters == {}
 
 
-def test_other_tasks_have_tables_of_their_own(tmp_path: Path) -> None:
+def test_other_tasks_have_tables_of_their_own(tmp_path):
     text = """
     [task]
     name = "coverage"
@@ -101,20 +101,20 @@ def test_other_tasks_have_tables_of_their_own(tmp_path: Path) -> None:
     assert settings_from_plain(plain_settings(settings)) == settings
 
 
-def test_a_pouch_is_part_of_the_build(tmp_path: Path) -> None:
+def test_a_pouch_is_part_of_the_build(tmp_path):
     text = '[build]\npouch = {shape = "rectangle", length_mm = 25, width_mm = 40}'
     build = read_run(written(tmp_path, text)).build
     assert build.pouch == Pouch(shape="rectangle", length_mm=25.0, width_mm=40.0)
     assert build.build(3).pouch == build.pouch
 
 
-def test_widths_are_given_by_level_or_by_the_trunk(tmp_path: Path) -> None:
+def test_widths_are_given_by_level_or_by_the_trunk(tmp_path):
     build = read_run(written(tmp_path, "[build]\nwidths_mm = [30, 17.5]")).build
     assert build.build(3).widths_mm == (30.0, 17.5, 10.5)
     assert read_run(written(tmp_path, "[build]\ntrunk_width_mm = 30")).build.widths_mm == ()
 
 
-def test_designs_may_be_cut_in_pieces(tmp_path: Path) -> None:
+def test_designs_may_be_cut_in_pieces(tmp_path):
     build = '[build]\npieces = { most = 4, ease_mm = 2 }\nmounting = "turned"'
     settings = read_run(written(tmp_path, f"{build}\n[evaluation]\njoint_weight = 0.02"))
     assert settings.build.pieces == PieceSettings(most=4, ease_mm=2.0)
@@ -123,7 +123,7 @@ def test_designs_may_be_cut_in_pieces(tmp_path: Path) -> None:
     assert settings.evaluation.joint_weight == 0.02
 
 
-def test_map_files_are_found_from_the_run_file(tmp_path: Path) -> None:
+def test_map_files_are_found_from_the_run_file(tmp_path):
     (tmp_path / "deep").mkdir()
     (tmp_path / "a.geojson").touch()
     path = written(tmp_path, '[maps]\nfiles = ["a.geojson", "deep/b.geojson"]')
@@ -135,7 +135,7 @@ def test_map_files_are_found_from_the_run_file(tmp_path: Path) -> None:
     assert maps.count == 2
 
 
-def test_a_start_for_all_maps_and_its_spread(tmp_path: Path) -> None:
+def test_a_start_for_all_maps_and_its_spread(tmp_path):
     (tmp_path / "a.geojson").touch()
     start = "start = {x_mm = 250, y_mm = 30, heading_deg = 90, spread_heading_deg = 10}"
     for others in ("seed = 4", 'files = ["a.geojson"]'):
@@ -146,7 +146,7 @@ def test_a_start_for_all_maps_and_its_spread(tmp_path: Path) -> None:
     assert maps.files == (tmp_path / "a.geojson",)
 
 
-def test_limits_and_symmetry_of_a_space(tmp_path: Path) -> None:
+def test_limits_and_symmetry_of_a_space(tmp_path):
     text = """
     [space]
     symmetric = true
@@ -162,7 +162,7 @@ def test_limits_and_symmetry_of_a_space(tmp_path: Path) -> None:
     assert settings_from_plain(plain_settings(RunSettings(space=space))).space == space
 
 
-def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
+def test_tables_carry_the_parameters_of_their_parts(tmp_path):
     text = """
     [task]
     name = "reach"
@@ -294,7 +294,7 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
         ('schema2 = "x"', "schema2", "did you mean 'schema'"),
     ],
 )
-def test_one_line_says_what_is_wrong(tmp_path: Path, text: str, key: str, words: str) -> None:
+def test_one_line_says_what_is_wrong(tmp_path, text, key, words):
     path = written(tmp_path, text)
     with pytest.raises(BadInputError, match=words) as caught:
         read_run(path)
@@ -306,12 +306,12 @@ def test_one_line_says_what_is_wrong(tmp_path: Path, text: str, key: str, words:
 @pytest.mark.parametrize(
     "text", ['[task]\nname = "x"', '[optimizer]\nname = "x"', '[maps]\nenvironment = "x"']
 )
-def test_unknown_parts_are_named(tmp_path: Path, text: str) -> None:
+def test_unknown_parts_are_named(tmp_path, text):
     with pytest.raises(UnknownNameError, match="there are:"):
         read_run(written(tmp_path, text))
 
 
-def test_files_that_are_no_run_are_refused(tmp_path: Path) -> None:
+def test_files_that_are_no_run_are_refused(tmp_path):
     with pytest.raises(UnreadableFileError):
         read_run(tmp_path / "missing.toml")
     other = tmp_path / "other.toml"
@@ -327,7 +327,7 @@ def test_an_unknown_part_is_named_with_the_file(tmp_path):
         read_run(path)
 
 
-def test_designs_to_begin_at_are_points_of_the_space(tmp_path: Path) -> None:
+def test_designs_to_begin_at_are_points_of_the_space(tmp_path):
     (tmp_path / "mine.toml").write_text(
         'schema = "vinefab/design-1"\nname = "mine"\n[trunk]\nlength = 100.0\n'
         "[[level]]\nbranches = 3\nlength = 60.0\nangle_deg = 90.0\n"
@@ -343,7 +343,7 @@ def test_designs_to_begin_at_are_points_of_the_space(tmp_path: Path) -> None:
     assert settings_from_plain(json.loads(json.dumps(plain_settings(settings)))) == settings
 
 
-def test_designs_that_no_search_can_begin_at_are_refused(tmp_path: Path) -> None:
+def test_designs_that_no_search_can_begin_at_are_refused(tmp_path):
     deep = '[space]\nlevels = [2, 3]\n[optimizer]\nstart_from = ["grid_explorer"]'
     with pytest.raises(BadInputError, match=r"start_from\[1\].*4 levels.*2 to 3 levels"):
         read_run(written(tmp_path, deep))
@@ -355,7 +355,7 @@ def test_designs_that_no_search_can_begin_at_are_refused(tmp_path: Path) -> None
         Search.of(read_run(written(tmp_path, swarm)), (grid_map(1),))
 
 
-def test_a_search_begins_at_the_design_that_it_is_given(tmp_path: Path) -> None:
+def test_a_search_begins_at_the_design_that_it_is_given(tmp_path):
     text = '[evaluation]\nfabricable = false\n[optimizer]\nname = "islands"\n'
     text += 'start_from = ["grid_explorer"]'
     search = Search.of(read_run(written(tmp_path, text)), (grid_map(1),))
@@ -363,7 +363,7 @@ def test_a_search_begins_at_the_design_that_it_is_given(tmp_path: Path) -> None:
     assert [level.branches for level in first.levels] == [3, 3, 2]
 
 
-def test_without_a_name_the_optimizer_is_the_one_that_does_best(tmp_path: Path) -> None:
+def test_without_a_name_the_optimizer_is_the_one_that_does_best(tmp_path):
     for text, name in {
         "": "islands",
         "[evaluation]\nfabricable = false": "cmaes",
@@ -385,9 +385,7 @@ def test_without_a_name_the_optimizer_is_the_one_that_does_best(tmp_path: Path) 
         ("{area = [[0, 0], [50, 480]], heading_deg = 90}", "area 0,0 50,480, heading 90"),
     ],
 )
-def test_a_start_may_be_a_place_and_is_recorded_whole(
-    tmp_path: Path, start: str, text: str
-) -> None:
+def test_a_start_may_be_a_place_and_is_recorded_whole(tmp_path, start, text):
     settings = read_run(written(tmp_path, f"[maps]\nstart = {start}"))
     assert settings.maps.start.text == text
     assert MapSettings(start=text).start == settings.maps.start
@@ -395,7 +393,7 @@ def test_a_start_may_be_a_place_and_is_recorded_whole(
     assert settings_from_plain(record).maps == settings.maps
 
 
-def test_a_pose_in_words_is_recorded_as_its_table_is(tmp_path: Path) -> None:
+def test_a_pose_in_words_is_recorded_as_its_table_is(tmp_path):
     words = read_run(written(tmp_path, '[maps]\nstart = "250,30,90+-10, spread 5,0"'))
     table = "{x_mm = 250, y_mm = 30, heading_deg = 90, spread_heading_deg = 10, spread_x_mm = 5}"
     assert words.maps == read_run(written(tmp_path, f"[maps]\nstart = {table}")).maps
@@ -423,9 +421,7 @@ def test_a_pose_in_words_is_recorded_as_its_table_is(tmp_path: Path) -> None:
         ('{sid = "left"}', "maps.start.sid", "did you mean 'side'"),
     ],
 )
-def test_a_place_that_is_none_is_one_line(
-    tmp_path: Path, start: str, key: str, allowed: str
-) -> None:
+def test_a_place_that_is_none_is_one_line(tmp_path, start, key, allowed):
     with pytest.raises(BadInputError) as caught:
         read_run(written(tmp_path, f"[maps]\nstart = {start}"))
     assert caught.value.key == key

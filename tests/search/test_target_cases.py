@@ -13,9 +13,7 @@ def test_a_search_touches_three_of_three_points(tmp_path):
     assert words == "3 of 3 touched"
 
 
-def test_a_run_that_misses_targets_says_which_rules_stop_robots_that_touch_them(
-    tmp_path,
-):
+def test_a_run_that_misses_targets_says_which_rules_stop_robots_that_touch_them(tmp_path):
     asked = {(kind, number): one for kind, number, one in target_cases.cases(tmp_path, 3)}
     thick = asked["0.1 mm, 300 mm roll, pieces", 4]
     narrow = thick.changed(

@@ -7,7 +7,7 @@ import pytest
 from vinefab.search.evaluator import Ledger, TimeSplit, Work
 
 
-def test_every_part_counts_once() -> None:
+def test_every_part_counts_once():
     ledger = Ledger(2)
     with ledger.spending("evaluating"):
         with ledger.spending("loading"):

@@ -118,18 +118,14 @@ def pruning_cost(before: Design, branches: tuple[int, ...]) -> float:
     kept = tuple(
         level.changed(
             branches=count,
-            length_mm=level.length_mm * (1.0 if count > 1 else _mean_share(level)),
+            length_mm=level.length_mm
+            * (1.0 if count > 1 or level.branches == 1 else (1.0 + level.growth) / 2.0),
         )
         for level, count in zip(before.levels, branches, strict=False)
     )
     whole = planned_length_mm(before.trunk_length_mm, before.levels)
     left = planned_length_mm(before.trunk_length_mm, kept)
     return WEIGHTS["branches"] * max(0.0, math.log(whole / left))
-
-
-def _mean_share(level: Level) -> float:
-    """Return the mean length of a level's branches over that of the first."""
-    return (1.0 + level.growth) / 2.0 if level.branches > 1 else 1.0
 
 
 def _where_it_goes(before: Design, after: Design) -> Iterator[DesignChange]:
@@ -259,18 +255,19 @@ class FixTargets:
         Of the rules about the laser's paths only those that go by the joints are included.
         """
         found, excess = self.rules.with_path_excess(designs)
-        return found + np.log1p(excess + [self._making_excess(one) for one in designs])
+        return found + np.log1p(excess + [self._excess(one) for one in designs])
 
-    def _making_excess(self, design: Design) -> float:
+    def _excess(self, design: Design) -> float:
         """Return how far mouth, pouch and the pressure for growth are from their limits."""
-        build = design.build
+        build, window = design.build, self.of_rule(WINDOW)
+        allowed_kpa = growth_limit_kpa(build.widest_mm, self.profile.material, window)
         wide = relative_excess(build.mouth_width_mm, self.of_rule(CLAMP)["error"])
         pouch_mm = build.pouch.flat_width_mm if build.pouch else 0.0
         return (
             (0.0 if build.collar else wide)  # a collar fits its own clamp
             + relative_excess(self.of_rule(MOUTH)["error"], build.mouth_width_mm)
             + relative_excess(self.least_pouch_mm(build), pouch_mm)
-            + self._window(design)
+            + relative_excess(self._growth_kpa(design), self.window_share * allowed_kpa)
         )
 
     def least_pouch_mm(self, build: Build) -> float:
@@ -284,12 +281,13 @@ class FixTargets:
             max(self.least_fillet_mm(), min(radius, fillet["most_error_share"] * width))
             for radius, width in zip(build.fillet_mm, build.widths_mm[1:], strict=True)
         )
+        # What growth takes, where that was measured.
+        takes_kpa = self._growth_kpa(design) if self.fit.measured else 0.0
+        least_kpa = math.ceil(1000.0 * takes_kpa / self.window_share) / 1000.0
         settled = build.changed(
             fillet_mm=fillets_mm,
             tail_mm=max(build.tail_mm, self.of_rule(TAIL)["error"]),
-            pressure_kpa=min(
-                max(build.pressure_kpa, self._least_kpa(design)), self.most_kpa(build)
-            ),
+            pressure_kpa=min(max(build.pressure_kpa, least_kpa), self.most_kpa(build)),
         )
         return design.changed(build=settled)
 
@@ -303,48 +301,27 @@ class FixTargets:
         """Return the least fillet radius that the rules allow and the laser can run."""
         return self.rules.limits.drawn_mm
 
-    def _window(self, design: Design) -> float:
-        """Return the relative excess of the pressure that growth in free space takes."""
-        limits = self.of_rule(WINDOW)
-        allowed = growth_limit_kpa(design.build.widest_mm, self.profile.material, limits)
-        return relative_excess(self._growth_kpa(design), self.window_share * allowed)
-
-    def _least_kpa(self, design: Design) -> float:
-        """Return the working pressure that growth takes where that was measured, else 0."""
-        if not self.fit.measured:
-            return 0.0
-        return math.ceil(1000.0 * self._growth_kpa(design) / self.window_share) / 1000.0
-
     def _growth_kpa(self, design: Design) -> float:
-        """Return the pressure that growth of the worst branch takes in free space."""
-        fit = self.fit
-        worst = 0.0
+        """Return the pressure that growth of the worst branch takes in free space.
+
+        The path to a level is as long as its longest and as winding as its most winding.
+        """
+        fit, levels, worst = self.fit, design.levels, 0.0
+        widths_mm = design.build.widths_mm
         for depth, end_mm in enumerate(design.build.end_widths_mm):
+            longest_mm = (float(child_lengths_mm(level).max()) for level in levels[:depth])
+            path = GrowthPath(
+                lengths_mm=(design.trunk_length_mm, *longest_mm),
+                turns_rad=tuple(map(widest_turn_rad, levels[:depth])),
+            )
+            film_mm2 = 0.0  # that each branch of the level carries
+            for below in range(depth, len(levels)):
+                above_mm = planned_length_mm(0.0, levels[depth:below])
+                length_mm = planned_length_mm(0.0, levels[depth : below + 1]) - above_mm
+                film_mm2 += widths_mm[below + 1] * length_mm
             constants = fit.loose.at_diameter(inflated_diameter_mm(end_mm), fit.diameter_mm)
-            path = _worst_path(design, depth)
-            worst = max(worst, path.pressure_kpa(constants, _riding_mm(design, depth)))
+            worst = max(worst, path.pressure_kpa(constants, film_mm2 / widths_mm[depth]))
         return worst
-
-
-def _worst_path(design: Design, depth: int) -> GrowthPath:
-    """Return a path to a level as long as its longest and as winding as its most winding."""
-    lengths, turns = [design.trunk_length_mm], []
-    for level in design.levels[:depth]:
-        lengths.append(float(child_lengths_mm(level).max()))
-        turns.append(widest_turn_rad(level))
-    return GrowthPath(lengths_mm=tuple(lengths), turns_rad=tuple(turns))
-
-
-def _riding_mm(design: Design, depth: int) -> float:
-    """Return the film carried by each branch of a level, as a length of the branch's own width."""
-    widths_mm = design.build.widths_mm
-    film_mm2 = 0.0
-    for below in range(depth, len(design.levels)):
-        above = planned_length_mm(0.0, design.levels[depth:below])
-        film_mm2 += widths_mm[below + 1] * (
-            planned_length_mm(0.0, design.levels[depth : below + 1]) - above
-        )
-    return film_mm2 / widths_mm[depth]
 
 
 Variable = tuple[str, int]
@@ -536,21 +513,16 @@ def kept_branches(design: Design) -> list[tuple[int, ...]]:
     Whole levels are removed from the deepest on; on the others, all parents keep equally many
     children. The first way keeps all branches.
     """
-    counts = [level.branches for level in design.levels]
+    fewer: list[Sequence[int]] = []  # up to six numbers of children on each level, from all to one
+    for count in (level.branches for level in design.levels):
+        some = np.geomspace(1, count, 6).round().astype(int)
+        fewer.append(np.unique(some)[::-1].tolist() if count > 6 else range(count, 0, -1))
     prunings = [
-        pruning
-        for depth in range(len(counts), -1, -1)
-        for pruning in product(*(_fewer(count) for count in counts[:depth]))
+        pruning for depth in range(len(fewer), -1, -1) for pruning in product(*fewer[:depth])
     ]
     return sorted(
         prunings, key=lambda pruning: (pruning_cost(design, pruning), -len(pruning), pruning)
     )
-
-
-def _fewer(count: int) -> Sequence[int]:
-    """Return up to six numbers of children, from all to one."""
-    steps = np.unique(np.geomspace(1, count, 6).round().astype(int)) if count > 6 else None
-    return range(count, 0, -1) if steps is None else steps[::-1].tolist()
 
 
 def _scaled_mm(value_mm: float, factor: float) -> float:
@@ -629,7 +601,11 @@ def fix_in_stage(
         if best is not None and pruning_cost(design, space.branches) >= best.cost:
             continue
         most_cost = best.cost if best else np.inf
-        x = _cleared(space, stage, most_cost)
+        if stage == FILLETS:  # nothing clears more than the smallest fillets do
+            smallest = np.full(len(space), -_SMALLEST)
+            x = smallest if space.penalty(smallest) == 0.0 else None
+        else:
+            x = _descended(space, _MOST_STEPS if stage.prunes else FIRST_STEPS, most_cost)
         if x is None and best is None and not stage.prunes and number == len(spaces) - 1:
             x = _evolved(space, progress)
         if x is None:
@@ -662,15 +638,6 @@ def _spaces(design: Design, targets: FixTargets, stage: FixStage) -> list[FixSpa
     return [FixSpace.of(design, pruning, targets, stage.kinds) for pruning in prunings]
 
 
-def _cleared(space: FixSpace, stage: FixStage, most_cost: float) -> Floats | None:
-    """Return a vector without penalty, before it is moved back as far as it goes, or None."""
-    if stage == FILLETS:
-        # Nothing clears more than the smallest fillets do.
-        x = np.full(len(space), -_SMALLEST)
-        return x if space.penalty(x) == 0.0 else None
-    return _descended(space, _MOST_STEPS if stage.prunes else FIRST_STEPS, most_cost)
-
-
 def _descended(space: FixSpace, steps: int, most_cost: float) -> Floats | None:
     """Return a vector without penalty, by steps that lower it most for their cost, or None."""
     directions, x = space.directions(), np.zeros(len(space))
@@ -680,11 +647,17 @@ def _descended(space: FixSpace, steps: int, most_cost: float) -> Floats | None:
             return x
         if cost >= most_cost or step < _LEAST_STEP:
             return None
-        found = _best_step(space, x + step * directions, (left, cost))
-        if found is None:
+        best, best_worth = None, 0.0
+        for there, penalty, total in space.assessed(x + step * directions):
+            if penalty >= left - 1e-4 * left:
+                continue
+            worth = (left - penalty) / (0.02 + max(0.0, total - cost))
+            if worth > best_worth:
+                best, best_worth = (there, penalty, total), worth
+        if best is None:
             step /= 2.0
             continue
-        x, left, cost = found
+        x, left, cost = best
         step = min(_LARGEST_STEP, 1.3 * step)
     return x if left == 0.0 else None
 
@@ -714,21 +687,6 @@ def _evolved(space: FixSpace, progress: Callable[[float], None] | None) -> Float
         since, least = (0, now) if now < _RISE * least else (since + 1, least)
         if since > (_STUCK if best is None else _STALLED):
             break
-    return best
-
-
-def _best_step(
-    space: FixSpace, candidates: Floats, here: tuple[float, float]
-) -> tuple[Floats, float, float] | None:
-    """Return the candidate that lowers the penalty most for its cost, with penalty and cost."""
-    left, cost = here
-    best, best_worth = None, 0.0
-    for x, penalty, total in space.assessed(candidates):
-        if penalty >= left - 1e-4 * left:
-            continue
-        worth = (left - penalty) / (0.02 + max(0.0, total - cost))
-        if worth > best_worth:
-            best, best_worth = (x, penalty, total), worth
     return best
 
 

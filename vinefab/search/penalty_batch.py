@@ -350,7 +350,9 @@ class PenaltyRules:
 
     def of_space(self, space: Space) -> "BatchPenalty":
         """Return the penalty of a space's designs, one build for each depth."""
-        deepest, most = int(space.settings.levels.high), _most_children(space)
+        deepest = int(space.settings.levels.high)
+        ranges = (space.settings.bounds(level, "branches") for level in range(2, deepest + 1))
+        most = max((int(bounds.high) for bounds in ranges), default=1)
         children = range(1, min(most, MOST_CHILDREN) + 1)
         builds = [space.build_of(depth) for depth in range(1, deepest + 1)]
         return self.of_builds(builds, [dict.fromkeys(range(deepest - 1), children)] * deepest)
@@ -586,12 +588,6 @@ def width_violations(build: Build, changed: LimitChanges) -> float:
     ratios = (wide / narrow for wide, narrow in zip(ends_mm, widths_mm[1:], strict=False))
     narrow = math.fsum((least_mm - mm) / least_mm for mm in ends_mm if mm < least_mm)
     return narrow + math.fsum((least - ratio) / least for ratio in ratios if ratio < least)
-
-
-def _most_children(space: Space) -> int:
-    """Return the most children that a fan of a space's designs has."""
-    below = range(2, int(space.settings.levels.high) + 1)
-    return max((int(space.settings.bounds(level, "branches").high) for level in below), default=1)
 
 
 class _Laws(NamedTuple):

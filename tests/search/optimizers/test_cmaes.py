@@ -11,13 +11,13 @@ from vinefab.search.optimizers.optimizer import SearchAxes
 MIXED = SearchAxes(choices=(4, 0, 2, 0, 0, 0), levels=(0, 0, 0, 3, 3, 3), depth=0, least_depth=1)
 
 
-def started(seed: int) -> Cma:
+def started(seed):
     search = CmaConfig().start(MIXED, population=12, seed=seed)
     assert isinstance(search, Cma)
     return search
 
 
-def test_only_the_order_of_fitness_counts() -> None:
+def test_only_the_order_of_fitness_counts():
     plain, bent = started(3), started(3)
     for _ in range(15):
         x = plain.ask()
@@ -27,7 +27,7 @@ def test_only_the_order_of_fitness_counts() -> None:
         bent.tell(x, np.where(fitness < np.median(fitness), 1e5 * fitness, fitness))
 
 
-def test_whole_numbers_keep_moving_after_the_rest_has_converged() -> None:
+def test_whole_numbers_keep_moving_after_the_rest_has_converged():
     search = started(1)
     for generation in range(150):
         x = search.ask()
@@ -37,7 +37,7 @@ def test_whole_numbers_keep_moving_after_the_rest_has_converged() -> None:
     assert np.median(search.ask()[:, 0]) == 0.875
 
 
-def test_what_never_matters_is_not_pulled_anywhere() -> None:
+def test_what_never_matters_is_not_pulled_anywhere():
     means = []
     for seed in range(12):
         search = started(seed)
@@ -51,20 +51,20 @@ def test_what_never_matters_is_not_pulled_anywhere() -> None:
     assert error < 0.06
 
 
-def test_too_few_points_are_refused() -> None:
+def test_too_few_points_are_refused():
     with pytest.raises(BadInputError, match=r"optimizer\.population is 3; allowed: at least 4"):
         CmaConfig().start(MIXED, population=3, seed=1)
     with pytest.raises(BadInputError, match="spread"):
         CmaConfig(spread=0.0)
 
 
-def distribution(axes: SearchAxes, population: int, spread: float = 0.2) -> Distribution:
+def distribution(axes, population, spread=0.2):
     search = CmaConfig(spread=spread).start(axes, population=population, seed=1)
     assert isinstance(search, Cma)
     return search._search
 
 
-def reference(axes: SearchAxes, population: int, spread: float = 0.2) -> CatCMAwM:
+def reference(axes, population, spread=0.2):
     """Return the package's own distribution, set up as the search is."""
     mine, counts = distribution(axes, population, spread), [n for n in axes.choices if n]
     package = CatCMAwM(
@@ -90,7 +90,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("axes", CASES.values(), ids=CASES)
-def test_the_distribution_learns_what_the_package_learns(axes: SearchAxes) -> None:
+def test_the_distribution_learns_what_the_package_learns(axes):
     """To the last bit at every step, if both centre whole numbers alike."""
     mine, package = distribution(axes, 16), reference(axes, 16)
     if any(axes.choices):  # tested below; the last digit differs, which would grow
@@ -113,7 +113,7 @@ def test_the_distribution_learns_what_the_package_learns(axes: SearchAxes) -> No
                 np.testing.assert_array_equal(getattr(mine, name), getattr(package, name))
 
 
-def test_whole_numbers_are_found_as_the_package_finds_them() -> None:
+def test_whole_numbers_are_found_as_the_package_finds_them():
     axes = SearchAxes(choices=(4, 3, 7), levels=(0, 0, 0))
     search, package = distribution(axes, 8), reference(axes, 8)
     drawn = np.random.default_rng(1).uniform(-1.0, 8.0, (300, 3))
@@ -122,7 +122,7 @@ def test_whole_numbers_are_found_as_the_package_finds_them() -> None:
         np.testing.assert_array_equal(search._discretization(v), expected)
 
 
-def test_whole_numbers_are_centred_as_the_package_centres_them() -> None:
+def test_whole_numbers_are_centred_as_the_package_centres_them():
     axes = SearchAxes(choices=(4, 3, 7, 0), levels=(0, 0, 0, 0))
     search, package = distribution(axes, 30, spread=0.5), reference(axes, 30, spread=0.5)
     rng = np.random.default_rng(2)
@@ -135,7 +135,7 @@ def test_whole_numbers_are_centred_as_the_package_centres_them() -> None:
         search._mean[1:] = package._mean[1:] = rng.uniform(0.0, 3.0, 3)
 
 
-def test_points_are_drawn_from_the_packages_distribution() -> None:
+def test_points_are_drawn_from_the_packages_distribution():
     axes = SearchAxes(choices=(0, 5, 0), levels=(0, 0, 0))
     search, package = distribution(axes, 4000), reference(axes, 4000)
     for one in (search, package):
@@ -151,7 +151,7 @@ def test_points_are_drawn_from_the_packages_distribution() -> None:
     assert np.corrcoef(one[:, 0], one[:, 1])[0, 1] > 0.3
 
 
-def test_a_distribution_that_noise_has_blown_up_begins_again_and_its_state_comes_back() -> None:
+def test_a_distribution_that_noise_has_blown_up_begins_again_and_its_state_comes_back():
     search, resumed = started(1), started(1)
     search.tell(search.ask(), np.arange(12.0))
     search._search._sigma = 1e9

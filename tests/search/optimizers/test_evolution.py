@@ -6,13 +6,13 @@ from vinefab.search.optimizers.optimizer import SearchAxes
 MIXED = SearchAxes(choices=(3, 0, 3, 0), levels=(0, 0, 2, 3), depth=0, least_depth=1)
 
 
-def started(axes: SearchAxes = MIXED, population: int = 10) -> Evolution:
+def started(axes=MIXED, population=10):
     found = EvolutionConfig().start(axes, population=population, seed=2)
     assert isinstance(found, Evolution)
     return found
 
 
-def test_no_child_repeats_a_design() -> None:
+def test_no_child_repeats_a_design():
     search = started()
     parents = np.empty((0, 4))
     for _ in range(20):
@@ -23,7 +23,7 @@ def test_no_child_repeats_a_design() -> None:
         parents = search._parents
 
 
-def test_the_best_of_all_survive() -> None:
+def test_the_best_of_all_survive():
     search, told = started(), []
     for _ in range(15):
         x = search.ask()
@@ -33,7 +33,7 @@ def test_the_best_of_all_survive() -> None:
         assert sorted(search._fitness, reverse=True) == sorted(told, reverse=True)[:10]
 
 
-def test_a_space_with_fewer_designs_than_the_population_is_no_trap() -> None:
+def test_a_space_with_fewer_designs_than_the_population_is_no_trap():
     axes = SearchAxes(choices=(2, 2), levels=(0, 0))
     search = started(axes, population=10)
     for _ in range(5):

@@ -4,16 +4,13 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import Floats
 from vinefab.search.optimizers.cmaes import Cma, CmaConfig, Distribution
 from vinefab.search.optimizers.islands import (
     UNRATED,
     Islands,
     IslandsConfig,
-    ScreeningOptimizer,
-    StartingOptimizer,
 )
-from vinefab.search.optimizers.optimizer import SearchAxes
+from vinefab.search.optimizers.optimizer import ScreeningOptimizer, SearchAxes, StartingOptimizer
 from vinefab.search.record.result import state_from_text, state_to_text
 
 AXES = SearchAxes(choices=(3, 0, 4, 0, 0), levels=(0, 0, 2, 2, 3), depth=0, least_depth=1)
@@ -22,13 +19,13 @@ AXES = SearchAxes(choices=(3, 0, 4, 0, 0), levels=(0, 0, 2, 2, 3), depth=0, leas
 STRUCTURES = 9  # one vine, and 4 numbers of branches with or without a third level
 
 
-def started(population: int = 24, seed: int = 1, **parameters: int) -> Islands:
+def started(population=24, seed=1, **parameters):
     search = IslandsConfig(**parameters).start(AXES, population, seed)
     assert isinstance(search, Islands)
     return search
 
 
-def ran(search: Islands, worth: object, generations: int) -> tuple[Floats, Floats]:
+def ran(search, worth, generations):
     asked, told = [], []
     for _ in range(generations):
         x = search.ask()
@@ -39,25 +36,25 @@ def ran(search: Islands, worth: object, generations: int) -> tuple[Floats, Float
     return np.concatenate(asked), np.concatenate(told)
 
 
-def of_structure(x: Floats, depth: int, branches: int) -> Floats:
+def of_structure(x, depth, branches):
     index = AXES.indices(x)
     return (index[:, 0] == depth) & (index[:, 2] == branches)
 
 
-def deceptive(x: Floats) -> Floats:
+def deceptive(x):
     """A slope for most structures; for one, a low plain with a high and narrow peak."""
     slope = 0.5 * x[:, 1]
     away = np.linalg.norm(x[:, [1, 3, 4]] - [0.3, 0.6, 0.2], axis=1)
     return np.where(of_structure(x, 2, 3), 0.2 + np.exp(-2.0 * away), slope)
 
 
-def test_every_island_keeps_to_one_structure_and_all_are_tried() -> None:
+def test_every_island_keeps_to_one_structure_and_all_are_tried():
     x, _ = ran(started(), lambda x: -x[:, 1], 200)
     index = AXES.canonical(x)[:, [0, 2]]
     assert len(np.unique(index, axis=0)) == STRUCTURES
 
 
-def test_a_structure_that_is_good_only_once_adapted_is_found() -> None:
+def test_a_structure_that_is_good_only_once_adapted_is_found():
     for seed in range(5):
         search = started(seed=seed)
         x, fitness = ran(search, deceptive, 120)
@@ -65,16 +62,16 @@ def test_a_structure_that_is_good_only_once_adapted_is_found() -> None:
         assert of_structure(x[fitness.argmax()][None], 2, 3).all()
 
 
-def test_the_better_structures_get_more_points() -> None:
+def test_the_better_structures_get_more_points():
     x, _ = ran(started(), deceptive, 120)
     share = of_structure(x, 2, 3).mean()
     assert share > 3.0 / STRUCTURES
 
 
-def test_no_point_with_a_penalty_is_evaluated_where_there_are_others() -> None:
+def test_no_point_with_a_penalty_is_evaluated_where_there_are_others():
     search = started()
 
-    def penalty(x: Floats) -> Floats:
+    def penalty(x):
         narrow = np.maximum(0.0, np.abs(x[:, 1] - 0.77) - 0.02) * 100.0
         return np.where(of_structure(x, 1, 2), 5.0, narrow)
 
@@ -84,7 +81,7 @@ def test_no_point_with_a_penalty_is_evaluated_where_there_are_others() -> None:
     assert not of_structure(x, 1, 2).any()
 
 
-def test_where_everything_has_a_penalty_the_least_is_evaluated() -> None:
+def test_where_everything_has_a_penalty_the_least_is_evaluated():
     search = started()
     search.screen_by(lambda x: 1.0 + x[:, 1])
     x, _ = ran(search, lambda x: -1.0 - x[:, 1], 12)
@@ -92,10 +89,10 @@ def test_where_everything_has_a_penalty_the_least_is_evaluated() -> None:
     assert x[:, 1].mean() < 0.3
 
 
-def test_an_island_that_never_hits_a_valid_point_can_be_recorded() -> None:
+def test_an_island_that_never_hits_a_valid_point_can_be_recorded():
     search, given = started(), np.array([0.9, 0.31, 0.7, 0.62, 0.18])
 
-    def penalty(x: Floats) -> Floats:
+    def penalty(x):
         away = np.abs(x - AXES.canonical(given[None])[0]).max(axis=1)
         return np.where(of_structure(x, 2, 2) & (away > 1e-9), 1.0, 0.0)
 
@@ -108,21 +105,21 @@ def test_an_island_that_never_hits_a_valid_point_can_be_recorded() -> None:
     assert min(min(ratings) for ratings in search.state()["ratings"]) == UNRATED
 
 
-def test_where_few_points_are_valid_more_are_drawn() -> None:
+def test_where_few_points_are_valid_more_are_drawn():
     search = started()
     search.screen_by(lambda x: np.where(x[:, 1] * 100.0 % 1.0 < 0.1, 0.0, 1.0))
     x, _ = ran(search, lambda x: x[:, 1], 10)
     assert len(x) == 240
 
 
-def test_points_without_a_design_are_no_trap() -> None:
+def test_points_without_a_design_are_no_trap():
     search = started()
     search.screen_by(lambda x: np.where(x[:, 0] > 0.5, np.nan, 0.0))
     x, _ = ran(search, lambda x: x[:, 1], 20)
     assert (x[:, 0] <= 0.5).all()
 
 
-def test_islands_begin_at_the_points_given() -> None:
+def test_islands_begin_at_the_points_given():
     search = started()
     given = np.array([0.9, 0.31, 0.7, 0.62, 0.18])
     search.start_from([given, given])
@@ -137,7 +134,7 @@ def test_islands_begin_at_the_points_given() -> None:
     assert search.state()["begun"] > 2
 
 
-def test_a_given_point_with_a_penalty_is_mended_first() -> None:
+def test_a_given_point_with_a_penalty_is_mended_first():
     search = started()
     search.screen_by(lambda x: np.maximum(0.0, x[:, 1] - 0.2))
     search.start_from([np.array([0.9, 0.6, 0.7, 0.62, 0.18])])
@@ -147,7 +144,7 @@ def test_a_given_point_with_a_penalty_is_mended_first() -> None:
     assert (near[:, 1] <= 0.2).all()
 
 
-def test_the_population_is_divided_evenly() -> None:
+def test_the_population_is_divided_evenly():
     assert len(started(population=57).ask()) == 55
     assert len(started(population=20).ask()) == 18
     assert len(started(population=20, island=10).ask()) == 20
@@ -156,7 +153,7 @@ def test_the_population_is_divided_evenly() -> None:
         started(population=3)
 
 
-def test_more_structures_than_can_be_counted_are_drawn() -> None:
+def test_more_structures_than_can_be_counted_are_drawn():
     axes = SearchAxes(choices=(3, 900, 900, 0), levels=(0, 2, 3, 0), depth=0, least_depth=1)
     search = IslandsConfig().start(axes, 24, 1)
     seen = []
@@ -167,19 +164,19 @@ def test_more_structures_than_can_be_counted_are_drawn() -> None:
     assert len(np.unique(axes.canonical(np.concatenate(seen))[:, :3], axis=0)) > 5
 
 
-def test_whole_numbers_alone_are_left_to_cmaes() -> None:
+def test_whole_numbers_alone_are_left_to_cmaes():
     axes = SearchAxes(choices=(3, 4), levels=(0, 0))
     assert isinstance(IslandsConfig().start(axes, 12, 1), Cma)
 
 
-def test_only_islands_screen_and_begin_at_points() -> None:
+def test_only_islands_screen_and_begin_at_points():
     assert isinstance(started(), ScreeningOptimizer)
     assert isinstance(started(), StartingOptimizer)
     plain = CmaConfig().start(AXES, 12, 1)
     assert not isinstance(plain, ScreeningOptimizer | StartingOptimizer)
 
 
-def test_a_packed_distribution_goes_on_to_the_last_bit() -> None:
+def test_a_packed_distribution_goes_on_to_the_last_bit():
     rng = np.random.RandomState(1)
     one = Distribution(np.full(4, 0.5), np.full(4, 0.2), population=8)
     for _ in range(5):

@@ -11,14 +11,14 @@ from vinefab.search.optimizers.swarms import _ADAPTIVE_STREAM, AdaptiveSwarm, Ad
 SHAPE = (9, 4)
 
 
-def worth(x: np.ndarray) -> np.ndarray:
+def worth(x):
     return -np.abs(x - 0.37).sum(axis=1) + 0.2 * np.cos(25.0 * x[:, 0])
 
 
 class ScalarSwarm:
     """The published algorithm, one particle and one coordinate at a time."""
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed):
         rng = child(seed, _ADAPTIVE_STREAM, 0)
         self.seed = seed
         self.x = rng.random(SHAPE).tolist()
@@ -28,7 +28,7 @@ class ScalarSwarm:
         self.least = max(2, math.floor(0.25 * SHAPE[0]))
         self.near, self.w, self.c, self.generation = self.least, 1.1, 0, 0
 
-    def tell(self, fitness: list[float]) -> None:
+    def tell(self, fitness):
         before = max(self.value)
         for i, value in enumerate(fitness):
             if value > self.value[i]:
@@ -45,7 +45,7 @@ class ScalarSwarm:
         self.generation += 1
         self.move()
 
-    def move(self) -> None:
+    def move(self):
         rng = child(self.seed, _ADAPTIVE_STREAM, self.generation)
         lots = rng.random((SHAPE[0], SHAPE[0]))
         u1, u2 = rng.random((2, *SHAPE))
@@ -65,7 +65,7 @@ class ScalarSwarm:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_the_swarm_moves_as_its_scalar_twin(seed: int) -> None:
+def test_the_swarm_moves_as_its_scalar_twin(seed):
     fast, slow = AdaptiveSwarm(AdaptiveSwarmConfig(), SHAPE, seed), ScalarSwarm(seed)
     inertias, stopped = set(), 0
     for _ in range(60):
@@ -84,7 +84,7 @@ def test_the_swarm_moves_as_its_scalar_twin(seed: int) -> None:
     assert stopped > 20
 
 
-def one_step(position: list[float], velocity: list[float]) -> AdaptiveSwarm:
+def one_step(position, velocity):
     """Return a swarm of two equal particles after one step with inertia alone."""
     config = AdaptiveSwarmConfig(self_weight=0.0, social_weight=0.0, most_inertia=1.0)
     swarm = AdaptiveSwarm(config, (2, len(position)), seed=1)
@@ -93,14 +93,14 @@ def one_step(position: list[float], velocity: list[float]) -> AdaptiveSwarm:
     return swarm
 
 
-def test_a_clipped_coordinate_stops_and_all_others_keep_their_velocity() -> None:
+def test_a_clipped_coordinate_stops_and_all_others_keep_their_velocity():
     """At both faces; a coordinate that ends exactly on a face has not been clipped."""
     swarm = one_step([0.75, 0.25, 0.5, 0.5, 0.5], [0.5, -0.5, 0.25, 0.5, -0.5])
     assert swarm.position.tolist() == [[1.0, 0.0, 0.75, 1.0, 0.0]] * 2
     assert swarm.velocity.tolist() == [[0.0, 0.0, 0.25, 0.5, -0.5]] * 2
 
 
-def test_a_stopped_coordinate_leaves_its_face_at_the_next_pull() -> None:
+def test_a_stopped_coordinate_leaves_its_face_at_the_next_pull():
     """A velocity kept after clipping would hold it at the face for another generation."""
     config = AdaptiveSwarmConfig(least_inertia=1.0, most_inertia=1.0, social_weight=0.0)
     swarm = AdaptiveSwarm(config, (2, 1), seed=1)
@@ -111,7 +111,7 @@ def test_a_stopped_coordinate_leaves_its_face_at_the_next_pull() -> None:
     assert (swarm.ask() < 1.0).all()
 
 
-def adapted(recipe: AdaptiveSwarmConfig, fitness: list[float]) -> list[tuple[float, int, int]]:
+def adapted(recipe, fitness):
     swarm = AdaptiveSwarm(recipe, (20, 2), seed=1)
     found = []
     for value in fitness:
@@ -120,24 +120,24 @@ def adapted(recipe: AdaptiveSwarmConfig, fitness: list[float]) -> list[tuple[flo
     return found
 
 
-def test_failures_widen_the_neighbourhood_and_lower_the_inertia() -> None:
+def test_failures_widen_the_neighbourhood_and_lower_the_inertia():
     found = adapted(AdaptiveSwarmConfig(), [0.0] * 12)
     assert [near for _, near, _ in found] == [5, 10, 15, 19, *[19] * 8]
     assert [failures for *_, failures in found] == [*range(12)]
     assert [inertia for inertia, *_ in found] == [1.1] * 6 + [0.55, 0.275, 0.1375, 0.1, 0.1, 0.1]
 
 
-def test_an_improvement_narrows_the_neighbourhood() -> None:
+def test_an_improvement_narrows_the_neighbourhood():
     *_, last = adapted(AdaptiveSwarmConfig(), [0.0, 0.0, 0.0, 1.0])
     assert last == (1.1, 5, 1)
 
 
-def test_the_inertia_may_adapt_after_improvements_only() -> None:
+def test_the_inertia_may_adapt_after_improvements_only():
     found = adapted(AdaptiveSwarmConfig(adapt_always=False), [0.0] * 10 + [1.0] + [2.0])
     assert [inertia for inertia, *_ in found] == [1.1] * 10 + [0.55, 0.275]
 
 
-def test_reevaluation_corrects_lucky_personal_bests() -> None:
+def test_reevaluation_corrects_lucky_personal_bests():
     rng = np.random.default_rng(5)
     kept = {}
     for reevaluate in (False, True):
@@ -154,6 +154,6 @@ def test_reevaluation_corrects_lucky_personal_bests() -> None:
     assert kept[True] < 0.8 * kept[False]
 
 
-def test_the_range_of_the_inertia_must_be_in_order() -> None:
+def test_the_range_of_the_inertia_must_be_in_order():
     with pytest.raises(BadInputError, match=r"least_inertia is 2\.0"):
         AdaptiveSwarmConfig(least_inertia=2.0)

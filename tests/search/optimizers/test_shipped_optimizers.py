@@ -2,7 +2,6 @@ import logging
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ import pytest
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.search.optimizers.optimizer import (
     OPTIMIZERS,
-    Optimizer,
     SearchAxes,
     make_optimizer_config,
 )
@@ -27,11 +25,11 @@ PARTS: list[tuple[str, dict[str, object]]] = [
 ]
 
 
-def worth(x: np.ndarray) -> np.ndarray:
+def worth(x):
     return -((x - TARGET) ** 2).sum(axis=1)
 
 
-def steps(optimizer: Optimizer, count: int) -> list[np.ndarray]:
+def steps(optimizer, count):
     asked = []
     for _ in range(count):
         x = optimizer.ask()
@@ -40,22 +38,20 @@ def steps(optimizer: Optimizer, count: int) -> list[np.ndarray]:
     return asked
 
 
-def same(one: list[np.ndarray], other: list[np.ndarray]) -> bool:
+def same(one, other):
     return len(one) == len(other) and all(map(np.array_equal, one, other))
 
 
 @pytest.fixture(params=PARTS, ids=str)
-def part(request: pytest.FixtureRequest) -> tuple[str, dict[str, object]]:
+def part(request):
     return request.param
 
 
-def started(part: tuple[str, dict[str, object]], seed: int = 4) -> Optimizer:
+def started(part, seed=4):
     return make_optimizer_config(*part).start(MIXED, population=9, seed=seed)
 
 
-def test_points_stay_in_the_cube_and_asking_twice_changes_nothing(
-    part: tuple[str, dict[str, object]],
-) -> None:
+def test_points_stay_in_the_cube_and_asking_twice_changes_nothing(part):
     optimizer = started(part)
     for _ in range(30):
         x = optimizer.ask()
@@ -66,12 +62,12 @@ def test_points_stay_in_the_cube_and_asking_twice_changes_nothing(
         optimizer.tell(x, worth(x))
 
 
-def test_the_seed_decides_everything(part: tuple[str, dict[str, object]]) -> None:
+def test_the_seed_decides_everything(part):
     assert same(steps(started(part), 8), steps(started(part), 8))
     assert not same(steps(started(part), 1), steps(started(part, seed=5), 1))
 
 
-def test_a_restored_state_continues_bit_for_bit(part: tuple[str, dict[str, object]]) -> None:
+def test_a_restored_state_continues_bit_for_bit(part):
     undisturbed = steps(started(part), 12)
     for stop in (0, 1, 5, 11):
         first = started(part)
@@ -82,9 +78,7 @@ def test_a_restored_state_continues_bit_for_bit(part: tuple[str, dict[str, objec
         assert same(steps(second, 12 - stop), undisturbed[stop:])
 
 
-def test_the_global_generator_is_neither_read_nor_moved(
-    part: tuple[str, dict[str, object]],
-) -> None:
+def test_the_global_generator_is_neither_read_nor_moved(part):
     np.random.seed(1)  # noqa: NPY002
     before = np.random.get_state()  # noqa: NPY002
     asked = steps(started(part), 3)
@@ -96,7 +90,7 @@ def test_the_global_generator_is_neither_read_nor_moved(
 
 
 @pytest.mark.parametrize("name", [name for name in OPTIMIZERS if name != "random"])
-def test_every_optimizer_finds_what_random_search_misses(name: str) -> None:
+def test_every_optimizer_finds_what_random_search_misses(name):
     found = {}
     for each in (name, "random"):
         optimizer = make_optimizer_config(each).start(
@@ -108,7 +102,7 @@ def test_every_optimizer_finds_what_random_search_misses(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", list(OPTIMIZERS))
-def test_one_variable_of_any_kind_is_enough(name: str) -> None:
+def test_one_variable_of_any_kind_is_enough(name):
     for choices in (0, 2, 5):
         axes = SearchAxes(choices=(choices,), levels=(0,))
         optimizer = make_optimizer_config(name).start(axes, population=6, seed=1)
@@ -123,7 +117,7 @@ def test_one_variable_of_any_kind_is_enough(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", list(OPTIMIZERS))
-def test_equal_fitness_everywhere_stops_no_optimizer(name: str) -> None:
+def test_equal_fitness_everywhere_stops_no_optimizer(name):
     optimizer = make_optimizer_config(name).start(MIXED, population=8, seed=2)
     for _ in range(25):
         x = optimizer.ask()
@@ -131,7 +125,7 @@ def test_equal_fitness_everywhere_stops_no_optimizer(name: str) -> None:
     assert np.isfinite(optimizer.ask()).all()
 
 
-def test_importing_pyswarms_leaves_logging_environment_and_folder_alone(tmp_path: Path) -> None:
+def test_importing_pyswarms_leaves_logging_environment_and_folder_alone(tmp_path):
     program = """
 import logging, os
 handlers, level = list(logging.getLogger().handlers), logging.getLogger().level
@@ -149,7 +143,7 @@ assert os.environ.get("LOG_CFG") == "mine"
     assert logging.getLogger("pyswarms").handlers == []
 
 
-def test_wrong_parameters_are_refused() -> None:
+def test_wrong_parameters_are_refused():
     with pytest.raises(BadInputError, match="inertia"):
         make_optimizer_config("pso", {"inertia": -1.0})
     with pytest.raises(UnknownNameError, match="optimizer"):

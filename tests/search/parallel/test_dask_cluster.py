@@ -3,18 +3,13 @@
 import importlib.util
 import subprocess
 import sys
-from collections.abc import Callable
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError, WorkersLostError
-from vinefab.model.design import Design
-from vinefab.model.map import Map
 from vinefab.search import dask_cluster as module
 from vinefab.search.dask_cluster import (
     DaskEvaluator,
@@ -25,10 +20,8 @@ from vinefab.search.dask_cluster import (
 )
 from vinefab.search.evaluator import TRAINING, Evaluator, EvaluatorSpec, Ledger, Work
 from vinefab.search.run import Search, make_point_evaluator
-from vinefab.search.settings import PartSettings, RunSettings
+from vinefab.search.settings import PartSettings
 from vinefab.tasks.reach import Reach
-
-Maps = tuple[Map, ...]
 
 PROGRAM = """
 import os, signal, sys
@@ -93,7 +86,7 @@ finalists = 2
 
 
 @pytest.mark.thorough
-def test_workers_may_die_and_the_result_is_that_of_threads(tmp_path: Path) -> None:
+def test_workers_may_die_and_the_result_is_that_of_threads(tmp_path):
     program, run_file = tmp_path / "program.py", tmp_path / "run.toml"
     program.write_text(PROGRAM)
     run_file.write_text(RUN)
@@ -106,11 +99,11 @@ class LongTrunk:
 
     most_mm: float = 100.0
 
-    def __call__(self, design: Design) -> float:
+    def __call__(self, design):
         return max(0.0, design.trunk_length_mm - self.most_mm)
 
 
-def test_a_worker_finds_what_the_run_would_find(fabricable: RunSettings, maps: Maps) -> None:
+def test_a_worker_finds_what_the_run_would_find(fabricable, maps):
     evaluator = Evaluator.of(EvaluatorSpec(settings=fabricable, maps=maps, penalty=LongTrunk()))
     x = np.random.default_rng(1).random((module.TOGETHER + 5, len(evaluator.space)))
     poses = evaluator.conditions(3, TRAINING, 0, 2)
@@ -124,7 +117,7 @@ def test_a_worker_finds_what_the_run_would_find(fabricable: RunSettings, maps: M
     assert min(work) > 0.0
 
 
-def test_a_task_object_is_sent_to_the_workers(small: RunSettings, maps: Maps) -> None:
+def test_a_task_object_is_sent_to_the_workers(small, maps):
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps, task=Reach(buffer_mm=25.0)))
     x = np.random.default_rng(1).random((3, len(evaluator.space)))
     poses = evaluator.conditions(3, TRAINING, 0, 1)
@@ -135,7 +128,7 @@ def test_a_task_object_is_sent_to_the_workers(small: RunSettings, maps: Maps) ->
     assert set(evaluations.terms) == {"reached_mm2", "grown_mm"}
 
 
-def test_a_task_that_cannot_be_sent_is_named(small: RunSettings, maps: Maps) -> None:
+def test_a_task_that_cannot_be_sent_is_named(small, maps):
     class Local(Reach):
         pass
 
@@ -144,19 +137,19 @@ def test_a_task_that_cannot_be_sent_is_named(small: RunSettings, maps: Maps) -> 
         WorkerPayload.of(spec)
 
 
-def test_read_only_views_can_be_sent(maps: Maps) -> None:
+def test_read_only_views_can_be_sent(maps):
     again = deserialized(serialized(maps[0]))
     assert again.facts == maps[0].facts
     assert type(again.facts) is type(maps[0].facts)
 
 
-def test_a_penalty_that_cannot_be_sent_is_named(fabricable: RunSettings, maps: Maps) -> None:
+def test_a_penalty_that_cannot_be_sent_is_named(fabricable, maps):
     evaluator = Evaluator.of(EvaluatorSpec(settings=fabricable, maps=maps, penalty=lambda _: 0.0))
     with pytest.raises(BadInputError, match="a penalty and a task that can be pickled"):
         WorkerPayload.of(evaluator.spec)
 
 
-def test_a_worker_with_other_versions_refuses(small: RunSettings, maps: Maps) -> None:
+def test_a_worker_with_other_versions_refuses(small, maps):
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
     payload = WorkerPayload.of(evaluator.spec)
     strange = replace(payload, versions={**payload.versions, "numpy": "0.1"})
@@ -165,7 +158,7 @@ def test_a_worker_with_other_versions_refuses(small: RunSettings, maps: Maps) ->
         _evaluated(strange, x, serialized(poses))
 
 
-def test_a_worker_without_the_packages_of_the_run_is_named(small: RunSettings, maps: Maps) -> None:
+def test_a_worker_without_the_packages_of_the_run_is_named(small, maps):
     theirs = small.changed(task=PartSettings(name="depth"))
     payload = WorkerPayload.of(EvaluatorSpec(settings=theirs, maps=maps, penalty=None))
     x, poses = np.full((1, 3), 0.5), ((), ())
@@ -181,13 +174,13 @@ def test_a_worker_without_the_packages_of_the_run_is_named(small: RunSettings, m
 
 
 @pytest.mark.parametrize("address", ["local", "local:0", "local:x", "somewhere", ""])
-def test_malformed_addresses_are_refused(address: str) -> None:
+def test_malformed_addresses_are_refused(address):
     with pytest.raises(BadInputError, match=r"--cluster is .*local:N"):
         DaskEvaluator(address)
 
 
-def test_the_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def without(name: str) -> Any:
+def test_the_missing_extra_is_named(monkeypatch):
+    def without(name):
         return None if name == "distributed" else found(name)
 
     found = importlib.util.find_spec
@@ -196,10 +189,8 @@ def test_the_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         DaskEvaluator("local:2")
 
 
-def test_a_small_run_stays_in_threads_and_says_why(
-    small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def started(_: DaskEvaluator) -> None:
+def test_a_small_run_stays_in_threads_and_says_why(small, maps, monkeypatch):
+    def started(_):
         raise AssertionError("workers were started")
 
     monkeypatch.setattr(DaskEvaluator, "_client", started)
@@ -213,7 +204,7 @@ def test_a_small_run_stays_in_threads_and_says_why(
     assert result.times.workers == 2
 
 
-def test_threads_beside_a_cluster() -> None:
+def test_threads_beside_a_cluster():
     assert DaskEvaluator("local:3").threads == 3
     assert DaskEvaluator("tcp://host:1").threads == 1
     assert make_point_evaluator(5, "tcp://host:1").threads == 5  # type: ignore[attr-defined]
@@ -225,32 +216,32 @@ def test_threads_beside_a_cluster() -> None:
 class Deserted:
     """A client of a cluster whose workers have all gone, or whose work kills them."""
 
-    def __init__(self, error: Callable[[], Exception] | None = None) -> None:
+    def __init__(self, error=None):
         self.error = error
         self.retried = 0
 
-    def submit(self, *_: object, **__: object) -> "Deserted":
+    def submit(self, *_, **__):
         return self
 
     @property
-    def status(self) -> str:
+    def status(self):
         return "error"
 
-    def done(self) -> bool:
+    def done(self):
         return self.error is not None
 
-    def nthreads(self) -> dict[str, int]:
+    def nthreads(self):
         return {}
 
-    def gather(self, _: object) -> object:
+    def gather(self, _):
         assert self.error is not None
         raise self.error()
 
-    def retry(self) -> None:
+    def retry(self):
         self.retried += 1
 
 
-def test_a_run_gives_up_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_gives_up_without_workers(monkeypatch):
     monkeypatch.setattr(module.distributed, "wait", lambda *_, **__: None)
     with pytest.raises(
         WorkersLostError, match=r"no worker for 0\.01 s; --resume continues the recorded run"
@@ -258,7 +249,7 @@ def test_a_run_gives_up_without_workers(monkeypatch: pytest.MonkeyPatch) -> None
         DaskEvaluator("local:2", patience_s=0.01)._gathered(Deserted(), [Deserted()])
 
 
-def test_counting_starts_with_the_ledger() -> None:
+def test_counting_starts_with_the_ledger():
     ledger = Ledger(1)
     assert ledger.worked_s == 0.0
     ledger.add(Work(making_s=1.0, scoring_s=0.5))
@@ -269,23 +260,23 @@ def test_counting_starts_with_the_ledger() -> None:
 class Shrinking:
     """A client whose workers come and go."""
 
-    def __init__(self, *counts: int) -> None:
+    def __init__(self, *counts):
         self.counts = list(counts)
         self.waited: list[float] = []
 
-    def submit(self, *_: object, **__: object) -> "Shrinking":
+    def submit(self, *_, **__):
         return self
 
-    def done(self) -> bool:
+    def done(self):
         return True
 
-    def gather(self, _: object) -> list[object]:
+    def gather(self, _):
         return []
 
-    def nthreads(self) -> dict[str, int]:
+    def nthreads(self):
         return {"worker": self.counts.pop(0) if len(self.counts) > 1 else self.counts[0]}
 
-    def wait_for_workers(self, _: int, timeout: float) -> None:
+    def wait_for_workers(self, _, timeout):
         self.waited.append(timeout)
         raise TimeoutError
 
@@ -294,13 +285,8 @@ class Shrinking:
     ("wait_s", "counts", "expected"), [(np.inf, (3, 2, 0), [3, 2, 2]), (0.0, (3, 0, 1), [3, 0, 1])]
 )
 def test_workers_are_counted_again_and_those_that_restart_are_waited_for(
-    small: RunSettings,
-    maps: Maps,
-    monkeypatch: pytest.MonkeyPatch,
-    wait_s: float,
-    counts: tuple[int, ...],
-    expected: list[int],
-) -> None:
+    small, maps, monkeypatch, wait_s, counts, expected
+):
     client, cluster = Shrinking(*counts), DaskEvaluator("tcp://host:1")
     monkeypatch.setattr(module, "POLL_S", -1.0)
     monkeypatch.setattr(DaskEvaluator, "_client", lambda _: nullcontext(client))
@@ -311,9 +297,7 @@ def test_workers_are_counted_again_and_those_that_restart_are_waited_for(
     assert client.waited == []
 
 
-def test_a_run_that_may_not_compute_here_gives_up_without_a_first_worker(
-    small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_that_may_not_compute_here_gives_up_without_a_first_worker(small, maps, monkeypatch):
     client, cluster = Shrinking(0), DaskEvaluator("tcp://host:1", threads=0, patience_s=7.0)
     monkeypatch.setattr(DaskEvaluator, "_client", lambda _: nullcontext(client))
     payload = WorkerPayload.of(EvaluatorSpec(settings=small, maps=maps))

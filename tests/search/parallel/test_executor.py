@@ -1,7 +1,6 @@
 """Work units of a caller, with and without helper threads."""
 
 import threading
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -10,15 +9,15 @@ from vinefab.search.evaluator import Executor, WorkUnit
 
 
 @pytest.fixture
-def helper() -> Iterator[ThreadPoolExecutor]:
+def helper():
     with ThreadPoolExecutor(1) as pool:
         yield pool
 
 
-def test_helpers_work_while_the_caller_does_something_else(helper: ThreadPoolExecutor) -> None:
+def test_helpers_work_while_the_caller_does_something_else(helper):
     began, go_on = threading.Event(), threading.Event()
 
-    def slow() -> int:
+    def slow():
         began.set()
         assert go_on.wait(10.0)
         return threading.get_ident()
@@ -33,7 +32,7 @@ def test_helpers_work_while_the_caller_does_something_else(helper: ThreadPoolExe
     assert {unit.result for unit in units[1:]} == {threading.get_ident()}
 
 
-def test_a_serial_executor_works_in_order_when_finished() -> None:
+def test_a_serial_executor_works_in_order_when_finished():
     done: list[int] = []
     finish = Executor().begin([WorkUnit(lambda k=k: done.append(k)) for k in range(4)])
     assert done == []
@@ -41,23 +40,23 @@ def test_a_serial_executor_works_in_order_when_finished() -> None:
     assert done == [0, 1, 2, 3]
 
 
-def test_an_executor_of_one_needs_no_helper(helper: ThreadPoolExecutor) -> None:
+def test_an_executor_of_one_needs_no_helper(helper):
     units = [WorkUnit(threading.get_ident) for _ in range(3)]
     Executor(helper, 1).begin(units)()
     assert {unit.result for unit in units} == {threading.get_ident()}
 
 
 @pytest.mark.parametrize("place", [0, 3])
-def test_an_error_is_raised_and_stops_the_rest(helper: ThreadPoolExecutor, place: int) -> None:
+def test_an_error_is_raised_and_stops_the_rest(helper, place):
     """In the helper's unit, which is the first, and in another one."""
     started, hold = threading.Event(), threading.Event()
 
-    def first() -> None:
+    def first():
         started.set()
         assert hold.wait(10.0)
         fail(0)
 
-    def fail(number: int) -> None:
+    def fail(number):
         done.append(number)
         if number == place:
             raise KeyError(number)
@@ -72,10 +71,10 @@ def test_an_error_is_raised_and_stops_the_rest(helper: ThreadPoolExecutor, place
     assert len(done) < 1000 or place == 0
 
 
-def test_nothing_is_begun_after_a_stop(helper: ThreadPoolExecutor) -> None:
+def test_nothing_is_begun_after_a_stop(helper):
     started, hold = threading.Event(), threading.Event()
 
-    def first() -> None:
+    def first():
         started.set()
         assert hold.wait(10.0)
 

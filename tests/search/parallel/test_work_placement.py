@@ -1,14 +1,11 @@
 """Where generations are evaluated, and the work units of a cluster."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 
-from vinefab.core.validation import Floats, Ints
-from vinefab.model.map import Map
 from vinefab.search.dask_cluster import (
     HandingOut,
     Pace,
@@ -17,16 +14,14 @@ from vinefab.search.dask_cluster import (
     unit_rows,
 )
 from vinefab.search.evaluator import TRAINING, Evaluations, Evaluator, EvaluatorSpec, Ledger
-from vinefab.search.settings import RunSettings
-from vinefab.search.workers import Finish, ThreadEvaluator
-from vinefab.tasks.evaluate import Conditions
+from vinefab.search.workers import ThreadEvaluator
 
 COSTS = HandingOut(round_trip_s=0.01, per_unit_s=0.001)
 
 
 @pytest.mark.parametrize("workers", [1, 2, 7, 256])
 @pytest.mark.parametrize("count", [1, 3, 1000])
-def test_work_units_have_every_point_once_and_heavy_ones_first(workers: int, count: int) -> None:
+def test_work_units_have_every_point_once_and_heavy_ones_first(workers, count):
     weights = np.random.default_rng(1).lognormal(size=count)
     units = unit_rows(weights, workers, least=0.0)
     assert sorted(np.concatenate(units).tolist()) == list(range(count))
@@ -35,20 +30,20 @@ def test_work_units_have_every_point_once_and_heavy_ones_first(workers: int, cou
     assert (np.diff(done) <= 0.0).all()
 
 
-def test_only_points_that_are_units_by_themselves_are_sorted() -> None:
+def test_only_points_that_are_units_by_themselves_are_sorted():
     weights = np.array([1.0, 5.0, 2.0, 9.0, 1.5, 2.5])
     units = unit_rows(weights, 2, least=4.0)
     assert np.concatenate(units).tolist() == [3, 1, 0, 2, 4, 5]
     assert units[0].tolist() == [3]
 
 
-def test_no_unit_holds_up_the_end() -> None:
+def test_no_unit_holds_up_the_end():
     weights = np.random.default_rng(1).lognormal(size=1000)
     work = [float(weights[rows].sum()) for rows in unit_rows(weights, 4, least=10.0)]
     assert max(work[-4:]) <= max(10.0 + weights.max(), 0.02 * weights.sum())
 
 
-def test_work_units_get_smaller_but_not_below_the_least() -> None:
+def test_work_units_get_smaller_but_not_below_the_least():
     units = unit_rows(np.ones(1000), 2, least=20.0)
     sizes = [len(rows) for rows in units]
     assert sizes == sorted(sizes, reverse=True)
@@ -71,7 +66,7 @@ def test_the_least_unit_is_worth_its_cost() -> None:
     assert len(few.units(np.ones(1000))) == 200
 
 
-def test_a_generation_goes_where_it_is_done_sooner() -> None:
+def test_a_generation_goes_where_it_is_done_sooner():
     pace = Pace(threads=1, workers=8, costs=COSTS, work_s=0.001)
     assert not pace.goes_there(np.ones(5), 100)  # 6 ms here, more than a round trip
     assert pace.goes_there(np.ones(1000), 1)
@@ -86,7 +81,7 @@ def test_a_generation_goes_where_it_is_done_sooner() -> None:
     assert unstarted.goes_there(np.ones(1000), 50)
 
 
-def test_the_pace_is_that_of_the_last_generation() -> None:
+def test_the_pace_is_that_of_the_last_generation():
     pace = Pace(threads=2, workers=4, costs=COSTS, work_s=1.0)
     weights = np.full(10, 2.0)
     here = pace.after(weights, 5.0, 8.0, there=False)
@@ -108,14 +103,14 @@ class Neighbours:
     waited_s: list[float] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
 
-    def connect(self, *, wait_s: float) -> int:
+    def connect(self, *, wait_s):
         self.waited_s.append(wait_s)
         return self.there.pop(0) if len(self.there) > 1 else self.there[0]
 
-    def costs(self) -> HandingOut:
+    def costs(self):
         return replace(COSTS, per_unit_s=1e-6, round_trip_s=1e-6, start_s=self.start_s)
 
-    def begin(self, x: Floats, conditions: Conditions, units: Sequence[Ints]) -> Finish:
+    def begin(self, x, conditions, units):
         self.units.append(len(units))
         parts = [self.evaluator.evaluate(x[rows], conditions)[0] for rows in units]
         back = np.argsort(np.concatenate(units))
@@ -123,9 +118,7 @@ class Neighbours:
 
 
 @pytest.mark.parametrize("threads", [0, 1])
-def test_results_are_those_of_threads_wherever_points_go(
-    small: RunSettings, maps: tuple[Map, ...], threads: int
-) -> None:
+def test_results_are_those_of_threads_wherever_points_go(small, maps, threads):
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
     ledger, remote = Ledger(1), Neighbours(evaluator, there=[0, 8])
     x = np.random.default_rng(1).random((400, len(evaluator.space)))
@@ -150,9 +143,7 @@ def test_results_are_those_of_threads_wherever_points_go(
         assert run.decision == "handed out 3 of 3 batches of designs; as --workers 0 asks"
 
 
-def test_workers_are_used_only_when_the_run_to_come_pays_for_their_start(
-    small: RunSettings, maps: tuple[Map, ...]
-) -> None:
+def test_workers_are_used_only_when_the_run_to_come_pays_for_their_start(small, maps):
     long = small.changed(search=small.search.changed(generations=1000))
     x, workers = np.random.default_rng(1).random((200, 16)), 8
     for settings, start_s, used in ((small, 50.0, False), (long, 0.5, True)):

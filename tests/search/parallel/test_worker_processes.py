@@ -26,7 +26,7 @@ if __name__ == "__main__":
 """
 
 
-def kill_itself(number: int) -> None:
+def kill_itself(number):
     os.kill(os.getpid(), number)
 
 
@@ -62,7 +62,7 @@ def _wait_for(condition):
     pytest.fail("not within 20 s")
 
 
-def _is_alive(process: int) -> bool:
+def _is_alive(process):
     try:
         with open(f"/proc/{process}/stat") as stream:  # noqa: PTH123
             return stream.read().rpartition(")")[2].split()[0] != "Z"

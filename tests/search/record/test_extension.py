@@ -2,16 +2,14 @@
 
 import sqlite3
 from contextlib import closing
-from pathlib import Path
 
 import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.search.optimizers.optimizer import OPTIMIZERS
-from vinefab.search.record.generations import Progress
-from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult, plain_summary
+from vinefab.search.record.result import RECORD_FILE, RunArchive, plain_summary
 from vinefab.search.run import run_search
-from vinefab.search.settings import MapSettings, PartSettings, RunLimits, RunSettings
+from vinefab.search.settings import MapSettings, PartSettings, RunLimits
 
 QUESTIONS = (
     "SELECT * FROM run ORDER BY 1",
@@ -22,25 +20,23 @@ QUESTIONS = (
 )
 
 
-def content(folder: Path) -> list[list[tuple[object, ...]]]:
+def content(folder):
     """Return the content of a record without times and without its extensions."""
     with closing(sqlite3.connect(folder / RECORD_FILE)) as connection:
         return [connection.execute(text).fetchall() for text in QUESTIONS]
 
 
-def of_generations(settings: RunSettings, generations: int, **changed: object) -> RunSettings:
+def of_generations(settings, generations, **changed):
     search = settings.search.changed(generations=generations, **changed)  # type: ignore[arg-type]
     return settings.changed(search=search, maps=MapSettings(count=1))
 
 
-def extended(folder: Path, settings: RunSettings, **limits: float) -> RunResult:
+def extended(folder, settings, **limits):
     return run_search(settings, folder, resume=True, limits=RunLimits(**limits))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", OPTIMIZERS)
-def test_an_extended_run_is_the_one_asked_for_at_once(
-    tmp_path: Path, small: RunSettings, name: str
-) -> None:
+def test_an_extended_run_is_the_one_asked_for_at_once(tmp_path, small, name):
     settings = small.changed(optimizer=PartSettings(name=name))
     first = run_search(of_generations(settings, 2), tmp_path / "run")
     second = extended(tmp_path / "run", of_generations(settings, 2), generations=4)
@@ -50,9 +46,7 @@ def test_an_extended_run_is_the_one_asked_for_at_once(
     assert content(tmp_path / "run") == content(tmp_path / "whole")
 
 
-def test_an_extension_is_recorded_and_holds_for_all_later_sessions(
-    tmp_path: Path, small: RunSettings
-) -> None:
+def test_an_extension_is_recorded_and_holds_for_all_later_sessions(tmp_path, small):
     asked = of_generations(small, 2)
     first = run_search(asked, tmp_path)
     second = extended(tmp_path, asked, generations=3)
@@ -73,10 +67,10 @@ def test_an_extension_is_recorded_and_holds_for_all_later_sessions(
     assert plain_summary(archive)["extensions"][0]["after"]["generations"] == 3
 
 
-def test_an_extension_that_is_interrupted_goes_on(tmp_path: Path, small: RunSettings) -> None:
+def test_an_extension_that_is_interrupted_goes_on(tmp_path, small):
     asked = of_generations(small, 2)
 
-    def stop(progress: Progress) -> None:
+    def stop(progress):
         if progress.generation == 3:
             raise KeyboardInterrupt
 
@@ -90,9 +84,7 @@ def test_an_extension_that_is_interrupted_goes_on(tmp_path: Path, small: RunSett
     assert content(tmp_path / "run") == content(tmp_path / "whole")
 
 
-def test_evaluations_are_a_limit_that_can_be_raised_or_lifted(
-    tmp_path: Path, small: RunSettings
-) -> None:
+def test_evaluations_are_a_limit_that_can_be_raised_or_lifted(tmp_path, small):
     asked = of_generations(small, 5, evaluations=6)
     assert run_search(asked, tmp_path).stopped == "evaluations"
     assert len(extended(tmp_path, asked, evaluations=13).history) == 3
@@ -113,8 +105,8 @@ def test_evaluations_are_a_limit_that_can_be_raised_or_lifted(
     ],
 )
 def test_limits_that_do_not_let_a_run_go_on_are_refused_and_nothing_changes(
-    tmp_path: Path, small: RunSettings, limits: dict[str, float], allowed: str
-) -> None:
+    tmp_path, small, limits, allowed
+):
     asked = of_generations(small, 2, wall_time_s=900.0)
     run_search(asked, tmp_path)
     before = content(tmp_path)
@@ -124,7 +116,7 @@ def test_limits_that_do_not_let_a_run_go_on_are_refused_and_nothing_changes(
     assert content(tmp_path) == before
 
 
-def test_a_changed_run_file_is_told_of_the_option(tmp_path: Path, small: RunSettings) -> None:
+def test_a_changed_run_file_is_told_of_the_option(tmp_path, small):
     run_search(of_generations(small, 2), tmp_path)
     with pytest.raises(BadInputError, match="with which the run began; --generations raises it"):
         run_search(of_generations(small, 3), tmp_path, resume=True)
@@ -133,7 +125,7 @@ def test_a_changed_run_file_is_told_of_the_option(tmp_path: Path, small: RunSett
         extended(tmp_path, other, generations=3)
 
 
-def test_a_limit_raised_to_what_it_is_only_reports(tmp_path: Path, small: RunSettings) -> None:
+def test_a_limit_raised_to_what_it_is_only_reports(tmp_path, small):
     asked = of_generations(small, 2)
     first = run_search(asked, tmp_path)
     again = extended(tmp_path, asked, generations=2)

@@ -11,14 +11,12 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.cave import cave_map
 from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.map import Map
-from vinefab.search.record.generations import Progress, RunIdentity
+from vinefab.search.record.generations import RunIdentity
 from vinefab.search.record.identity import map_fingerprint
 from vinefab.search.record.result import (
     RECORD_FILE,
     RecordTail,
     RunArchive,
-    RunResult,
     map_from_text,
     map_to_text,
     plain_summary,
@@ -32,24 +30,19 @@ from vinefab.search.settings import (
     EvaluationSettings,
     MapSettings,
     PartSettings,
-    RunSettings,
     plain_settings,
     settings_from_plain,
 )
 from vinefab.search.space import Bounds, BuildSettings
 
-Maps = tuple[Map, ...]
 
-
-def recorded(folder: Path, settings: RunSettings, maps: Maps) -> RunResult:
+def recorded(folder, settings, maps):
     identity = RunIdentity.of(settings, maps)
     with RunStore.open(folder, identity, maps=maps) as store:
         return Search.of(settings, maps, None).run(store=store)
 
 
-def test_a_record_gives_the_result_of_its_run(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_a_record_gives_the_result_of_its_run(tmp_path, small, maps):
     result = recorded(tmp_path, small, maps)
     archive = RunArchive.read(tmp_path / RECORD_FILE)
     again = archive.result()
@@ -70,9 +63,7 @@ def test_a_record_gives_the_result_of_its_run(
     assert summary["winner_score"] == result.score.composite
 
 
-def test_a_record_without_its_session_is_damaged(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_a_record_without_its_session_is_damaged(tmp_path, small, maps):
     recorded(tmp_path, small, maps)
     with closing(sqlite3.connect(tmp_path / RECORD_FILE)) as connection, connection:
         connection.execute("DELETE FROM session")
@@ -81,9 +72,7 @@ def test_a_record_without_its_session_is_damaged(
 
 
 @pytest.mark.parametrize("versions", ["7", "[]", "{}", "null"])
-def test_a_record_without_versions_is_not_resumed(
-    tmp_path: Path, small: RunSettings, maps: Maps, versions: str
-) -> None:
+def test_a_record_without_versions_is_not_resumed(tmp_path, small, maps, versions):
     recorded(tmp_path, small, maps)
     with closing(sqlite3.connect(tmp_path / RECORD_FILE)) as connection, connection:
         connection.execute("UPDATE run SET value = ? WHERE key = 'versions'", (versions,))
@@ -92,9 +81,7 @@ def test_a_record_without_versions_is_not_resumed(
         RunStore.open(tmp_path, identity, maps=maps, resume=True)
 
 
-def test_a_record_of_infinite_times_is_listed_as_unreadable(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_a_record_of_infinite_times_is_listed_as_unreadable(tmp_path, small, maps):
     recorded(tmp_path, small, maps)
     with closing(sqlite3.connect(tmp_path / RECORD_FILE)) as connection, connection:
         connection.execute("UPDATE generation SET seconds = 1e308")
@@ -107,7 +94,7 @@ def test_a_record_of_infinite_times_is_listed_as_unreadable(
     assert len(listing.broken) == 1
 
 
-def test_all_settings_read_back_the_same(small: RunSettings) -> None:
+def test_all_settings_read_back_the_same(small):
     space = small.space.changed(
         by_level={
             1: {"length_mm": Bounds(low=40, high=120)},
@@ -133,9 +120,7 @@ def test_all_settings_read_back_the_same(small: RunSettings) -> None:
     assert "joint_weight" not in json.dumps(plain_settings(small))
 
 
-def test_records_without_compensation_are_of_runs_that_were_cut_as_designed(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_records_without_compensation_are_of_runs_that_were_cut_as_designed(tmp_path, small, maps):
     """Their ids stay, and run files that leave it out resume them, whatever the default is."""
     old, new = (small.changed(build=BuildSettings(compensation=c)) for c in ("none", "inflation"))
     plain = json.loads(json.dumps(plain_settings(old)))
@@ -153,16 +138,14 @@ def test_records_without_compensation_are_of_runs_that_were_cut_as_designed(
         assert resumed_limits(folder, old) == old
 
 
-def test_maps_read_back_to_the_last_bit(maps: Maps) -> None:
+def test_maps_read_back_to_the_last_bit(maps):
     for world in (*maps, cave_map(3)):
         again = map_from_text(map_to_text(world))
         assert map_fingerprint(again) == map_fingerprint(world)
         assert (again.environment, again.seed) == (world.environment, world.seed)
 
 
-def test_a_run_that_has_not_ended_has_no_result(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_a_run_that_has_not_ended_has_no_result(tmp_path, small, maps):
     with RunStore.open(tmp_path, RunIdentity.of(small, maps), maps=maps):
         archive = RunArchive.read(tmp_path / RECORD_FILE)  # while open for writing
     assert plain_summary(archive)["best_fitness"] is None
@@ -170,9 +153,7 @@ def test_a_run_that_has_not_ended_has_no_result(
         archive.result()
 
 
-def test_a_run_is_followed_while_it_is_recorded(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_a_run_is_followed_while_it_is_recorded(tmp_path, small, maps):
     path = tmp_path / RECORD_FILE
     assert RecordTail.read(path) is None
     path.touch()  # as SQLite leaves it until the run has chosen how to write
@@ -180,7 +161,7 @@ def test_a_run_is_followed_while_it_is_recorded(
     path.unlink()
     seen: list[int] = []
 
-    def follow(progress: Progress) -> None:
+    def follow(progress):
         tail = RecordTail.read(path, len(seen))
         assert tail is not None
         assert not tail.stopped
@@ -200,9 +181,7 @@ def test_a_run_is_followed_while_it_is_recorded(
         RecordTail.read(path)
 
 
-def test_records_are_found_below_a_folder_and_others_refused(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_records_are_found_below_a_folder_and_others_refused(tmp_path, small, maps):
     for name in ("b", "a/deep"):
         RunStore.open(tmp_path / name, RunIdentity.of(small, maps), maps=maps).close()
     found = records_in(tmp_path)

@@ -1,56 +1,36 @@
 """Records of runs through interrupts, crashes and full disks."""
 
 import sqlite3
-from collections.abc import Callable, ItemsView, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import ClassVar, cast
 
 import numpy as np
 import pytest
 
+from tests.search.conftest import optimize
 from vinefab.core.atomic import is_ours
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import Design
-from vinefab.model.map import Map
-from vinefab.search.evaluator import Ledger, TimeSplit
+from vinefab.search.evaluator import Ledger
 from vinefab.search.record import store as module
 from vinefab.search.record.generations import Generation, Progress, RunIdentity
-from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult
+from vinefab.search.record.result import RECORD_FILE, RunArchive
 from vinefab.search.record.store import Recorder, RunStore
-from vinefab.search.run import Search, run_search
-from vinefab.search.settings import RunSettings, SearchSettings
+from vinefab.search.run import run_search
+from vinefab.search.settings import SearchSettings
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome
-
-
-def optimize(
-    settings: RunSettings, maps: Sequence[Map], penalty: object = None, **options: object
-) -> RunResult:
-    return Search.of(settings, maps, penalty).run(**options)
-
-
-Maps = tuple[Map, ...]
-Penalty = Callable[[Design], float]
 
 
 class InterruptedError(Exception):
     """In place of what ends a process between two generations."""
 
 
-def recorded(
-    folder: Path,
-    settings: RunSettings,
-    maps: Maps,
-    penalty: Penalty | None = None,
-    *,
-    resume: bool = False,
-    stop_after: int | None = None,
-) -> RunResult:
+def recorded(folder, settings, maps, penalty=None, *, resume=False, stop_after=None):
     """Run into a folder, breaking off after some generations."""
 
-    def interrupt(progress: Progress) -> None:
+    def interrupt(progress):
         if progress.generation == stop_after:
             raise InterruptedError
 
@@ -58,7 +38,7 @@ def recorded(
         return optimize(settings, maps, penalty=penalty, store=store, progress=interrupt)
 
 
-def content(folder: Path) -> dict[str, list[tuple[object, ...]]]:
+def content(folder):
     """Return the content of a record without times."""
     questions = {
         "run": "SELECT * FROM run ORDER BY 1",
@@ -75,9 +55,7 @@ def content(folder: Path) -> dict[str, list[tuple[object, ...]]]:
         connection.close()
 
 
-def test_interrupted_runs_end_as_the_undisturbed_one(
-    tmp_path: Path, fabricable: RunSettings, maps: Maps, film_penalty: Penalty
-) -> None:
+def test_interrupted_runs_end_as_the_undisturbed_one(tmp_path, fabricable, maps, film_penalty):
     undisturbed = recorded(tmp_path / "whole", fabricable, maps, film_penalty)
     rng = np.random.default_rng(8)
     for trial in range(4):
@@ -92,12 +70,10 @@ def test_interrupted_runs_end_as_the_undisturbed_one(
         assert content(folder) == content(tmp_path / "whole")
 
 
-def test_a_finished_run_is_read_back_without_computing(
-    tmp_path: Path, small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_finished_run_is_read_back_without_computing(tmp_path, small, maps, monkeypatch):
     first = recorded(tmp_path, small, maps)
 
-    def forbidden(*_: object) -> None:
+    def forbidden(*_):
         raise AssertionError("evaluated again")
 
     monkeypatch.setattr("vinefab.search.evaluator.Evaluator.begin", forbidden)
@@ -112,9 +88,7 @@ def test_a_finished_run_is_read_back_without_computing(
     }
 
 
-def test_a_folder_with_a_run_is_refused_without_resume_and_nothing_is_lost(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_a_folder_with_a_run_is_refused_without_resume_and_nothing_is_lost(tmp_path, small, maps):
     with pytest.raises(InterruptedError):
         recorded(tmp_path, small, maps, stop_after=2)
     before = content(tmp_path)
@@ -123,7 +97,7 @@ def test_a_folder_with_a_run_is_refused_without_resume_and_nothing_is_lost(
     assert content(tmp_path) == before
 
 
-def test_another_run_cannot_resume_a_record(tmp_path: Path, small: RunSettings, maps: Maps) -> None:
+def test_another_run_cannot_resume_a_record(tmp_path, small, maps):
     recorded(tmp_path, small, maps)
     other = small.changed(search=small.search.changed(seed=9))
     with pytest.raises(BadInputError, match=r"optimizer\.seed is 9; allowed: 3, with which"):
@@ -132,9 +106,7 @@ def test_another_run_cannot_resume_a_record(tmp_path: Path, small: RunSettings, 
         recorded(tmp_path, small, maps[:1], resume=True)
 
 
-def test_another_version_cannot_resume_a_record(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_another_version_cannot_resume_a_record(tmp_path, small, maps):
     recorded(tmp_path, small, maps)
     identity = RunIdentity.of(small, maps)
     newer = replace(identity, versions={**identity.versions, "vinefab": "99.0"})
@@ -142,15 +114,13 @@ def test_another_version_cannot_resume_a_record(
         RunStore.open(tmp_path, newer, resume=True)
 
 
-def test_the_record_is_recognized_as_ours_during_the_run(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_the_record_is_recognized_as_ours_during_the_run(tmp_path, small, maps):
     with RunStore.open(tmp_path, RunIdentity.of(small, maps)):
         assert is_ours(tmp_path / RECORD_FILE)
 
 
 @pytest.mark.parametrize("text", ["not a database, but long enough to be taken for one", ""])
-def test_foreign_files_are_kept(tmp_path: Path, small: RunSettings, maps: Maps, text: str) -> None:
+def test_foreign_files_are_kept(tmp_path, small, maps, text):
     path = tmp_path / RECORD_FILE
     path.write_text(text)
     with pytest.raises(BadInputError):
@@ -161,7 +131,7 @@ def test_foreign_files_are_kept(tmp_path: Path, small: RunSettings, maps: Maps, 
         assert path.read_text() == text
 
 
-def test_a_foreign_database_is_kept(tmp_path: Path, small: RunSettings, maps: Maps) -> None:
+def test_a_foreign_database_is_kept(tmp_path, small, maps):
     connection = sqlite3.connect(tmp_path / RECORD_FILE)
     connection.execute("CREATE TABLE theirs (a)")
     connection.close()
@@ -176,35 +146,31 @@ class Trunk:
     most_mm: float
     calls_left: int = 10**9
 
-    def __call__(self, design: Design) -> float:
+    def __call__(self, design):
         self.calls_left -= 1
         if self.calls_left < 0:
             raise KeyboardInterrupt
         return max(0.0, design.trunk_length_mm - self.most_mm) / 100.0
 
-    def passes(self, design: Design) -> bool:
+    def passes(self, design):
         return self(design) == 0.0
 
 
 @pytest.fixture
-def too_short_mm(fabricable: RunSettings, maps: Maps) -> float:
+def too_short_mm(fabricable, maps):
     """A trunk so short that the search finds none."""
     history = optimize(fabricable, maps, penalty=Trunk(most_mm=0.0)).history
     return min(100.0 * float(generation.penalty.min()) for generation in history) - 1.0
 
 
-def stopped(*_: object, **__: object) -> None:
+def stopped(*_, **__):
     raise KeyboardInterrupt
 
 
 @pytest.mark.parametrize("place", ["run.reevaluated", "record.store.RunStore.finish"])
 def test_a_run_stopped_at_its_finalists_ends_as_the_undisturbed_one(
-    tmp_path: Path,
-    fabricable: RunSettings,
-    maps: Maps,
-    monkeypatch: pytest.MonkeyPatch,
-    place: str,
-) -> None:
+    tmp_path, fabricable, maps, monkeypatch, place
+):
     folder, penalty = tmp_path / "struck", Trunk(most_mm=150.0)
     recorded(tmp_path / "whole", fabricable, maps, penalty)
     with monkeypatch.context() as patch:
@@ -218,8 +184,8 @@ def test_a_run_stopped_at_its_finalists_ends_as_the_undisturbed_one(
 
 
 def test_a_run_stopped_in_its_repair_ends_as_the_undisturbed_one(
-    tmp_path: Path, fabricable: RunSettings, maps: Maps, too_short_mm: float
-) -> None:
+    tmp_path, fabricable, maps, too_short_mm
+):
     folder = tmp_path / "struck"
     whole = recorded(tmp_path / "whole", fabricable, maps, Trunk(most_mm=too_short_mm))
     assert "changes of the best 3: 3 of them are manufacturable now" in whole.repair
@@ -236,9 +202,7 @@ def test_a_run_stopped_in_its_repair_ends_as_the_undisturbed_one(
         assert content(folder) == content(tmp_path / "whole")
 
 
-def test_a_second_process_is_refused_before_it_begins(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_a_second_process_is_refused_before_it_begins(tmp_path, small, maps):
     identity = RunIdentity.of(small, maps)
     with RunStore.open(tmp_path / "run", identity) as one:
         before = content(tmp_path / "run")
@@ -249,9 +213,7 @@ def test_a_second_process_is_refused_before_it_begins(
     RunStore.open(tmp_path / "run", identity, resume=True).close()
 
 
-def test_two_processes_cannot_write_the_same_generation(
-    tmp_path: Path, small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_two_processes_cannot_write_the_same_generation(tmp_path, small, maps, monkeypatch):
     """Where the system has no locks, the record itself keeps two processes apart."""
     monkeypatch.setattr("vinefab.search.record.store.lock_folder", lambda *_: None)
     identity = RunIdentity.of(small, maps)
@@ -266,12 +228,10 @@ def test_two_processes_cannot_write_the_same_generation(
         assert len(two.generations()) == 1
 
 
-def test_a_record_created_for_a_refused_run_is_deleted(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_a_record_created_for_a_refused_run_is_deleted(tmp_path, small, maps):
     identity, folder = RunIdentity.of(small, maps), tmp_path / "deep" / "run"
 
-    def refuse(error: Exception, *, resume: bool = False) -> None:
+    def refuse(error, *, resume=False):
         with RunStore.open(folder, identity, resume=resume):
             raise error
 
@@ -286,17 +246,13 @@ def test_a_record_created_for_a_refused_run_is_deleted(
     assert (folder / RECORD_FILE).exists()
 
 
-def test_a_folder_that_cannot_be_written_is_named(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_a_folder_that_cannot_be_written_is_named(tmp_path, small, maps):
     (tmp_path / "file").write_text("x")
     with pytest.raises(CannotWriteError, match="file"):
         RunStore.open(tmp_path / "file" / "run", RunIdentity.of(small, maps))
 
 
-def test_a_full_disk_keeps_what_was_recorded(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_a_full_disk_keeps_what_was_recorded(tmp_path, small, maps):
     generations = optimize(small, maps).history
     with RunStore.open(tmp_path, RunIdentity.of(small, maps)) as store:
         store.add([generations[0]], {"generation": 1})
@@ -309,25 +265,23 @@ def test_a_full_disk_keeps_what_was_recorded(
         assert store.optimizer_state() == {"generation": 1}
 
 
-def test_an_interrupt_as_a_transaction_begins_leaves_the_record_usable(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_an_interrupt_as_a_transaction_begins_leaves_the_record_usable(tmp_path, small, maps):
     history = optimize(small, maps).history
 
     class Interrupted:
         """A connection that is interrupted just after its transaction began."""
 
-        def __init__(self, connection: sqlite3.Connection) -> None:
+        def __init__(self, connection):
             self.real, self.is_hit = connection, False
 
-        def execute(self, text: str, *values: Sequence[object]) -> sqlite3.Cursor:
+        def execute(self, text, *values):
             found = self.real.execute(text, *values)
             if text.startswith("BEGIN") and not self.is_hit:
                 self.is_hit = True
                 raise KeyboardInterrupt
             return found
 
-        def __getattr__(self, name: str) -> object:
+        def __getattr__(self, name):
             return getattr(self.real, name)
 
     with RunStore.open(tmp_path, RunIdentity.of(small, maps)) as store:
@@ -339,11 +293,9 @@ def test_an_interrupt_as_a_transaction_begins_leaves_the_record_usable(
         assert store.recorded == 2
 
 
-def test_an_interrupt_while_a_record_is_closed_leaves_it_to_the_next(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_an_interrupt_while_a_record_is_closed_leaves_it_to_the_next(tmp_path, small, maps):
     class Interrupted:
-        def close(self) -> None:
+        def close(self):
             raise KeyboardInterrupt
 
     identity = RunIdentity.of(small, maps)
@@ -361,21 +313,19 @@ SEARCH = SearchSettings(population=3, generations=10)
 class FakeStore:
     """In place of the record."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.entries: list[tuple[list[int], object]] = []
 
-    def add(
-        self, generations: Sequence[Generation], state: Mapping[str, object], times: TimeSplit
-    ) -> None:
+    def add(self, generations, state, times):
         assert times.total_s >= 0.0
         self.entries.append(([g.number for g in generations], state["generation"]))
 
     @property
-    def recorded(self) -> int:
+    def recorded(self):
         return sum(len(numbers) for numbers, _ in self.entries)
 
 
-def generation(number: int, fitness: Sequence[float] = (0.1, 0.3, 0.2)) -> Generation:
+def generation(number, fitness=(0.1, 0.3, 0.2)):
     values = np.array(fitness)
     return Generation(
         number=number,
@@ -388,7 +338,7 @@ def generation(number: int, fitness: Sequence[float] = (0.1, 0.3, 0.2)) -> Gener
     )
 
 
-def interrupted(recorder: Recorder) -> None:
+def interrupted(recorder):
     """Record six generations, the last of which is never finished."""
     history = list[Generation]()
     with recorder:
@@ -400,7 +350,7 @@ def interrupted(recorder: Recorder) -> None:
             recorder.note(history, {"generation": number + 1})
 
 
-def kept(pause_s: float, monkeypatch: pytest.MonkeyPatch) -> tuple[FakeStore, list[Progress]]:
+def kept(pause_s, monkeypatch):
     """Return the record of an interrupted run, and its progress reports."""
     monkeypatch.setattr(module, "_PAUSE_S", pause_s)
     store, reports = FakeStore(), list[Progress]()
@@ -409,21 +359,19 @@ def kept(pause_s: float, monkeypatch: pytest.MonkeyPatch) -> tuple[FakeStore, li
     return store, reports
 
 
-def test_slow_generations_are_recorded_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_generations_are_recorded_one_by_one(monkeypatch):
     store, _ = kept(0.0, monkeypatch)
     assert store.entries == [([number], number + 1) for number in range(5)]
 
 
-def test_fast_generations_are_recorded_together_and_none_is_lost(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_fast_generations_are_recorded_together_and_none_is_lost(monkeypatch):
     store, _ = kept(60.0, monkeypatch)
     assert [number for entry, _ in store.entries for number in entry] == list(range(5))
     assert len(store.entries) < 5
     assert all(state == numbers[-1] + 1 for numbers, state in store.entries)
 
 
-def test_every_generation_is_reported_with_the_run_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_generation_is_reported_with_the_run_so_far(monkeypatch):
     _, reports = kept(60.0, monkeypatch)
     assert [progress.generation for progress in reports] == [1, 2, 3, 4, 5]
     assert {progress.best for progress in reports} == {1.0}
@@ -432,9 +380,9 @@ def test_every_generation_is_reported_with_the_run_so_far(monkeypatch: pytest.Mo
     assert reports[-1].mean == pytest.approx((0.1 + 0.2) / 3)
 
 
-def test_a_record_that_cannot_be_written_ends_the_run_with_its_own_error() -> None:
+def test_a_record_that_cannot_be_written_ends_the_run_with_its_own_error():
     class Full(FakeStore):
-        def add(self, *_: object) -> None:
+        def add(self, *_):
             raise OSError("full")
 
     recorder = Recorder(Full(), None, SEARCH, Ledger(1))
@@ -443,13 +391,9 @@ def test_a_record_that_cannot_be_written_ends_the_run_with_its_own_error() -> No
 
 
 @pytest.mark.parametrize("when", ["before it is done", "after it is done"])
-def test_an_interrupt_while_recording_costs_nothing(
-    when: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupt_while_recording_costs_nothing(when, monkeypatch):
     class Interrupted(FakeStore):
-        def add(
-            self, generations: Sequence[Generation], state: Mapping[str, object], times: TimeSplit
-        ) -> None:
+        def add(self, generations, state, times):
             is_third = len(self.entries) == 2 and not hits
             if not is_third or when == "after it is done":
                 super().add(generations, state, times)
@@ -465,9 +409,9 @@ def test_an_interrupt_while_recording_costs_nothing(
     assert store.entries == [([0], 1), ([1], 2), ([2], 3)]
 
 
-def test_an_interrupt_while_noting_leaves_no_generation_with_the_state_before_it() -> None:
+def test_an_interrupt_while_noting_leaves_no_generation_with_the_state_before_it():
     class Slow(dict[str, object]):
-        def items(self) -> ItemsView[str, object]:
+        def items(self):
             raise KeyboardInterrupt
 
     store, history = FakeStore(), [generation(0), generation(1)]
@@ -478,13 +422,11 @@ def test_an_interrupt_while_noting_leaves_no_generation_with_the_state_before_it
     assert store.entries == [([0], 1)]
 
 
-def test_later_changes_of_an_optimizers_state_are_not_recorded() -> None:
+def test_later_changes_of_an_optimizers_state_are_not_recorded():
     entries: list[Mapping[str, object]] = []
 
     class Keeping(FakeStore):
-        def add(
-            self, generations: Sequence[Generation], state: Mapping[str, object], times: TimeSplit
-        ) -> None:
+        def add(self, generations, state, times):
             super().add(generations, {"generation": 1}, times)
             entries.append(state)
 
@@ -508,12 +450,10 @@ class Film:
         return float(deployment.grown_mm.sum()) / self.unit_mm, {}
 
 
-def test_a_run_for_a_task_object_is_recorded_and_resumed_only_with_the_same_task(
-    tmp_path: Path, small: RunSettings
-) -> None:
+def test_a_run_for_a_task_object_is_recorded_and_resumed_only_with_the_same_task(tmp_path, small):
     whole = run_search(small, tmp_path / "whole", task=Film())
 
-    def interrupt(progress: Progress) -> None:
+    def interrupt(progress):
         if progress.generation == 2:
             raise KeyboardInterrupt
 

@@ -185,7 +185,12 @@ class Islands:
 
     def _samples(self) -> list["_Asked"]:
         """Return what every active island asks for; more is drawn where few points are valid."""
-        asked = [_Asked(island=i, rng=self._rng(i), size=self._size) for i in self._active]
+        asked = []
+        for island in self._active:
+            place = (_STREAM, _SAMPLES, island.number, island.generations)
+            sequence = np.random.SeedSequence(self._seed, spawn_key=place)
+            rng = np.random.RandomState(np.random.MT19937(sequence))
+            asked.append(_Asked(island=island, rng=rng, size=self._size))
         for times in _DRAWN if self._penalty else (1,):
             lacking = [each for each in asked if each.count < self._size]
             if lacking:
@@ -198,11 +203,6 @@ class Islands:
             for each in asked:  # nothing valid anywhere: the least violations are evaluated
                 each.count = 1
         return asked
-
-    def _rng(self, island: Island) -> np.random.RandomState:
-        place = (_STREAM, _SAMPLES, island.number, island.generations)
-        sequence = np.random.SeedSequence(self._seed, spawn_key=place)
-        return np.random.RandomState(np.random.MT19937(sequence))
 
     def _penalties(self, x: Floats) -> Floats:
         """Return the penalties of points, infinite where there is no design, shape (m,)."""
@@ -272,7 +272,11 @@ class Islands:
         """Return an island at a point without penalty, where one is found."""
         if self._begun < len(self._given):
             number_, self._begun = self._begun, self._begun + 1
-            return self._given_island(number_)
+            structure = self._axes.canonical(self._given[number_][None])[0]
+            island = self._island(number_, structure)
+            v = self._given[number_][None, island.free]
+            self._descend(island, v, child(self._seed, _STREAM, _STARTS, number_))
+            return island
         begun: list[tuple[float, Island]] = []
         for attempt in range(_ATTEMPTS):
             number_, self._begun = self._begun, self._begun + 1
@@ -281,7 +285,8 @@ class Islands:
             is_last = attempt == _ATTEMPTS - 1
             if self._key(structure) in self._dead and not is_last:
                 continue
-            island, penalty = self._start(number_, structure, rng)
+            island = self._island(number_, structure)
+            penalty = self._descend(island, rng.random((_TRIED, len(island.free))), rng)
             begun.append((penalty, island))
             if penalty == 0.0:
                 return island
@@ -304,22 +309,6 @@ class Islands:
         self._visited += 1
         following: Floats = self._structures[order[place]]
         return following
-
-    def _given_island(self, number_: int) -> Island:
-        """Return an island at a point that was given, or without penalty near it."""
-        structure = self._axes.canonical(self._given[number_][None])[0]
-        island = self._island(number_, structure)
-        v = self._given[number_][None, island.free]
-        self._descend(island, v, child(self._seed, _STREAM, _STARTS, number_))
-        return island
-
-    def _start(
-        self, number_: int, structure: Floats, rng: np.random.Generator
-    ) -> tuple[Island, float]:
-        """Return an island at a point of a structure with the least penalty found, and that."""
-        island = self._island(number_, structure)
-        penalty = self._descend(island, rng.random((_TRIED, len(island.free))), rng)
-        return island, penalty
 
     def _island(self, number_: int, structure: Floats) -> Island:
         real = ~self._axes.integer

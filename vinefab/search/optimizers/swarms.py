@@ -102,8 +102,13 @@ class AdaptiveSwarm:
         """Update the personal bests, adapt, and move the swarm."""
         count = len(self.position)
         before = self._best_means().max()
-        self._reevaluate_bests(fitness[count:])
-        self._improve(x[:count], fitness[:count])
+        if len(again := fitness[count:]):
+            self.best_sum, self.best_count = self.best_sum + again, self.best_count + 1.0
+        x, fitness = x[:count], fitness[:count]
+        better = fitness > self._best_means()
+        self.best_x = np.where(better[:, None], x, self.best_x)
+        self.best_sum = np.where(better, fitness, self.best_sum)
+        self.best_count = np.where(better, 1.0, self.best_count)
         if self.generation > 0:
             self._adapt(improved=bool(self._best_means().max() > before))
         self.generation += 1
@@ -133,17 +138,6 @@ class AdaptiveSwarm:
     def _best_means(self) -> Floats:
         means: Floats = self.best_sum / self.best_count
         return means
-
-    def _reevaluate_bests(self, fitness: Floats) -> None:
-        if len(fitness):
-            self.best_sum = self.best_sum + fitness
-            self.best_count = self.best_count + 1.0
-
-    def _improve(self, x: Floats, fitness: Floats) -> None:
-        better = fitness > self._best_means()
-        self.best_x = np.where(better[:, None], x, self.best_x)
-        self.best_sum = np.where(better, fitness, self.best_sum)
-        self.best_count = np.where(better, 1.0, self.best_count)
 
     def _adapt(self, *, improved: bool) -> None:
         if improved:
@@ -287,7 +281,12 @@ class ParticleSwarm:
         swarm.position = np.array(x, dtype=np.float64)
         swarm.current_cost = -np.asarray(fitness, dtype=np.float64)
         swarm.pbest_pos, swarm.pbest_cost = backend.compute_pbest(swarm)
-        self._follow_best()
+        # Star keeps its best point until it is beaten: reset it, so that the result depends on the
+        # particles' bests alone and is the same for a restored swarm.
+        swarm.best_cost = np.inf
+        swarm.best_pos, swarm.best_cost = self._topology.compute_gbest(
+            swarm, p=2, k=max(2, self._config.neighbours)
+        )
         self._generation += 1
         with _seeded_global_generator(self._seed, self._generation):
             speed = (-self._config.most_speed, self._config.most_speed)
@@ -322,15 +321,6 @@ class ParticleSwarm:
             swarm.best_pos = np.where(self._axes.active(leaders), leaders, swarm.position)
         yield
         swarm.pbest_pos = own
-
-    def _follow_best(self) -> None:
-        # Star keeps its best point until it is beaten: reset it, so that the result depends on the
-        # particles' bests alone and is the same for a restored swarm.
-        swarm = self._swarm
-        swarm.best_cost = np.inf
-        swarm.best_pos, swarm.best_cost = self._topology.compute_gbest(
-            swarm, p=2, k=max(2, self._config.neighbours)
-        )
 
     def _new_swarm(self) -> Any:  # noqa: ANN401 - pyswarms has no types
         config = self._config

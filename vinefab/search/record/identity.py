@@ -12,21 +12,16 @@ from vinefab.model.start_place import start_record
 
 _PACKAGES = ("cmaes", "numba", "numpy", "pymoo", "pyswarms", "scipy", "shapely")
 
-
-@cache
-def _versions_of_needed() -> dict[str, str]:
-    """Return the versions of the packages that vinefab itself needs; to ask takes 10 ms."""
-    return {name: version(name) for name in _PACKAGES}
+_version = cache(version)  # to ask takes a millisecond
 
 
 def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
     """Return the versions of all packages that a run's numbers depend on."""
     versions = {"vinefab": __version__, "python": platform.python_version()}
-    versions |= _versions_of_needed()
-    for name in others:
+    for name in (*_PACKAGES, *others):
         if name not in versions:
             try:
-                versions[name] = version(name)
+                versions[name] = _version(name)
             except PackageNotFoundError:
                 versions[name] = "none"
     return versions

@@ -839,37 +839,33 @@ class RunArchive:
         if not path.is_file():
             raise UnreadableFileError(path, "there is no such file")
         with damage_errors(path), closing(_connected(path)) as connection:
-            return cls._from(connection, path)
-
-    @classmethod
-    def _from(cls, connection: sqlite3.Connection, path: Path) -> "RunArchive":
-        tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
-        if "run" not in tables:
-            raise UnreadableFileError(path, "is not the record of a run")
-        entries = dict(connection.execute("SELECT key, value FROM run").fetchall())
-        identity = recorded_identity(entries, path)
-        settings = settings_from_plain(identity.settings)
-        maps = connection.execute("SELECT content FROM map ORDER BY place").fetchall()
-        sessions = connection.execute("SELECT began_utc, seconds FROM session ORDER BY number")
-        space = Space(settings.space, settings.build)
-        return cls(
-            path=path,
-            identity=identity,
-            settings=settings,
-            maps=tuple(map_from_text(text) for (text,) in maps),
-            history=tuple(read_generations(connection)),
-            finalists=read_finalists(connection, space),
-            stopped=entries.get("stopped", ""),
-            sessions=tuple(
-                Session(began_utc=began_utc, times=TimeSplit.from_plain(json.loads(seconds)))
-                for began_utc, seconds in sessions
-            ),
-            repair=entries.get("repair", ""),
-            notes=tuple(json.loads(entries.get("notes", "[]"))),
-            extensions=read_extensions(connection),
-            prediction=read_prediction(entries.get("prediction", "{}")),
-            recipe=RunRecipe(**json.loads(entries["recipe"])) if "recipe" in entries else None,
-        )
+            tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
+            if "run" not in tables:
+                raise UnreadableFileError(path, "is not the record of a run")
+            entries = dict(connection.execute("SELECT key, value FROM run").fetchall())
+            identity = recorded_identity(entries, path)
+            settings = settings_from_plain(identity.settings)
+            maps = connection.execute("SELECT content FROM map ORDER BY place").fetchall()
+            sessions = connection.execute("SELECT began_utc, seconds FROM session ORDER BY number")
+            space = Space(settings.space, settings.build)
+            return cls(
+                path=path,
+                identity=identity,
+                settings=settings,
+                maps=tuple(map_from_text(text) for (text,) in maps),
+                history=tuple(read_generations(connection)),
+                finalists=read_finalists(connection, space),
+                stopped=entries.get("stopped", ""),
+                sessions=tuple(
+                    Session(began_utc=began_utc, times=TimeSplit.from_plain(json.loads(seconds)))
+                    for began_utc, seconds in sessions
+                ),
+                repair=entries.get("repair", ""),
+                notes=tuple(json.loads(entries.get("notes", "[]"))),
+                extensions=read_extensions(connection),
+                prediction=read_prediction(entries.get("prediction", "{}")),
+                recipe=RunRecipe(**json.loads(entries["recipe"])) if "recipe" in entries else None,
+            )
 
     @property
     def best_so_far(self) -> float | None:

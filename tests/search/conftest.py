@@ -1,5 +1,9 @@
 """Runs small enough to be repeated many times."""
 
+import sqlite3
+from contextlib import closing
+
+import numpy as np
 import pytest
 
 from tests.fabrication.rules.conftest import (  # noqa: F401  fixtures
@@ -12,6 +16,8 @@ from tests.fabrication.rules.conftest import (  # noqa: F401  fixtures
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.tree import branch_tree
+from vinefab.search.record.generations import Generation, Progress
+from vinefab.search.record.result import RECORD_FILE
 from vinefab.search.run import Search
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, SpaceSettings
@@ -55,3 +61,39 @@ def film_penalty():
 def optimize(settings, maps, penalty=None, **options):
     """Return the result of a run without a record, but with a store among the options."""
     return Search.of(settings, maps, penalty).run(**options)
+
+
+def made_generation(number, fitness=(0.1, 0.3, 0.2), *, x=None, composite=None, seconds=2.0):
+    """Return a generation whose designs have no penalty, with their scores as fitness."""
+    fitness = np.array(fitness, dtype=float)
+    return Generation(
+        number=number,
+        x=np.zeros((len(fitness), 2)) if x is None else x,
+        fitness=fitness,
+        composite=fitness if composite is None else composite,
+        penalty=np.zeros(len(fitness)),
+        terms={},
+        seconds=seconds,
+    )
+
+
+def progress_of(generation, generations, history=(), **changed):
+    """Return the progress of a run."""
+    numbers = {"best": 0.5, "mean": 0.25, "spread": 0.125, "fabricable_share": 0.75}
+    times = {"elapsed_s": 1.0, "left_s": 9.0}
+    values = {"generation": generation, "generations": generations, "history": history}
+    return Progress(**{**numbers, **times, **values, **changed})
+
+
+def content(folder):
+    """Return the content of a record without times."""
+    questions = {
+        "run": "SELECT * FROM run ORDER BY 1",
+        "map": "SELECT * FROM map ORDER BY 1",
+        "generation": "SELECT number, x, fitness, composite, penalty FROM generation ORDER BY 1",
+        "term": "SELECT * FROM term ORDER BY 1, 2",
+        "optimizer": "SELECT * FROM optimizer",
+        "finalist": "SELECT * FROM finalist ORDER BY 1",
+    }
+    with closing(sqlite3.connect(folder / RECORD_FILE)) as connection:
+        return {key: connection.execute(text).fetchall() for key, text in questions.items()}

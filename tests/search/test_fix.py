@@ -156,7 +156,7 @@ def test_the_window_of_the_targets_is_never_below_the_rules_own(make, profile):
         allowed = 70.0 * 20.0 / 90.0 / 1.5 / 1.2
         assert riding_mm(subject.layout.tree, design.build.widths_mm)[0] > 0.0
         # All branches of a level are alike here, so that bound and rule agree.
-        assert FixTargets.of(design, profile)._window(design) == pytest.approx(
+        assert FixTargets.of(design, profile)._excess(design) == pytest.approx(
             max(0.0, worst.pressure_kpa / allowed - 1.0)
         )
 

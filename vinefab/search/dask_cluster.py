@@ -438,9 +438,15 @@ class DaskEvaluator:
     def __init__(
         self, address: str, *, threads: int | None = None, patience_s: float = _PATIENCE_S
     ) -> None:
-        self.address = address
-        self.count = self._local_count()
-        usual = self.count if self._is_local else 1
+        self.address, self.count = address, 1  # of workers here, for local:N
+        kind, _, number = address.partition(":")
+        self._is_local = kind == "local" and number.isdecimal() and 1 <= int(number) <= 1024
+        if self._is_local:
+            self.count = int(number)
+        elif kind == "local" or not (":" in address or address.endswith(".json")):
+            allowed = "local:N with N from 1 to 1024, tcp://HOST:PORT, or a scheduler's .json file"
+            raise BadInputError("--cluster", address, allowed)
+        usual = self.count
         self.threads = whole("workers", usual if threads is None else threads, 0, 1024)
         self.notes: tuple[str, ...] = ()
         self._patience_s = patience_s
@@ -467,10 +473,6 @@ class DaskEvaluator:
                 yield run.begin
             finally:
                 self.notes = (f"cluster {self.address}: {run.decision}",)
-
-    @property
-    def _is_local(self) -> bool:
-        return self.address.startswith("local:")
 
     def _gathered(
         self,
@@ -505,20 +507,9 @@ class DaskEvaluator:
             with suppress(TimeoutError):
                 distributed.wait(unfinished, timeout=POLL_S)  # type: ignore[no-untyped-call]
 
-    def _local_count(self) -> int:
-        """Return N of ``local:N``, or 1."""
-        kind, _, count = self.address.partition(":")
-        if kind != "local":
-            if ":" in self.address or self.address.endswith(".json"):
-                return 1
-        elif count.isdecimal() and 1 <= int(count) <= 1024:
-            return int(count)
-        allowed = "local:N with N from 1 to 1024, tcp://HOST:PORT, or a scheduler's .json file"
-        raise BadInputError("--cluster", self.address, allowed)
-
     @contextmanager
     def _client(self) -> Iterator[Any]:
-        if self.address.startswith("local:"):
+        if self._is_local:
             with self._local_client() as client:
                 yield client
             return
@@ -700,7 +691,7 @@ def _received(payload: WorkerPayload) -> WorkerPayload:
 
 def _evaluated(payload: WorkerPayload, x: Floats, conditions: bytes) -> bytes:
     """Evaluate points on a worker and serialize the result."""
-    own = _own_versions(tuple(payload.versions))
+    own = package_versions(payload.versions)
     if own != dict(payload.versions):
         other = next(name for name in payload.versions if own.get(name) != payload.versions[name])
         allowed = f"{other} {payload.versions[other]}, as the run has"
@@ -724,11 +715,6 @@ def _evaluated(payload: WorkerPayload, x: Floats, conditions: bytes) -> bytes:
 
 _INSTALLED = "workers with the same packages installed as where the run began"
 _BUILDING = threading.Lock()
-
-
-@lru_cache(maxsize=2)
-def _own_versions(names: tuple[str, ...]) -> dict[str, str]:
-    return package_versions(names)
 
 
 @lru_cache(maxsize=2)

@@ -1,29 +1,13 @@
 """Limits of a run raised when it is resumed."""
 
-import sqlite3
-from contextlib import closing
-
 import pytest
 
+from tests.search.conftest import content
 from vinefab.core.errors import BadInputError
 from vinefab.search.optimizers.optimizer import OPTIMIZERS
 from vinefab.search.record.result import RECORD_FILE, RunArchive, plain_summary
 from vinefab.search.run import run_search
 from vinefab.search.settings import MapSettings, PartSettings, RunLimits
-
-QUESTIONS = (
-    "SELECT * FROM run ORDER BY 1",
-    "SELECT number, x, fitness, composite, penalty FROM generation ORDER BY 1",
-    "SELECT * FROM term ORDER BY 1, 2",
-    "SELECT * FROM optimizer",
-    "SELECT * FROM finalist ORDER BY 1",
-)
-
-
-def content(folder):
-    """Return the content of a record without times and without its extensions."""
-    with closing(sqlite3.connect(folder / RECORD_FILE)) as connection:
-        return [connection.execute(text).fetchall() for text in QUESTIONS]
 
 
 def of_generations(settings, generations, **changed):

@@ -8,7 +8,7 @@ from typing import ClassVar, cast
 import numpy as np
 import pytest
 
-from tests.search.conftest import optimize
+from tests.search.conftest import content, made_generation, optimize
 from vinefab.core.atomic import is_ours
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError
 from vinefab.model.deployment import Deployment
@@ -36,23 +36,6 @@ def recorded(folder, settings, maps, penalty=None, *, resume=False, stop_after=N
 
     with RunStore.open(folder, RunIdentity.of(settings, maps), resume=resume) as store:
         return optimize(settings, maps, penalty=penalty, store=store, progress=interrupt)
-
-
-def content(folder):
-    """Return the content of a record without times."""
-    questions = {
-        "run": "SELECT * FROM run ORDER BY 1",
-        "map": "SELECT * FROM map ORDER BY 1",
-        "generation": "SELECT number, x, fitness, composite, penalty FROM generation ORDER BY 1",
-        "term": "SELECT * FROM term ORDER BY 1, 2",
-        "optimizer": "SELECT * FROM optimizer",
-        "finalist": "SELECT * FROM finalist ORDER BY 1",
-    }
-    connection = sqlite3.connect(folder / RECORD_FILE)
-    try:
-        return {key: connection.execute(text).fetchall() for key, text in questions.items()}
-    finally:
-        connection.close()
 
 
 def test_interrupted_runs_end_as_the_undisturbed_one(tmp_path, fabricable, maps, film_penalty):
@@ -325,19 +308,6 @@ class FakeStore:
         return sum(len(numbers) for numbers, _ in self.entries)
 
 
-def generation(number, fitness=(0.1, 0.3, 0.2)):
-    values = np.array(fitness)
-    return Generation(
-        number=number,
-        x=np.zeros((3, 2)),
-        fitness=values,
-        composite=values,
-        penalty=np.zeros(3),
-        terms={},
-        seconds=2.0,
-    )
-
-
 def interrupted(recorder):
     """Record six generations, the last of which is never finished."""
     history = list[Generation]()
@@ -346,7 +316,7 @@ def interrupted(recorder):
             recorder.write()
             if number == 5:
                 raise KeyboardInterrupt
-            history.append(generation(number, (0.1, 1.0 / (number + 1), 0.0)))
+            history.append(made_generation(number, (0.1, 1.0 / (number + 1), 0.0)))
             recorder.note(history, {"generation": number + 1})
 
 
@@ -414,7 +384,10 @@ def test_an_interrupt_while_noting_leaves_no_generation_with_the_state_before_it
         def items(self):
             raise KeyboardInterrupt
 
-    store, history = FakeStore(), [generation(0), generation(1)]
+    store, history = (
+        FakeStore(),
+        [made_generation(0), made_generation(1)],
+    )
     recorder = Recorder(store, None, SEARCH, Ledger(1))
     recorder.note(history[:1], {"generation": 1})
     with pytest.raises(KeyboardInterrupt), recorder:
@@ -432,7 +405,7 @@ def test_later_changes_of_an_optimizers_state_are_not_recorded():
 
     state: dict[str, object] = {"place": np.zeros(2), "numbers": [[1]]}
     with Recorder(Keeping(), None, SEARCH, Ledger(1)) as recorder:
-        recorder.note([generation(0)], state)
+        recorder.note([made_generation(0)], state)
         cast("np.ndarray", state["place"])[:] = 7.0
         cast("list[list[int]]", state["numbers"])[0].append(2)
     assert [(list(e["place"]), e["numbers"]) for e in entries] == [([0.0, 0.0], [[1]])]

@@ -1,3 +1,5 @@
+"""Records read: results, runs that are followed, and listings."""
+
 import json
 import sqlite3
 from contextlib import closing

@@ -456,7 +456,13 @@ def run_benchmark(
     sizes = []
     for index, wanted in enumerate(walls):
         progress(0.1 + 0.5 * index / len(walls), f"{wanted} walls")
-        sizes.append(_size(wanted))
+        world = square_map(wanted)
+        began = time.process_time()
+        terrain = Terrain.of(world)
+        count = len(terrain.walls().wall)
+        prepare_s = time.process_time() - began
+        per_event = _ns_per_event(batch_on(terrain, free_poses(terrain, GROWTHS)))
+        sizes.append(BenchSize(walls=count, prepare_s=prepare_s, ns_per_event=per_event))
     progress(0.6, "the smallest map")
     batch = batch_on(site.terrain, poses)
     branches, count = len(batch) * len(batch.plans.each[0]), events(batch)
@@ -480,21 +486,13 @@ def run_benchmark(
         floor=floor_on(site.terrain, poses[:FLOOR_GROWTHS]),
         foreseen_ns_per_event=float(np.mean(foreseen_ns)),
         threads={count: _threaded(site, poses, count) for count in THREADS},
-        batches={size: _batched(site.terrain, poses, size) for size in BATCH_SIZES},
+        batches={
+            size: len(batch) / least_s(lambda size=size: list(batch.each(len, size=size)), 3)  # type: ignore[misc]
+            for size in BATCH_SIZES
+        },
         memory=memory,
         searches={name: search_split(name, max(THREADS), BENCH_GENERATIONS) for name in SEARCHES},
     )
-
-
-def _size(walls: int) -> BenchSize:
-    """Measure growth on one map."""
-    world = square_map(walls)
-    began = time.process_time()
-    terrain = Terrain.of(world)
-    count = len(terrain.walls().wall)
-    prepare_s = time.process_time() - began
-    batch = batch_on(terrain, free_poses(terrain, GROWTHS))
-    return BenchSize(walls=count, prepare_s=prepare_s, ns_per_event=_ns_per_event(batch))
 
 
 def _ns_per_event(batch: Batch) -> float:
@@ -520,12 +518,6 @@ def _threaded(site: PreparedMap, poses: tuple[Pose, ...], threads: int) -> float
     with ThreadPoolExecutor(max_workers=threads) as pool:
         taken_s = least_s(lambda: _evaluate(site, launches, pool.map), wall_clock=True)
     return len(launches) / taken_s
-
-
-def _batched(terrain: Terrain, poses: tuple[Pose, ...], size: int) -> float:
-    """Return growths per second with so many growths in one compiled call."""
-    batch = batch_on(terrain, poses)
-    return len(batch) / least_s(lambda: list(batch.each(len, size=size)), 3)
 
 
 def bench_blocks(result: BenchmarkResult) -> Iterator[Block]:

@@ -107,7 +107,10 @@ class RedeploymentJob:
     def deployments(self, place: PreparedMap) -> list[Deployment]:
         """Return one growth for each heading."""
         ((start,),) = poses_on([place], 1, [self.worlds.seed])
-        terrain = Terrain.of(without_bounds(place.world)) if self.open_bounds else place.terrain
+        terrain = place.terrain
+        if self.open_bounds:  # they are too far away for any robot here to meet
+            bounds = shapely.box(*place.world.bounds.buffer(2.0 * LONG_MM).bounds)
+            terrain = Terrain.of(replace(place.world, bounds=bounds))
         if self.headings == 1:
             return [grow_on(design_from(self.design), terrain, start, self.growth)]
         middle_rad = place.world.starts[0].pose.heading_rad
@@ -121,19 +124,13 @@ class RedeploymentJob:
 
     def reached(self, place: PreparedMap, grown: list[Deployment]) -> float:
         """Return the share of free space within the buffer of all bodies together."""
-        chains = [chain for deployment in grown for chain in deployed_chains(deployment)]
+        chains = [
+            deployment.chain_mm(int(branch)).tolist()
+            for deployment in grown
+            for branch in np.flatnonzero(deployment.deployed)
+        ]
         near = near_chains(chains, self.buffer_mm)
         return float(shapely.intersection(near, place.context.free).area / place.context.area_mm2)
-
-
-def deployed_chains(robot: Deployment) -> list[list[list[float]]]:
-    """Return the chain points of every branch that emerged."""
-    return [robot.chain_mm(int(branch)).tolist() for branch in np.flatnonzero(robot.deployed)]
-
-
-def without_bounds(world: Map) -> Map:
-    """Return a map whose bounds are too far away for any robot here to meet."""
-    return replace(world, bounds=shapely.box(*world.bounds.buffer(2.0 * LONG_MM).bounds))
 
 
 AT_BOUNDS_MM = 0.1

@@ -200,7 +200,7 @@ def contest_rows(
                 _search(run.settings)
     total, begun = len(contest_runs), len(contest_runs) - len(todo)
     tell(begun / max(1, total), f"{begun} of {total} runs")
-    for done, row in enumerate(_run_all(todo, jobs), start=begun + 1):
+    for done, row in enumerate(_rows_of(todo, jobs), start=begun + 1):
         with folder_to_fill(record.parent), record.open("a", encoding="utf-8") as stream:
             if stream.tell() == 0:
                 stream.write(
@@ -218,7 +218,7 @@ def _search(settings: RunSettings) -> Search:
     return Search.of(settings, maps, penalty_of(settings), fresh_maps=fresh)
 
 
-def _run_all(contest_runs: Sequence[ContestRun], jobs: int) -> Iterator[ContestRow]:
+def _rows_of(contest_runs: Sequence[ContestRun], jobs: int) -> Iterator[ContestRow]:
     if jobs == 1 or len(contest_runs) < 2:
         yield from map(run_contest, contest_runs)
         return
@@ -298,7 +298,9 @@ def _block(
             "can_be_made": float(np.mean([r.penalty == 0.0 for r in mine])),
         }
         if place > 0:
-            difference, p = values - scores[0], _chance(values - scores[0])
+            difference = values - scores[0]
+            # Two-sided, of no difference; 1 when there is none or one pair only.
+            p = mean_p(difference, tails=0.0) if len(difference) > 1 else 1.0
             entry["difference"] = {
                 **_interval(difference, 1.0 - SIGNIFICANT / others),
                 "p": p,
@@ -317,11 +319,6 @@ def _interval(values: Floats, level: float) -> dict[str, float | None]:
         "low": low if known else None,
         "high": high if known else None,
     }
-
-
-def _chance(differences: Floats) -> float:
-    """Return the two-sided p-value of no difference, 1 when there is none or one pair only."""
-    return mean_p(differences, tails=0.0) if len(differences) > 1 else 1.0
 
 
 def comparison_blocks(contest: Contest, rows: Sequence[ContestRow]) -> Iterator[Block]:

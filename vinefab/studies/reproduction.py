@@ -138,23 +138,34 @@ def study_blocks(findings: Sequence[StudyResult], size: StudySize) -> Iterator[B
             Fact("seeds", f"{size.seeds}, repeats {size.repeats}"),
         )
     )
-    yield _summary_section(findings)
-    yield Section(title="What differs from the paper, and why", paragraphs=DIFFERENCES)
-    yield from map(_experiment_section, findings)
-
-
-def _summary_section(findings: Sequence[StudyResult]) -> Section:
-    holding, claims = held(findings)
     corrected = (
         f"{holding} of {claims} claims of the paper hold one by one; corrected for their number "
         f"(Holm), "
         f"{held_corrected(findings)} still do."
     )
-    return Section(
+    yield Section(
         title="What the paper claims, and whether it holds",
         paragraphs=(*SUMMARY, corrected),
         tables=(claims_table(findings),),
     )
+    yield Section(title="What differs from the paper, and why", paragraphs=DIFFERENCES)
+    for finding in findings:
+        numbers = Rows(
+            caption="Our numbers beside the paper's (simulated, with 95 % intervals)",
+            headings=("", "here", "paper"),
+            rows=tuple((row.what, row.ours, row.paper) for row in finding.rows),
+        )
+        tested = Rows(
+            caption="Orderings, tested",
+            headings=CLAIM_HEADINGS,
+            rows=tuple(claim.cells() for claim in finding.claims),
+        )
+        yield Section(
+            title=f"{finding.name}: {finding.title}",
+            paragraphs=(*finding.protocol, *finding.remarks),
+            tables=(numbers, tested) if finding.claims else (numbers,),
+            pictures=finding.pictures,
+        )
 
 
 def claims_table(findings: Sequence[StudyResult], columns: int | None = None) -> Rows:
@@ -167,23 +178,4 @@ def claims_table(findings: Sequence[StudyResult], columns: int | None = None) ->
             for finding in findings
             for claim in finding.claims
         ),
-    )
-
-
-def _experiment_section(finding: StudyResult) -> Section:
-    numbers = Rows(
-        caption="Our numbers beside the paper's (simulated, with 95 % intervals)",
-        headings=("", "here", "paper"),
-        rows=tuple((row.what, row.ours, row.paper) for row in finding.rows),
-    )
-    claims = Rows(
-        caption="Orderings, tested",
-        headings=CLAIM_HEADINGS,
-        rows=tuple(claim.cells() for claim in finding.claims),
-    )
-    return Section(
-        title=f"{finding.name}: {finding.title}",
-        paragraphs=(*finding.protocol, *finding.remarks),
-        tables=(numbers, claims) if finding.claims else (numbers,),
-        pictures=finding.pictures,
     )

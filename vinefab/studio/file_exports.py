@@ -3,7 +3,7 @@
 import os
 import shlex
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -32,7 +32,7 @@ from vinefab.model.laser import LaserProfile, RecipeStatus
 from vinefab.model.map import Map, Pose, Start
 from vinefab.studio.executors import Progress
 from vinefab.studio.snapshot import SnapshotOptions, write_snapshot
-from vinefab.studio.state import PAGE, StudioState, mapping_at
+from vinefab.studio.state import PAGE, StudioState, is_name, mapping_at
 
 # ruff: noqa: PLC0415  what an export needs is loaded when it is made: a command line is quick
 
@@ -368,7 +368,18 @@ def export_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress
     what = ask.get("what")
     if what == "command":
         given = mapping_at("exports", ask.get("exports"))
-        commands = {name: _command(state, ask, name, given[name]) for name in given}
+        commands: dict[str, dict[str, Any]] = {}
+        for name, one in given.items():
+            try:
+                if name == SNAPSHOT:
+                    commands[name] = {"command": _opens(_snapshot_path(ask, one)), "inputs": []}
+                    continue
+                kind = _kind(name, mapping_at(f"exports.{name}", one))
+                source = _source(state, ask, kind, one.get("out"))
+                beside = [str(source.folder / file) for file in source.inputs]
+                commands[name] = {"command": command_of(kind, source), "inputs": beside}
+            except VinefabError as error:
+                commands[name] = {"error": str(error)}
         unverified = state.profile.recipe.status is RecipeStatus.UNVERIFIED
         return {"commands": commands, "unverified": unverified}
     if what == SNAPSHOT:
@@ -381,7 +392,15 @@ def export_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress
 
 def _written(kind: Export, source: ExportSource, progress: Progress) -> dict[str, Any]:
     out = Path(source.out)
-    _ensure(kind, source, out)
+    # Before any long work: may everything be written?
+    if source.inputs:
+        ensure_own_folder(source.folder, DESIGN_FILE)
+    if kind.mark:
+        ensure_own_folder(out, kind.mark)
+    else:
+        ensure_writable(out)
+    if isinstance(kind, PackageExport) and kind.zip:
+        ensure_writable(out.with_name(f"{out.name}.zip"))
     source = source.as_read()
     made = kind.make(source, progress)
     answer: dict[str, Any] = {
@@ -408,33 +427,6 @@ def _written(kind: Export, source: ExportSource, progress: Progress) -> dict[str
     return answer
 
 
-def _ensure(kind: Export, source: ExportSource, out: Path) -> None:
-    """Check, before any long work, that everything may be written."""
-    if source.inputs:
-        ensure_own_folder(source.folder, DESIGN_FILE)
-    if kind.mark:
-        ensure_own_folder(out, kind.mark)
-    else:
-        ensure_writable(out)
-    if isinstance(kind, PackageExport) and kind.zip:
-        ensure_writable(out.with_name(f"{out.name}.zip"))
-
-
-def _command(
-    state: StudioState, ask: Mapping[str, Any], name: str, given: Mapping[str, Any]
-) -> dict[str, Any]:
-    """Return a command line and what would be written for it first, or why there is none."""
-    try:
-        if name == SNAPSHOT:
-            return {"command": _opens(_snapshot_path(ask, given)), "inputs": []}
-        kind = _kind(name, mapping_at(f"exports.{name}", given))
-        source = _source(state, ask, kind, given.get("out"))
-        command = command_of(kind, source)
-    except VinefabError as error:
-        return {"error": str(error)}
-    return {"command": command, "inputs": [str(source.folder / file) for file in source.inputs]}
-
-
 def _kind(name: object, given: Mapping[str, Any]) -> Export:
     if not isinstance(name, str) or name not in EXPORTS:
         raise UnknownNameError("export", str(name), EXPORTS, PAGE)
@@ -450,10 +442,19 @@ def _source(state: StudioState, ask: Mapping[str, Any], kind: Export, out: objec
         raise BadInputError("out", str(path), allowed, PAGE)
     inputs: dict[str, bytes] = {}
     folder = inputs_folder(path)
-    design_name = _saved_design(state.design, ask.get("design_file"), roots)
+    design_name = ""  # nothing where no file has the design as it is
+    if isinstance(given := ask.get("design_file"), str):
+        with suppress(VinefabError):
+            name = given if is_name(given) else str(allowed_path("design_file", given, roots))
+            if design_text(Design.read(name)) == design_text(state.design):
+                design_name = name
     world, map_name = None, ""
     if kind.uses_map and (world := _world(state, kind)):
-        map_name = _saved_map(world, ask.get("map_file"), roots)
+        if isinstance(given := ask.get("map_file"), str):
+            with suppress(VinefabError):
+                file = allowed_path("map_file", given, roots)
+                if map_text(Map.read(file)) == map_text(world):
+                    map_name = str(file)
         if not map_name:
             map_name = str(folder / MAP_FILE)
             inputs[MAP_FILE] = map_text(world).encode()
@@ -485,31 +486,6 @@ def _world(state: StudioState, kind: Export) -> Map | None:
     moved = (first.pose.x_mm, first.pose.y_mm) != (pose.x_mm, pose.y_mm)
     first = replace(first, pose=pose, area=None if moved else first.area)
     return replace(world, starts=(first, *world.starts[1:]))
-
-
-def _saved_design(design: Design, given: object, roots: tuple[Path, ...]) -> str:
-    """Return what a command calls the design, or nothing if no file has it as it is."""
-    if not isinstance(given, str):
-        return ""
-    try:
-        bare = Path(given).name == given and not Path(given).suffix
-        name = given if bare else str(allowed_path("design_file", given, roots))
-        saved = Design.read(name)
-    except VinefabError:
-        return ""
-    return name if design_text(saved) == design_text(design) else ""
-
-
-def _saved_map(world: Map, given: object, roots: tuple[Path, ...]) -> str:
-    """Return what a command calls the map, or nothing if no file has it as it is."""
-    if not isinstance(given, str):
-        return ""
-    try:
-        path = allowed_path("map_file", given, roots)
-        saved = Map.read(path)
-    except VinefabError:
-        return ""
-    return str(path) if map_text(saved) == map_text(world) else ""
 
 
 def allowed_path(key: str, given: object, roots: tuple[Path, ...]) -> Path:

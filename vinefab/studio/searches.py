@@ -200,30 +200,8 @@ def winner_words(score: Score) -> str:
     )
 
 
-def listed_score(record: FollowedRecord) -> tuple[float | None, str]:
-    """Return the score of a run's winner, or the best fitness so far, and what it is."""
-    score = record.winner_score
-    if record.stopped and score is not None:
-        return score.composite["mean"], winner_words(score)
-    return record.best if record.best_at is not None else None, best_words(record)
-
-
-def best_of(folder: Path) -> tuple[dict[str, Any], str]:
-    """Return the winner of a run that has ended, or the best design so far."""
-    record = FollowedRecord(folder / RECORD_FILE, has_front=False)
-    record.look()
-    if record.stopped:
-        result = RunArchive.read(record.path).result()
-        words = f"{result.score.composite['mean']:.4f}: {winner_words(result.score)}"
-        return design_content(result.best), words
-    content = record.best_content()
-    if content is None:
-        raise BadInputError("point", "best", "a run with a valid design", folder)
-    return content, f"fitness {record.best:.4f}: {best_words(record)}"
-
-
-def point_of(folder: Path, point: str) -> tuple[dict[str, Any], str]:
-    """Return the design in a row of a generation."""
+def _design_at(folder: Path, point: str) -> tuple[Design, str]:
+    """Return the design in a row of a generation, and a line on its fitness."""
     wanted, _, row = point.partition(":")
     tail = None
     if wanted.isascii() and wanted.isdigit() and row.isascii() and row.isdigit():
@@ -233,23 +211,8 @@ def point_of(folder: Path, point: str) -> tuple[dict[str, Any], str]:
         raise BadInputError("point", point, "G:R, a row of a generation of the run", folder)
     generation, place = found[0], int(row)
     design = Space(tail.settings.space, tail.settings.build).design(generation.x[place])
-    content = {**design_content(design), "name": f"{tail.settings.name}_{wanted}_{row}"[:100]}
     words = f"fitness {generation.fitness[place]:.4f} in the search: likely too good ({_SIMULATED})"
-    return content, words
-
-
-def front_design(folder: Path, name: str) -> tuple[dict[str, Any], str]:
-    """Return a design of the front that a run ended with."""
-    record = FollowedRecord(folder / RECORD_FILE, has_front=False)
-    record.look()
-    front = final_front(folder, record)
-    known = {} if front is None else {point["point"]: point for point in front["points"]}
-    if name not in known:
-        raise BadInputError("point", name, f"one of {', '.join(known) or 'none'}", folder)
-    values = known[name]["values"]
-    words = f"score {values[0]:.4f} on fresh poses ({_SIMULATED})"
-    path = path_inside("design", f"front/{name}.toml", (folder,), folder / "front.json")
-    return design_content(Design.read(path)), words
+    return design.changed(name=f"{tail.settings.name}_{wanted}_{row}"[:100]), words
 
 
 _MOST_FRONT_BYTES = 1 << 24
@@ -457,12 +420,32 @@ class SearchManager:
         folder, point = self._inside("folder", ask.get("folder")), ask.get("point", "best")
         if not isinstance(point, str):
             raise BadInputError("point", point, "best, G:R or a design of the front", PAGE)
-        if point == "best":
-            content, words = best_of(folder)
-        elif ":" in point:
-            content, words = point_of(folder, point)
+        record = FollowedRecord(folder / RECORD_FILE, has_front=False)
+        if ":" in point:
+            design, words = _design_at(folder, point)
+            content = design_content(design)
+        elif point == "best":
+            record.look()
+            best = record.best_content()
+            if record.stopped:
+                result = RunArchive.read(record.path).result()
+                best = design_content(result.best)
+                words = f"{result.score.composite['mean']:.4f}: {winner_words(result.score)}"
+            elif best is not None:
+                words = f"fitness {record.best:.4f}: {best_words(record)}"
+            if best is None:
+                raise BadInputError("point", "best", "a run with a valid design", folder)
+            content = best
         else:
-            content, words = front_design(folder, point)
+            record.look()
+            front = final_front(folder, record) or {"points": []}
+            known = {entry["point"]: entry["values"] for entry in front["points"]}
+            if point not in known:
+                allowed = f"one of {', '.join(known) or 'none'}"
+                raise BadInputError("point", point, allowed, folder)
+            words = f"score {known[point][0]:.4f} on fresh poses ({_SIMULATED})"
+            path = path_inside("design", f"front/{point}.toml", (folder,), folder / "front.json")
+            content = design_content(Design.read(path))
         return {"design": content, "folder": self._shown(folder), "point": point, "words": words}
 
     def front(self, ask: Mapping[str, Any]) -> dict[str, Any]:
@@ -677,7 +660,10 @@ class SearchManager:
             line = "has no generation yet"
             return {"folder": self._shown(path.parent), "state": "unfinished", "line": line}
         state = "running" if is_running else "ended" if record.stopped else "unfinished"
-        score, words = listed_score(record)
+        score, words = record.best if record.best_at is not None else None, best_words(record)
+        if record.stopped and record.winner_score is not None:
+            score = record.winner_score.composite["mean"]
+            words = winner_words(record.winner_score)
         return {
             "folder": self._shown(path.parent),
             "state": state,

@@ -188,7 +188,15 @@ def stored_state(path: Path) -> dict[str, Any]:
             return state
         with TemporaryDirectory() as folder:
             source["file"] = str(Path(folder) / "map.geojson")
-            text = _map_text(path, Path(source["file"]), stored.get("map"))
+            if not isinstance(stored.get("map"), str):
+                raise BadInputError("map", stored.get("map"), "the text of a map file")
+            Path(source["file"]).write_text(stored["map"], encoding="utf-8")
+            try:  # as it is written, once it has shown that it can be read
+                text = map_text(Map.read(source["file"]))
+            except BadInputError as error:
+                raise BadInputError(f"map.{error.key}", error.value, error.allowed, path) from error
+            except UnreadableFileError as error:
+                raise UnreadableFileError(path, f"its map {error.problem}") from error
             StudioState.of(state)  # before anything is written
         source["file"] = str(_written(path, text))
     return state
@@ -212,19 +220,6 @@ def _naming(path: Path) -> Iterator[None]:
         yield
     except (BadInputError, UnknownNameError) as error:
         raise (error.at(path) if error.source in {None, PAGE} else error) from error
-
-
-def _map_text(path: Path, file: Path, text: object) -> str:
-    """Return the map of a snapshot as it is written, once a file has shown that it can be read."""
-    if not isinstance(text, str):
-        raise BadInputError("map", text, "the text of a map file")
-    file.write_text(text, encoding="utf-8")
-    try:
-        return map_text(Map.read(file))
-    except BadInputError as error:
-        raise BadInputError(f"map.{error.key}", error.value, error.allowed, path) from error
-    except UnreadableFileError as error:
-        raise UnreadableFileError(path, f"its map {error.problem}") from error
 
 
 def _written(path: Path, text: str) -> Path:

@@ -220,6 +220,8 @@ def _tried(attempt: Attempt, main: Callable[[list[str]], int]) -> Verdict:
         code = f"{type(error).__name__} left the program: {error}"
     signal.setitimer(signal.ITIMER_PROF, 0.0)
     signal.setitimer(signal.ITIMER_REAL, 0.0)
+    if readers := sys.modules.get("vinefab.core.bounded"):
+        readers.end_children()  # their time and memory count once they have ended
     cpu_s = _cpu_s() - begin
     sys.stdout.flush()
     sys.stderr.flush()

@@ -6,11 +6,13 @@ from typing import Any
 import pytest
 from hypothesis import strategies as st
 
+from vinefab.core.bounded import bounded
 from vinefab.maps.generators.cave import CaveOptions
 from vinefab.maps.generators.corridors import CorridorsOptions
 from vinefab.maps.generators.grid import GridOptions
 from vinefab.maps.generators.pegs import PegsOptions
 from vinefab.maps.generators.rubble import RubbleOptions
+from vinefab.maps.importers import importers
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 SHARE = st.floats(0.0, 1.0)
@@ -128,6 +130,19 @@ def piles(draw: Draw) -> RubbleOptions:
         starts=draw(st.integers(1, 3)),
         **starts(draw),
     )
+
+
+@pytest.fixture(autouse=True)
+def _read_here(monkeypatch):
+    """Read foreign files in this process, where patches and coverage reach."""
+    monkeypatch.setattr(importers, "bounded", lambda _path, read, *rest: read(*rest))
+
+
+@pytest.fixture
+def limits(_read_here, monkeypatch):
+    """Read them as users do, in a child with limits."""
+    monkeypatch.setattr(importers, "bounded", bounded)
+    return monkeypatch
 
 
 @pytest.fixture(scope="session")

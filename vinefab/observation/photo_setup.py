@@ -13,6 +13,7 @@ from shapely import Polygon
 from shapely.errors import ShapelyError
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.bounded import bounded
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
 from vinefab.core.table import TablePart, validated
 from vinefab.core.validation import Floats, number, whole
@@ -99,7 +100,7 @@ class PhotoSetup:
             corners_px=np.array(corners).reshape(4, 2) if corners else None,
             obstacle_mm=height,
             film_colour=None if film_colour is None else (red, green, blue),
-            outline=None if outline is None else _outline(outline, is_svg=is_svg),
+            outline=None if outline is None else bounded(outline, _outline, outline, is_svg=is_svg),
             outline_in_pixels=is_svg,
         )
 

@@ -137,6 +137,7 @@ def test_suffixes_are_lower_case_and_belong_to_one_format() -> None:
     assert all(suffix == suffix.lower() and suffix.startswith(".") for suffix in suffixes)
 
 
+@pytest.mark.usefixtures("limits")
 @pytest.mark.parametrize(("name", "suffix"), EVERY_SUFFIX)
 @pytest.mark.parametrize("case", [str.lower, str.upper])
 def test_the_smallest_valid_file_becomes_a_map(
@@ -150,6 +151,7 @@ def test_the_smallest_valid_file_becomes_a_map(
     assert world.facts["source"].lower() == f"sample{suffix}"
 
 
+@pytest.mark.usefixtures("limits")
 @pytest.mark.parametrize("name", NAMES)
 def test_a_malformed_file_is_refused(tmp_path: Path, name: str) -> None:
     importer = IMPORTERS[name]

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -28,8 +27,13 @@ from vinefab.maps.importers.source_drawing import (
 from vinefab.model.files.shipped import existing_file
 from vinefab.model.map import Map
 
-_LARGEST_BYTES = 1 << 30
-_MOST_FEATURES = 500_000
+try:
+    import pyogrio
+    import pyogrio.errors
+    import pyogrio.raw
+except ImportError:
+    pyogrio = None
+
 _BEGINNINGS = {
     ".gpkg": b"SQLite format 3\0",
     ".shp": b"\0\0\x27\x0a",
@@ -49,8 +53,6 @@ def import_gis(path: Path, options: ImportOptions) -> Map:
     coordinate reference system.
     """
     existing_file(path)
-    if path.stat().st_size > _LARGEST_BYTES:
-        raise UnreadableFileError(path, f"is larger than {_LARGEST_BYTES} bytes")
     begin = _BEGINNINGS[path.suffix.lower()]
     with path.open("rb") as file:
         if file.read(len(begin)) != begin:
@@ -60,7 +62,10 @@ def import_gis(path: Path, options: ImportOptions) -> Map:
         raise UnreadableFileError(path, problem)
     with located(path), warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        drawing = _drawing(path.resolve(), options, _gdal())
+        if pyogrio is None:
+            allowed = "only with the extra: pip install 'vinefab[gis]'"
+            raise BadInputError("GeoPackage, Shapefile, FlatGeobuf", "not readable", allowed)
+        drawing = _drawing(path.resolve(), options)
     if said:
         lines = sorted({" ".join(str(one.message).split())[:200] for one in said})
         drawing = replace(
@@ -75,17 +80,6 @@ def _beside(path: Path, suffix: str) -> Path | None:
     return next((place for place in places if place.is_file()), None)
 
 
-def _gdal() -> ModuleType:
-    try:
-        import pyogrio  # noqa: PLC0415  an extra, and GDAL takes half a second to load
-        from pyogrio import errors, raw  # noqa: F401, PLC0415  loads the submodules
-    except ImportError as error:
-        allowed = "only with the extra: pip install 'vinefab[gis]'"
-        raise BadInputError("GeoPackage, Shapefile, FlatGeobuf", "not readable", allowed) from error
-    found: ModuleType = pyogrio
-    return found
-
-
 @dataclass(slots=True)
 class _Read:
     """What was read from the layers of a file."""
@@ -97,15 +91,15 @@ class _Read:
     systems: dict[str, str] = field(default_factory=dict)  # reference system by layer
 
 
-def _drawing(path: Path, options: ImportOptions, gdal: ModuleType) -> SourceDrawing:
+def _drawing(path: Path, options: ImportOptions) -> SourceDrawing:
     found = _Read()
     try:
-        names = _layers(path, options.layers, gdal)
+        names = _layers(path, options.layers)
         for name in names:
-            _read_layer(path, name, gdal, found, several=len(names) > 1)
+            _read_layer(path, name, found, several=len(names) > 1)
     except (
-        gdal.errors.DataSourceError,
-        gdal.errors.DataLayerError,
+        pyogrio.errors.DataSourceError,
+        pyogrio.errors.DataLayerError,
         shapely.GEOSException,
         UnicodeError,  # names of columns in another encoding than the .cpg says; of files
     ) as error:
@@ -117,7 +111,7 @@ def _drawing(path: Path, options: ImportOptions, gdal: ModuleType) -> SourceDraw
         )
     system = next(iter(found.systems.values()), "")
     given = options.scale_mm_per_unit is not None
-    unit, mm_per_unit = ("as given", 1.0) if given else _unit(system, path, gdal)
+    unit, mm_per_unit = ("as given", 1.0) if given else _unit(system, path)
     points = {kind: count for kind, count in found.kinds.items() if "Point" in kind}
     return SourceDrawing(
         items=tuple(found.items),
@@ -136,9 +130,9 @@ def _drawing(path: Path, options: ImportOptions, gdal: ModuleType) -> SourceDraw
     )
 
 
-def _layers(path: Path, wanted: tuple[str, ...], gdal: ModuleType) -> list[str]:
+def _layers(path: Path, wanted: tuple[str, ...]) -> list[str]:
     """Return the names of the layers to read."""
-    known = [str(name) for name, kind in gdal.list_layers(path) if kind is not None]
+    known = [str(name) for name, kind in pyogrio.list_layers(path) if kind is not None]
     for name in wanted:
         if name not in known:
             raise UnknownNameError("layer", name, known)
@@ -151,15 +145,13 @@ def _layers(path: Path, wanted: tuple[str, ...], gdal: ModuleType) -> list[str]:
     return list(wanted) or known
 
 
-def _read_layer(path: Path, name: str, gdal: ModuleType, found: _Read, *, several: bool) -> None:
-    info = gdal.read_info(path, layer=name)
-    if info["features"] > _MOST_FEATURES:
-        raise BadInputError(
-            f"layer {name}", f"{info['features']} features", f"at most {_MOST_FEATURES}"
-        )
+def _read_layer(path: Path, name: str, found: _Read, *, several: bool) -> None:
+    info = pyogrio.read_info(path, layer=name)
     found.systems[name] = info["crs"] or ""
     columns = ["role"] if "role" in info["fields"] else []
-    _, fids, wkb, columns_read = gdal.raw.read(path, layer=name, columns=columns, return_fids=True)
+    _, fids, wkb, columns_read = pyogrio.raw.read(
+        path, layer=name, columns=columns, return_fids=True
+    )
     roles = columns_read[0] if columns else np.full(len(wkb), None)
     shapes = shapely.from_wkb(wkb)
     found.heights += int(shapely.has_z(shapes).sum())
@@ -198,12 +190,12 @@ def _ring(line: BaseGeometry) -> Ring:
     return Ring(pieces=(Straight(shapely.get_coordinates(line)),))
 
 
-def _unit(system: str, path: Path, gdal: ModuleType) -> tuple[str, float]:
+def _unit(system: str, path: Path) -> tuple[str, float]:
     """Return the unit of a reference system as text, and its mm."""
     if not system:
         beside = " (no .prj beside it)" if path.suffix.lower() == ".shp" else ""
         return f"mm (taken; the file names no reference system{beside})", 1.0
-    text = _well_known_text(system, gdal)
+    text = _well_known_text(system)
     if re.match(r"\s*GEO(GCS|GCRS|DCRS|GRAPHICCRS)\s*\[", text):
         raise BadInputError("reference system", f"{system[:40]} in degrees", PROJECT_ADVICE)
     found = _length_unit(text)
@@ -213,7 +205,7 @@ def _unit(system: str, path: Path, gdal: ModuleType) -> tuple[str, float]:
     return f"{name} ({system[:40]})", float(f"{1000.0 * metres:.12g}")
 
 
-def _well_known_text(system: str, gdal: ModuleType) -> str:
+def _well_known_text(system: str) -> str:
     """Return the definition of a reference system that may be a code such as ``EPSG:32632``."""
     if "[" in system:
         return system
@@ -222,8 +214,8 @@ def _well_known_text(system: str, gdal: ModuleType) -> str:
         place = Path(folder) / "unit.shp"
         spot = np.array([shapely.to_wkb(shapely.Point(0.0, 0.0))], dtype=np.object_)
         try:
-            gdal.raw.write(str(place), spot, [], [], geometry_type="Point", crs=system)
-        except (gdal.errors.DataSourceError, gdal.errors.CRSError):
+            pyogrio.raw.write(str(place), spot, [], [], geometry_type="Point", crs=system)
+        except (pyogrio.errors.DataSourceError, pyogrio.errors.CRSError):
             return ""
         projection = _beside(place, ".prj")
         return projection.read_text(encoding="utf-8") if projection else ""

@@ -3,20 +3,16 @@
 To add one: a file with ``read(path, options)``, an entry here, a valid sample in the contract test.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
+from vinefab.core.bounded import bounded
 from vinefab.core.errors import BadInputError
 from vinefab.core.registry import Registry
-from vinefab.maps.importers.csv_polygons import import_csv
-from vinefab.maps.importers.geojson_any import import_geojson
 from vinefab.maps.importers.import_options import PHOTO_SUFFIXES, ImportOptions
-from vinefab.maps.importers.ros_map import import_ros
-from vinefab.maps.importers.svg_drawing import import_svg
 from vinefab.model.map import Map
 
 
@@ -28,66 +24,65 @@ class MapImporter:
     """
 
     suffixes: tuple[str, ...]  # of its files, in lower case with the dot
-    read: Callable[[Path, ImportOptions], Map]
+    reader: str  # MODULE:FUNCTION; only the process that reads a file loads it
     malformed: bytes  # a damaged file, which must be refused
 
-
-def _late(module: str, name: str) -> Callable[[Path, ImportOptions], Map]:
-    """Return a reader whose module is loaded once a file of its kind is read."""
-
-    def read(path: Path, options: ImportOptions) -> Map:
-        found = import_module(f"vinefab.maps.importers.{module}")
-        world: Map = getattr(found, name)(path, options)
+    def read(self, path: Path, options: ImportOptions) -> Map:
+        """Return the map in a file, read in this process and without limits."""
+        module, _, function = self.reader.partition(":")
+        # Sizes near the limits of floats are refused, or found equal, by what is done with them.
+        with np.errstate(all="ignore"):
+            world: Map = getattr(import_module(module), function)(path, options)
         return world
 
-    return read
 
-
-_read_gis = _late("gis_layers", "import_gis")
-
-
+_ROOM = "vinefab.maps.importers"
 IMPORTERS: Registry[MapImporter] = Registry(
     "map format",
     {
         "ros": MapImporter(
             suffixes=(".yaml", ".yml"),
-            read=import_ros,
+            reader=f"{_ROOM}.ros_map:import_ros",
             malformed=b"image: world.pgm\nresolution: 0.05\norigin: [0.0, 0.0]\n",
         ),
         "geojson": MapImporter(
             suffixes=(".geojson", ".json"),
-            read=import_geojson,
+            reader=f"{_ROOM}.geojson_any:import_geojson",
             malformed=b'{"type": "Polygon", "coordinates": [[[0, 0], [9, 0], ["9", 9]]]}',
         ),
         "dxf": MapImporter(
             suffixes=(".dxf",),
-            read=_late("dxf_drawing", "import_dxf"),  # ezdxf takes a second to import
+            reader=f"{_ROOM}.dxf_drawing:import_dxf",
             malformed=b"0\nSECTION\n2\nENTITIES\n0\nLINE\n10\nhere\n0\nENDSEC\n0\nEOF\n",
         ),
         "svg": MapImporter(
             suffixes=(".svg",),
-            read=import_svg,
+            reader=f"{_ROOM}.svg_drawing:import_svg",
             malformed=b'<svg xmlns="http://www.w3.org/2000/svg"><path d="M 0 0 L 9 x"/></svg>',
         ),
         "csv": MapImporter(
             suffixes=(".csv",),
-            read=import_csv,
+            reader=f"{_ROOM}.csv_polygons:import_csv",
             malformed=b"polygon,x_mm,y_mm\nroom,0,0\nroom,100\n",
         ),
         "geopackage": MapImporter(
             suffixes=(".gpkg",),
-            read=_read_gis,
+            reader=f"{_ROOM}.gis_layers:import_gis",
             malformed=b"SQLite format 3\0 and no pages",
         ),
         "shapefile": MapImporter(
-            suffixes=(".shp",), read=_read_gis, malformed=b"\0\0\x27\x0a and no header"
+            suffixes=(".shp",),
+            reader=f"{_ROOM}.gis_layers:import_gis",
+            malformed=b"\0\0\x27\x0a and no header",
         ),
         "flatgeobuf": MapImporter(
-            suffixes=(".fgb",), read=_read_gis, malformed=b"fgb\x03fgb\0 and no header"
+            suffixes=(".fgb",),
+            reader=f"{_ROOM}.gis_layers:import_gis",
+            malformed=b"fgb\x03fgb\0 and no header",
         ),
         "photo": MapImporter(
             suffixes=PHOTO_SUFFIXES,
-            read=_late("photo_map", "import_photo"),
+            reader=f"{_ROOM}.photo_map:import_photo",
             malformed=b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x08\0\0\0\x08\x08\0\0\0\0",
         ),
     },
@@ -102,7 +97,7 @@ _CUT = (
 _DEGREES = (
     "it is in degrees: project it in QGIS, or ogr2ogr -t_srs EPSG:32632 (your zone) plan.gpkg FILE"
 )
-_GIS = "save it as GeoPackage in QGIS, or ogr2ogr plan.gpkg FILE"
+_AS_LAYERS = "save it as GeoPackage in QGIS, or ogr2ogr plan.gpkg FILE"
 _PIXELS = "save it as PNG or JPEG"
 _UNPACK = "unpack it, and give the drawing in it"
 _CLOUD = "a cloud of points is no plan: make an occupancy grid of it (a ROS map: .yaml and .pgm)"
@@ -115,7 +110,7 @@ _ADVICE = {
     "ply las laz pcd e57 bt ot": _CLOUD,
     "kml kmz gpx": _DEGREES,
     "shx dbf prj cpg": "give the .shp that lies beside it",
-    "gml tab mif gdb sqlite geojsonl geojsons topojson osm": _GIS,
+    "gml tab mif gdb sqlite geojsonl geojsons topojson osm": _AS_LAYERS,
     "qgz qgs": "a project: export its layer (Export, Save Features As, GeoPackage)",
     "th th2 thconfig lox": "export it in Therion: export map -format esri (or dxf), import that",
     "svx 3d": "export the passages in Survex's aven as Shapefile, DXF or SVG",
@@ -161,7 +156,8 @@ def import_map(source: Path, options: ImportOptions) -> Map:
         If no importer knows the suffix, an option means nothing for the format, or the content
         is no map; the message says where in the file.
     UnreadableFileError
-        If the file is missing, damaged or of another format than its suffix says.
+        If the file is missing, damaged or of another format than its suffix says, or takes too
+        much time or memory to read (`bounded`).
     """
     known = import_suffixes()
     suffix = source.suffix.lower()
@@ -171,6 +167,4 @@ def import_map(source: Path, options: ImportOptions) -> Map:
         )
     if options.photo is not None and suffix not in PHOTO_SUFFIXES:
         options.photo.refuse(source)
-    # Sizes near the limits of floats are refused, or found equal, by what is done with them.
-    with np.errstate(all="ignore"):
-        return known[suffix].read(source, options)
+    return bounded(source, known[suffix].read, source, options)

@@ -1,19 +1,21 @@
 """SVG drawings: path data, shapes, groups, uses and styles.
 
-`svgelements` is no replacement for the path grammar: it accepts unknown commands, infinite
-coordinates and paths without a move, and its errors name no position.
+`svgelements` reads path data and transforms. Their grammar is checked here: it accepts unknown
+commands, infinite coordinates and paths without a move, and its errors name no position. Elements
+are walked here: it draws symbols that are not used, and knows no view box of those that are.
 """
 
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+import svgelements as svg
 
-from vinefab.core.errors import BadInputError, UnknownNameError, located
+from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError, located
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.maps.importers.import_options import ImportOptions
@@ -30,7 +32,7 @@ from vinefab.maps.importers.source_drawing import (
 from vinefab.maps.importers.svg_document import (
     IDENTITY,
     LARGEST_NUMBER,
-    MOST_ELEMENTS,
+    NUMBER,
     Node,
     after,
     length_px,
@@ -43,11 +45,13 @@ from vinefab.maps.importers.svg_document import (
 from vinefab.model.map import Map
 
 _PATH_DATA = f"path data such as M 0 0 L 9 9 Z, numbers up to {LARGEST_NUMBER:g}"
-_NUMBER = re.compile(r"[\s,]*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)")
-_FLAG = re.compile(r"[\s,]*([01])")
-_END = re.compile(r"[\s,]*\Z")
-_COMMAND = re.compile(r"[\s,]*([A-Za-z])")
-_COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
+_N = rf"[\s,]*+{NUMBER}"
+_FLAG = r"[\s,]*+[01]"
+_PATH = re.compile(
+    rf"(?:[\s,]*+(?:[MmLlTt](?:{_N}{_N})++|[HhVv](?:{_N})++|[SsQq](?:(?:{_N}){{4}})++"
+    rf"|[Cc](?:(?:{_N}){{6}})++|[Aa](?:{_N}{_N}{_N}{_FLAG}{_FLAG}{_N}{_N})++|[Zz]))*+[\s,]*+"
+)
+_VALUE = re.compile(NUMBER)
 
 
 @dataclass(slots=True)
@@ -66,155 +70,61 @@ def path_outlines(data: str) -> list[Subpath]:
     >>> [(len(run.pieces), run.closed) for run in path_outlines("M0 0h9v9z m20 0 l5,5")]
     [(2, True), (1, False)]
     """
-    return _PathReader(data).run()
+    read = _PATH.match(data)
+    end = read.end() if read is not None else 0
+    if data[: end + 1].strip(" \t\r\n\f,")[:1] not in ("", "M", "m"):
+        end = 0
+    huge = (one for one in _VALUE.finditer(data) if not abs(float(one[0])) <= LARGEST_NUMBER)
+    end = min(end, next((one.start() for one in huge), end))
+    if end < len(data):
+        rest = " ".join(data[end:].split())[:30]
+        raise BadInputError(f"d, character {end + 1}", rest, _PATH_DATA)
+    return _runs(svg.Path(data))
 
 
-class _PathReader:
-    """Reads path data (SVG 1.1, chapter 8)."""
-
-    def __init__(self, data: str) -> None:
-        self.data = data
-        self.at = 0
-        self.now = self.first = np.zeros(2)
-        self.control: tuple[str, Floats] = ("", np.zeros(2))
-        self.subpaths: list[Subpath] = []
-        self.draw: Mapping[str, Callable[[list[float], Floats], None]] = {
-            "L": self._line,
-            "H": self._line,
-            "V": self._line,
-            "C": self._cubic,
-            "S": self._cubic,
-            "Q": self._quadratic,
-            "T": self._quadratic,
-            "A": self._arc,
-        }
-
-    def run(self) -> list[Subpath]:
-        command = ""
-        while _END.match(self.data, self.at) is None:
-            letter = self._match(_COMMAND)
-            if letter is not None:
-                command = letter
-            elif command in ("", "Z", "z"):
-                raise self._syntax_error()
-            if not self.subpaths and command not in ("M", "m"):
-                raise self._syntax_error()
-            self._step(command)
-            # Further coordinate pairs after a move are lines.
-            command = {"M": "L", "m": "l"}.get(command, command)
-        return [run for run in self.subpaths if run.pieces]
-
-    def _step(self, command: str) -> None:
-        kind = command.upper()
-        if kind not in _COUNTS:
-            raise self._syntax_error()
-        values = [self._value(kind, index) for index in range(_COUNTS[kind])]
-        origin = self.now if command.islower() else np.zeros(2)
-        if kind == "M":
-            self.now = self.first = origin + values
-            self.subpaths.append(Subpath())
-        elif kind == "Z":
-            self.subpaths[-1].closed = True
-            self.now = self.first
+def _runs(segments: Iterable[object]) -> list[Subpath]:
+    runs: list[Subpath] = []
+    for segment in segments:
+        if isinstance(segment, svg.Move):
+            runs.append(Subpath())
+        elif isinstance(segment, svg.Close):
+            runs[-1].closed = True
         else:
-            if self.subpaths[-1].closed:
+            if runs[-1].closed:
                 # A segment after a close begins a new subpath at the same place.
-                self.subpaths.append(Subpath())
-            self.control = self.control if kind in "CSQT" else ("", self.now)
-            self._curve_or_line(kind, values, origin)
-
-    def _curve_or_line(self, kind: str, values: list[float], origin: Floats) -> None:
-        if kind == "H":
-            values = [values[0], self.now[1] - origin[1]]
-        elif kind == "V":
-            values = [self.now[0] - origin[0], values[0]]
-        if kind in "ST":
-            family = "C" if kind == "S" else "Q"
-            mirrored = self.now
-            if self.control[0] == family:
-                mirrored = 2.0 * self.now - self.control[1]
-            values = [*(mirrored - origin), *values]
-        self.draw[kind](values, origin)
-
-    def _line(self, values: list[float], origin: Floats) -> None:
-        end = origin + values
-        pieces = self.subpaths[-1].pieces
-        pieces.append(Straight(np.array([self.now, end])))
-        self.now = end
-
-    def _cubic(self, values: list[float], origin: Floats) -> None:
-        controls = origin + np.array(values).reshape(-1, 2)
-        self.subpaths[-1].pieces.append(Bezier(np.vstack([self.now, controls])))
-        self.control, self.now = ("C", controls[1]), controls[2]
-
-    def _quadratic(self, values: list[float], origin: Floats) -> None:
-        control, end = origin + np.array(values).reshape(-1, 2)
-        thirds = (self.now + 2.0 * control) / 3.0, (end + 2.0 * control) / 3.0
-        self.subpaths[-1].pieces.append(Bezier(np.array([self.now, *thirds, end])))
-        self.control, self.now = ("Q", control), end
-
-    def _arc(self, values: list[float], origin: Floats) -> None:
-        end = origin + values[5:]
-        shape = (abs(values[0]), abs(values[1]), math.radians(values[2]))
-        piece = _end_point_arc((self.now, end), shape, large=values[3] == 1, sweep=values[4] == 1)
-        if piece is not None:
-            self.subpaths[-1].pieces.append(piece)
-        self.now = end
-
-    def _value(self, kind: str, index: int) -> float:
-        before = self.at
-        text = self._match(_FLAG if kind == "A" and index in (3, 4) else _NUMBER)
-        if text is None or not abs(float(text)) <= LARGEST_NUMBER:
-            self.at = before
-            raise self._syntax_error()
-        return float(text)
-
-    def _match(self, pattern: re.Pattern[str]) -> str | None:
-        match = pattern.match(self.data, self.at)
-        if match is None:
-            return None
-        self.at = match.end()
-        return match[1]
-
-    def _syntax_error(self) -> BadInputError:
-        rest = " ".join(self.data[self.at :].split())[:30]
-        return BadInputError(f"d, character {self.at + 1}", rest, _PATH_DATA)
+                runs.append(Subpath())
+            runs[-1].pieces += _curve(segment)
+    return [run for run in runs if run.pieces]
 
 
 _LEAST_RADIUS = 1e-12
-"""Of an arc, and of its chord in radii: below, it is a straight line."""
+"""Of an arc: below, it is a straight line."""
 
 
-def _end_point_arc(
-    ends: tuple[Floats, Floats], shape: tuple[float, float, float], *, large: bool, sweep: bool
-) -> CurvePiece | None:
-    """Return the elliptical arc between two points (SVG 1.1, F.6.5 and F.6.6)."""
-    start, end = ends
-    wide, high, turn = shape
-    if not (end - start).any():
-        return None
-    if min(wide, high) < _LEAST_RADIUS:
-        return Straight(np.array([start, end]))
-    turned = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
-    # In units of the radii the ellipse is a circle of radius 1.
-    half = (turned.T @ (0.5 * (start - end))) / (wide, high)
-    squared = float(half @ half)
-    if squared < _LEAST_RADIUS**2:
-        return Straight(np.array([start, end]))
-    grown = max(1.0, math.sqrt(squared))
-    aside = math.sqrt(max(0.0, 1.0 / squared - 1.0)) * (-1.0 if large == sweep else 1.0)
-    middle = aside * np.array([half[1], -half[0]]) if grown == 1.0 else np.zeros(2)
-    axes = turned * np.array([wide, high]) * grown
-    first, last = (half / grown - middle), (-half / grown - middle)
-    angles = [math.atan2(point[1], point[0]) for point in (first, last)]
-    swept = (angles[1] - angles[0]) % math.tau
-    return Arc(
-        middle=0.5 * (start + end) + axes @ middle,
-        first=axes[:, 0],
-        second=axes[:, 1],
-        start_rad=angles[0],
-        turn_rad=swept if sweep else swept - math.tau,
-    )
+def _curve(segment: object) -> list[CurvePiece]:
+    match segment:
+        case svg.CubicBezier():
+            points = (segment.start, segment.control1, segment.control2, segment.end)
+            return [Bezier(np.array(points, dtype=np.float64))]
+        case svg.QuadraticBezier():
+            start, control, end = np.array([segment.start, segment.control, segment.end])
+            thirds = (start + 2.0 * control) / 3.0, (end + 2.0 * control) / 3.0
+            return [Bezier(np.array([start, *thirds, end]))]
+        case svg.Arc() if segment.start == segment.end:
+            return []
+        case svg.Arc() if min(segment.rx, segment.ry) >= _LEAST_RADIUS:
+            middle, first, second = np.array([segment.center, segment.prx, segment.pry])
+            arc = Arc(
+                middle=middle,
+                first=first - middle,
+                second=second - middle,
+                start_rad=segment.get_start_t(),
+                turn_rad=segment.sweep,
+            )
+            return [arc]
+        case svg.PathSegment():
+            return [Straight(np.array([segment.start, segment.end], dtype=np.float64))]
+    raise TypeError(f"a segment of the unknown kind {type(segment).__name__}")
 
 
 def _rectangle(
@@ -238,14 +148,6 @@ def _rectangle(
         )
         pieces.append(arc)
     return Subpath(pieces, closed=True)
-
-
-def _ellipse(x: float, y: float, radii: tuple[float, float]) -> Subpath:
-    """Return a whole ellipse about (x, y)."""
-    arc = Arc(
-        middle=np.array([x, y]), first=np.array([radii[0], 0.0]), second=np.array([0.0, radii[1]])
-    )
-    return Subpath([arc], closed=True)
 
 
 def _moved(piece: CurvePiece, matrix: Floats) -> CurvePiece:
@@ -273,14 +175,12 @@ _SILENT = {
     "defs", "title", "desc", "metadata", "style", "script", "namedview", "clipPath", "mask",
     "marker", "pattern", "linearGradient", "radialGradient", "filter", "symbol",
 }  # fmt: skip
-_MOST_COPIED = 50_000
-_DEEPEST_USE = 32
 _PAGE_IS_AREA = (
     "its background is an outline too; --drawn free if the areas on it are the free space"
 )
 _PAGE_SLACK = 5e-5
 """Of the page's larger side: programs round the corners of its background."""
-_DEEPEST = 256
+_COMMENT = re.compile(r"/\*.*?(?:\*/|\Z)", re.DOTALL)
 _PROPERTIES = {"clip-path", "display", "fill", "fill-rule", "stroke", "visibility"}
 
 
@@ -292,8 +192,7 @@ class _Place:
     layers: tuple[str, ...]
     filled: bool
     even_odd: bool = False
-    uses: int = 0
-    depth: int = 0
+    uses: tuple[str, ...] = ()  # names of the elements that are used around it
 
 
 def import_svg(path: Path, options: ImportOptions) -> Map:
@@ -305,8 +204,11 @@ def import_svg(path: Path, options: ImportOptions) -> Map:
     """
     root = read_nodes(path)
     # What overflows in nested transforms is found, and named, by `drawing_map`.
-    with located(path), np.errstate(over="ignore", invalid="ignore"):
-        drawing = _drawing(root, options)
+    try:
+        with located(path), np.errstate(over="ignore", invalid="ignore"):
+            drawing = _drawing(root, options)
+    except RecursionError as error:
+        raise UnreadableFileError(path, "has elements nested too deep") from error
     return replace(drawing_map(path, drawing, options), environment="svg")
 
 
@@ -351,7 +253,6 @@ class _Walk:
     styles: dict[str, dict[str, str]] = field(default_factory=dict)
     backgrounds: list[DrawingItem] = field(default_factory=list)
     seen: int = 0
-    copied: int = 0
 
     def items(self) -> list[DrawingItem]:
         for node in _all(self.root):
@@ -364,13 +265,6 @@ class _Walk:
 
     def _items(self, node: Node, place: _Place) -> Iterator[DrawingItem]:
         self.seen += 1
-        if self.seen > MOST_ELEMENTS:
-            raise BadInputError("elements", f"more than {MOST_ELEMENTS}", "fewer, in uses too")
-        self.copied += place.uses > 0
-        if self.copied > _MOST_COPIED:
-            raise BadInputError(node.where, f"over {_MOST_COPIED} elements in uses", "fewer")
-        if place.depth > _DEEPEST:
-            raise BadInputError(node.where, "nested deeper", f"{_DEEPEST} levels, in uses too")
         style = self._style(node)
         if self._left_out(node, style, place):
             return
@@ -419,17 +313,17 @@ class _Walk:
         filled = place.filled if fill == "inherit" else fill not in ("none", "transparent")
         rule = style.get("fill-rule", "inherit").strip()
         even_odd = place.even_odd if rule == "inherit" else rule == "evenodd"
-        return _Place(matrix, layers, filled, even_odd, place.uses, place.depth + 1)
+        return _Place(matrix, layers, filled, even_odd, place.uses)
 
     def _used(self, node: Node, place: _Place) -> Iterator[DrawingItem]:
         name = node.attributes.get("href", "")
         target = self.by_id.get(name.removeprefix("#")) if name.startswith("#") else None
         if target is None:
             raise BadInputError(f"{node.where}: href", name, "the id of an element in the file")
-        if place.uses >= _DEEPEST_USE:
-            raise BadInputError(node.where, "a use that contains itself", f"{_DEEPEST_USE} at most")
+        if name in place.uses:
+            raise BadInputError(node.where, "a use that contains itself", "uses of other elements")
         shift = np.array([[1.0, 0.0, length_px(node, "x")], [0.0, 1.0, length_px(node, "y")]])
-        place = replace(place, matrix=after(place.matrix, shift), uses=place.uses + 1)
+        place = replace(place, matrix=after(place.matrix, shift), uses=(*place.uses, name))
         if target.tag in ("symbol", "svg"):
             size = {k: v for k, v in node.attributes.items() if k in ("width", "height")}
             target = replace(target, attributes=target.attributes | size)
@@ -524,8 +418,10 @@ def _simple(node: Node) -> list[Subpath]:
     if node.tag == "rect":
         size = (at["width"], at["height"])
         return [_rectangle(at["x"], at["y"], size, (rx, ry))] if min(size) > 0.0 else []
-    radii = (at["r"], at["r"]) if node.tag == "circle" else (at["rx"], at["ry"])
-    return [_ellipse(at["cx"], at["cy"], radii)] if min(radii) > 0.0 else []
+    radii = (at["r"], at["r"]) if node.tag == "circle" else (rx, ry)
+    middle = np.array([at["cx"], at["cy"]])
+    whole = Arc(middle=middle, first=np.array([radii[0], 0.0]), second=np.array([0.0, radii[1]]))
+    return [Subpath([whole], closed=True)] if min(radii) > 0.0 else []
 
 
 def _all(root: Node) -> Iterator[Node]:
@@ -539,24 +435,13 @@ def _all(root: Node) -> Iterator[Node]:
 def _rules(sheet: str) -> dict[str, dict[str, str]]:
     """Return the declarations of a style sheet's simple selectors: tag, .class and #id."""
     found: dict[str, dict[str, str]] = {}
-    for block in _without_comments(sheet).split("}"):
+    for block in _COMMENT.sub("", sheet).split("}"):
         head, brace, body = block.rpartition("{")
         declared = _declarations(body) if brace else {}
         # Of `@media print { rect` the selectors stand after the other brace.
         for selector in head.rpartition("{")[2].split(",") if declared else ():
             found.setdefault(selector.strip(), {}).update(declared)
     return found
-
-
-def _without_comments(sheet: str) -> str:
-    """Return a style sheet without comments; one that is not closed reaches to the end."""
-    first, *others = sheet.split("/*")
-    kept, inside = [first], False
-    for part in others:
-        _, closed, rest = part.partition("*/")
-        inside = not closed
-        kept.append(rest if not inside else "")
-    return "".join(kept)
 
 
 def _declarations(text: str) -> dict[str, str]:

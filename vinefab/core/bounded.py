@@ -31,8 +31,8 @@ if sys.platform == "linux":
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_CPU_S = 20
-_CPU_S_PER_MB = 20
+_CPU_S = 8
+_CPU_S_PER_MB = 10
 """Of the file: a survey of 20 MB takes 10 s, a drawing that is crossed by itself any time."""
 _WALL_S_PER_CPU_S = 5
 """On a busy machine; on Windows and macOS the only limit."""
@@ -69,17 +69,18 @@ def bounded(path: Path, read: Callable[P, R], *arguments: P.args, **options: P.k
     """
     megabytes = path.stat().st_size / 1e6 if path.is_file() else 0.0
     cpu_s = round(_CPU_S + _CPU_S_PER_MB * megabytes)
-    within = f"within {cpu_s} s and {_MORE_BYTES / 2**30:g} GiB"
-    advice = f"cannot be read {within}: save only what is a wall, with fewer points and copies"
+    within = f"cannot be read within {cpu_s} s and {_MORE_BYTES / 2**30:g} GiB"
+    advice = "save only what is a wall, with fewer points and copies"
     child = _idle_child() or _Child()
     try:
         # Bytes: the child unpickles them, which loads the reader, under its limits.
         found, error = child.ask(cpu_s, pickle.dumps((read, arguments, options)))
     except EOFError as ended:
         code = child.end()
-        if child.overdue or code in _OVER_LIMITS:
-            raise UnreadableFileError(path, advice) from ended
-        raise UnreadableFileError(path, f"ends its reader (exit code {code})") from ended
+        why = (
+            "" if child.overdue or code in _OVER_LIMITS else f" (its reader ends with code {code})"
+        )
+        raise UnreadableFileError(path, f"{within}{why}: {advice}") from ended
     except BaseException:  # Ctrl-C too
         child.end()
         raise
@@ -87,8 +88,9 @@ def bounded(path: Path, read: Callable[P, R], *arguments: P.args, **options: P.k
         _IDLE.append(child)
     else:
         child.end()
-    if isinstance(error, MemoryError):
-        raise UnreadableFileError(path, advice) from error
+    # The second is what libraries in C++ say.
+    if isinstance(error, MemoryError) or "bad_alloc" in str(error):
+        raise UnreadableFileError(path, f"{within}: {advice}") from error
     if error is not None:
         raise error
     result: R = found
@@ -172,9 +174,10 @@ def serve() -> None:
     """Read files as the parent asks, until it is gone: the child's main program."""
     requests: SimpleQueue[tuple[str, int, bytes]] = SimpleQueue()
     threading.Thread(target=_listen, args=(requests,), daemon=True).start()
-    # Readers that print do so elsewhere.
+    # Libraries that print do so elsewhere.
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    for stream in (1, 2):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
 
     def answer(found: object, error: BaseException | None) -> None:
         data = pickle.dumps((found, error))

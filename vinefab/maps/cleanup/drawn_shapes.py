@@ -6,12 +6,10 @@ from typing import Generic, Literal, TypeVar
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.plain_text import counted
 from vinefab.core.validation import LARGEST_MM, Floats, positive
 from vinefab.model.start import refuse_jagged
 
@@ -21,15 +19,6 @@ SAME_POINT_MM = 1e-6
 """Points nearer than this are one point: map files hold no finer coordinates."""
 
 _LEAST_SIZE_MM = 0.01
-_MOST_PAIRS = 250_000
-"""Of outlines whose boxes overlap, beside two for each outline: 700 in each other."""
-_MOST_NEAR = 5_000_000
-"""Pairs of segments whose boxes overlap."""
-_NEAR_EACH = 20
-"""Of each segment, where there are many."""
-_MOST_CROSSINGS = 100_000
-"""Or one for each segment, where there are more of them."""
-_AT_ONCE = 32
 _FAR = 10.0
 
 
@@ -162,66 +151,6 @@ class Changes:
         self.counts[what] = max(round(size, 6), before if isinstance(before, float) else 0.0)
 
 
-def refuse_crowd(outlines: NDArray[np.object_], near_mm: float = 0.0, advice: str = "") -> None:
-    """Refuse outlines if so many pairs of boxes overlap, or nearly, that comparing takes minutes.
-
-    Only those pairs are counted here, and no more than are allowed.
-    """
-    count = len(outlines)
-    most = _MOST_PAIRS + 2 * count
-    if count**2 <= 2 * most:
-        return
-    low_x, low_y, high_x, high_y = shapely.bounds(outlines).T
-    tree = shapely.STRtree(outlines)
-    twice = -count  # each outline finds itself, and each pair is found from both sides
-    boxes = shapely.box(low_x - near_mm, low_y - near_mm, high_x + near_mm, high_y + near_mm)
-    for begin in range(0, count, _AT_ONCE):
-        twice += tree.query(boxes[begin : begin + _AT_ONCE]).shape[1]
-        if twice > 2 * most:
-            raise BadInputError(
-                "drawing",
-                f"{counted(count, 'outline')}, over {most} pairs overlap",
-                f"fewer outlines in each other; {advice}leave out what is no wall",
-            )
-
-
-def refuse_tangle(points_mm: Sequence[Floats], where: str) -> None:
-    """Refuse lines that cross each other or themselves so often that cutting them takes minutes."""
-    first = np.concatenate([line[:-1] for line in points_mm])
-    last = np.concatenate([line[1:] for line in points_mm])
-    if len(first) ** 2 <= 2 * _MOST_CROSSINGS:
-        return
-    most_crossings = max(_MOST_CROSSINGS, len(first))
-    most_near = max(_MOST_NEAR, _NEAR_EACH * len(first))
-    segments = np.asarray(shapely.linestrings(np.stack([first, last], axis=1)))
-    tree = shapely.STRtree(segments)
-    near = crossings = 0
-    for begin in range(0, len(segments), _AT_ONCE):
-        one, other = tree.query(segments[begin : begin + _AT_ONCE])
-        one, other = one[other > one + begin] + begin, other[other > one + begin]
-        near += len(one)
-        if near <= most_near:
-            sides = _beside(first[one], last[one], first[other], last[other])
-            sides &= _beside(first[other], last[other], first[one], last[one])
-            crossings += int(sides.sum())
-        if near > most_near or crossings > most_crossings:
-            raise BadInputError(
-                where,
-                f"{counted(len(segments), 'segment')} with over {most_crossings} crossings",
-                "lines that rarely cross; leave out what is no wall, or clean the drawing",
-            )
-
-
-def _beside(first: Floats, last: Floats, one: Floats, other: Floats) -> NDArray[np.bool_]:
-    """Return whether two points lie on different sides of a line through two others."""
-    (x, y), (one_x, one_y), (other_x, other_y) = (
-        (last - first).T,
-        (one - first).T,
-        (other - first).T,
-    )
-    return np.asarray((x * one_y - y * one_x) * (x * other_y - y * other_x) < 0.0)
-
-
 def without_repeats(points: Floats, changes: Changes) -> Floats:
     """Return points without those that repeat the one before; a closed ring stays closed."""
     if len(points) < 2:
@@ -258,7 +187,6 @@ def ring_polygons(
         if polygon.is_valid and polygon.area > sliver_mm2:
             return [polygon]
         if not polygon.is_valid:
-            refuse_tangle([shapely.get_coordinates(polygon)], where)
             odd = shapely.make_valid(polygon, method="linework")
             whole = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
             polygons = polygons_of(odd if even_odd else whole, sliver_mm2)

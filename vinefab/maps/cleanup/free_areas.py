@@ -10,7 +10,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.maps.cleanup.drawn_shapes import Changes, polygons_of, refuse_crowd, refuse_tangle
+from vinefab.maps.cleanup.drawn_shapes import Changes, polygons_of
 from vinefab.maps.cleanup.nesting import Enclosed, SolidRegion, different_parts, solids
 from vinefab.model.map import Pose
 
@@ -58,8 +58,6 @@ def free_areas(parts: list[SolidRegion], join_mm: float, changes: Changes) -> Fr
     areas = np.array([*fills, *outer], dtype=np.object_)
     if len(areas) == 0:
         raise BadInputError("drawing", "no areas", "at least one filled area or closed outline")
-    rings = shapely.get_rings(areas)
-    refuse_tangle([shapely.get_coordinates(ring) for ring in rings], "areas")
     patches = _patches(areas, join_mm) if join_mm > 0.0 else []
     changes.add("gaps_between_areas_closed", len(patches))
     union = shapely.union_all([*areas, *patches])
@@ -77,7 +75,6 @@ def _nested(parts: list[SolidRegion], changes: Changes) -> list[Polygon]:
     if not outlines:
         return []
     outlines = different_parts(outlines, 0.0, changes)
-    refuse_crowd(np.array([part.polygon for part in outlines], dtype=np.object_))
     own = Changes(changes.frame)
     found = solids([part.polygon for part in outlines], own)
     changes.add("nested_outlines_made_holes", _count(own, "nested_outlines_made_holes"))

@@ -10,13 +10,11 @@ from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints
 from vinefab.maps.cleanup.drawn_shapes import (
     SAME_POINT_MM,
     Changes,
     polygons_of,
-    refuse_tangle,
 )
 
 
@@ -52,22 +50,10 @@ def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     return _chains(_bridged(_chains(list(found.values())), join_mm, changes))
 
 
-def _near_pairs(ends: Floats, near_mm: float) -> Ints:
-    """Return which pairs of ends are near each other, shape (n, 2); refuse millions."""
-    tree = scipy.spatial.cKDTree(ends)
-    count = (int(tree.count_neighbors(tree, near_mm)) - len(ends)) // 2
-    if count > _MOST_NEAR_ENDS:
-        value = f"{counted(count, 'pair')} of ends within {near_mm:.3g} mm"
-        allowed = "lines of which few meet at one place; leave out what is no wall"
-        smaller = ", or a smaller --join-mm" if near_mm > SAME_POINT_MM else ""
-        raise BadInputError("drawing", value, f"{allowed}{smaller}")
-    return np.asarray(tree.query_pairs(near_mm, output_type="ndarray"), dtype=np.int64)
-
-
 def _end_nodes(lines: list[Line], same_mm: float) -> Ints:
     """Return which node each line begins and ends at, shape (n, 2); near ends share a node."""
     ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
-    pairs = _near_pairs(ends, same_mm)
+    pairs = scipy.spatial.cKDTree(ends).query_pairs(same_mm, output_type="ndarray")
     graph = scipy.sparse.coo_array((np.ones(len(pairs)), pairs.T), shape=(len(ends), len(ends)))
     return np.asarray(
         scipy.sparse.csgraph.connected_components(graph, directed=False)[1], dtype=np.int64
@@ -144,7 +130,7 @@ def _bridged(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     spots = np.array([_end(lines, end) for end in loose]).reshape(-1, 2)
     if len(spots) < 2:
         return lines
-    pairs = _near_pairs(spots, join_mm)
+    pairs = scipy.spatial.cKDTree(spots).query_pairs(join_mm, output_type="ndarray")
     gaps = np.hypot(*(spots[pairs[:, 0]] - spots[pairs[:, 1]]).T)
     points = [line.points_mm.copy() for line in lines]
     taken: set[int] = set()
@@ -199,7 +185,6 @@ def _end(lines: list[Line], end: int) -> Floats:
 
 
 _BEYOND = 1e-3
-_MOST_NEAR_ENDS = 5_000_000
 _MOST_NAMED = 5
 
 
@@ -230,7 +215,6 @@ def join(lines: list[Line], join_mm: float, changes: Changes) -> Joined:
 def _cut_at_crossings(
     lines: list[Line], join_mm: float, changes: Changes
 ) -> tuple[list[Line], list[Line]]:
-    refuse_tangle([line.points_mm for line in lines], "open lines")
     points = [line.points_mm for line in lines]
     strings = _line_strings(points)
     tree = shapely.STRtree(strings)
@@ -331,8 +315,6 @@ def walls_along(
     Walls end flat where a line ends; where three or more meet they fill the corner.
     """
     chains = chained(lines, join_mm, changes)
-    if chains:
-        refuse_tangle([line.points_mm for line in chains], "lines that are walls")
     loose = set(_loose_ends(chains))
     meeting = [end not in loose and not chains[end // 2].closed for end in range(2 * len(chains))]
     walls: list[BaseGeometry] = []

@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Ints
-from vinefab.maps.cleanup.drawn_shapes import Changes, Role, polygons_of, refuse_crowd
+from vinefab.maps.cleanup.drawn_shapes import Changes, Role, polygons_of
 
 _Geometries = NDArray[np.object_]
 
@@ -38,7 +38,6 @@ def repeats(outlines: list[Polygon], near_mm: float) -> NDArray[np.bool_]:
     rings = every[~again]
     boxes = shapely.bounds(rings).reshape(-1, 4)
     low = np.asarray(shapely.points(boxes[:, :2]), dtype=np.object_)
-    refuse_crowd(low, 2.0 * near_mm)
     later, earlier = shapely.STRtree(low).query(low, predicate="dwithin", distance=2 * near_mm)
     alike = (earlier < later) & (np.abs(boxes[later] - boxes[earlier]) <= near_mm).all(axis=1)
     later, earlier = later[alike], earlier[alike]
@@ -81,7 +80,6 @@ def painted(rings: list[Polygon]) -> BaseGeometry:
         return rings[0]
     rings = [ring for ring, again in zip(rings, repeats(rings, 0.0), strict=True) if not again]
     items = np.array(rings, dtype=np.object_)
-    refuse_crowd(items)
     around, inside = shapely.STRtree(items).query(items, predicate="covers")
     depth = np.bincount(inside[around != inside], minlength=len(items))
     area = shapely.union_all(items[depth == 0])
@@ -221,8 +219,6 @@ def enclose(
         What else helps where the largest outline does not contain all others.
     """
     parts = different_parts(parts, join_mm, changes)
-    polygons = np.array([part.polygon for part in parts], dtype=np.object_)
-    refuse_crowd(polygons, advice=changes.layer_advice)
     named = [part for part in parts if part.role == "bounds"]
     if len(named) > 1:
         raise BadInputError("bounds", counted(len(named), "outline"), "exactly one")

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from tests.studio.test_family_answer import heat_share
+from tests.studio.test_family_answers import heat_share
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.studio.executors import answer_of

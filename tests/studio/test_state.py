@@ -1,4 +1,4 @@
-"""What the page sends becomes nouns, or one line that names the key."""
+"""What the page sends becomes nouns, or one line that names the key; forms of declared tables."""
 
 import copy
 import json
@@ -9,13 +9,14 @@ from pkgutil import resolve_name
 import pytest
 
 from vinefab.core.errors import BadInputError, VinefabError
+from vinefab.core.table import declared_keys, inner_table
 from vinefab.maps import grid
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.map_geojson import map_text
 from vinefab.studio.executors import PANELS, answer_of
 from vinefab.studio.file_store import FileStore
-from vinefab.studio.state import StudioState, world_of
+from vinefab.studio.state import StudioState, design_form, world_of
 
 GRID = {"source": {"environment": "grid", "seed": 3}, "edits": []}
 
@@ -54,8 +55,11 @@ def test_a_map_file_is_read_anew_when_it_changes(tmp_path):
     ("changes", "words"),
     [
         ({"design": None}, "design"),
+        ({"design": [1]}, "design"),
         ({"design": {}}, "schema"),
         ({"map": {"source": {"environment": "moon"}}}, "moon"),
+        ({"map": {"source": {"environment": [1]}}}, "map.environment"),
+        ({"map": {**GRID, "edits": [["remove", 1e9]]}}, "map.edits.0"),
         ({"map": {"source": {"environment": "grid", "seed": -1}}}, "map.seed"),
         ({"map": {"source": {"environment": "grid", "options": {"size": 1}}}}, "grid.size"),
         ({"map": {**GRID, "edits": [["move", 99, 1, 1]]}}, "map.edits.0"),
@@ -134,3 +138,34 @@ def test_every_panel_has_its_function_and_others_are_refused():
         assert callable(resolve_name(f"vinefab.studio.{place}"))
     with pytest.raises(BadInputError, match="moon"):
         answer_of("moon", state(), {}, lambda *_: None)
+
+
+def keys_with_sliders(table, prefix=""):
+    for key in declared_keys(table):
+        inner = inner_table(key.annotation)
+        if inner is not None:
+            yield from keys_with_sliders(inner, f"{prefix}{key.name}.")
+        elif key.slider is not None:
+            yield f"{prefix}{key.name}"
+
+
+def rows_of(rows, prefix=""):
+    for row in rows:
+        if "rows" in row:
+            yield from rows_of(row["rows"], f"{prefix}{row['key']}.")
+        elif "slider" in row:
+            yield f"{prefix}{row['key']}", row
+
+
+def test_every_key_with_a_slider_is_a_row_with_its_unit_range_and_meaning():
+    rows = dict(rows_of(design_form()["rows"]))
+    assert set(rows) == set(keys_with_sliders(Design))
+    for row in rows.values():
+        low, high = row["slider"]
+        assert row["least"] <= low < high <= row["most"]
+        assert row["about"]
+    fan = rows["level.angle_deg"]
+    assert (fan["label"], fan["unit"], fan["default"], fan["whole"]) == ("Fan", "°", 0.0, False)
+    assert rows["build.pressure_kpa"]["label"] == "Pressure"
+    assert (rows["build.taper"]["first"], rows["build.taper"]["absent"]) == (1, 1.0)
+    assert rows["build.pieces.most"]["whole"]

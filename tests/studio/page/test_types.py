@@ -48,7 +48,7 @@ PANEL_ASKS = {
 """What the panels ask; the others ask nothing."""
 
 RUNS = {"search_start", "search_stop", "search_resume", "search_load", "search_front"}
-"""Questions about a run: `test_search_desk` asks them."""
+"""Questions about a run: `test_searches` asks them."""
 
 
 def request_asks(state):

@@ -1,4 +1,4 @@
-"""What rooms share to show things: the drawing layer, plans, charts, animations, the page.
+"""The drawing layer, plans, charts, animations and the page, shared by all rooms above.
 
 `panel` is the drawing layer: panels of primitives in millimetres, with the colours and the places
 of labels, put together to pages. `page_files` and `page_pdf` write pages. `plan` draws maps, starts

@@ -50,11 +50,11 @@ FOOT_PX = 58
 """Height of the text and the legend below it."""
 
 LEAST_WIDTH_PX = 460
-"""What the text and the legend need."""
+"""Width of the text and the legend."""
 
 FRAME_S = 0.09
 HOLD_S = 1.8
-"""How long each frame stays, and how long the last one does before everything begins anew."""
+"""Duration of each frame, and of the last one before the animation begins anew."""
 
 _HALF_BAND = 0.004  # of a line that poses are drawn from, as a share of the longer side
 
@@ -75,7 +75,7 @@ class DeploymentFrame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stage:
-    """Where the millimetres of a map lie in a picture of pixels."""
+    """The mapping from millimetres of a map to pixels of a picture."""
 
     # left_mm, top_mm: map position of the picture's upper left corner
     left_mm: float
@@ -118,7 +118,7 @@ class Stage:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scene:
-    """What all frames of an animation have in common, in pixels."""
+    """The common content of all frames of an animation, in pixels."""
 
     stage: Stage
     width_px: int  # of the whole picture
@@ -182,7 +182,7 @@ class Scene:
         return self.stage.place(deployment.chain_mm(branch))
 
     def base(self, pose: Pose) -> Floats:
-        """Return where a robot starts, shape (2,)."""
+        """Return the start of a robot, shape (2,)."""
         return np.asarray(self.stage.place(np.array([[pose.x_mm, pose.y_mm]]))[0])
 
 
@@ -222,7 +222,7 @@ def frozen_since(frames: Sequence[DeploymentFrame]) -> dict[str, int]:
 
 
 def frame_text(frame: DeploymentFrame, scene: Scene) -> str:
-    """Return what is written under a frame."""
+    """Return the text under a frame."""
     tips = int(is_live(frame).sum())
     stopped = frame.deployment.stop[~frame.is_growing]
     stuck = int(np.isin(stopped, STUCK_STOPS).sum())

@@ -24,12 +24,12 @@ from vinefab.core.view import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Live:
-    """How the page of something unfinished stays current: it loads itself again."""
+    """Settings of an unfinished page, which loads itself again."""
 
     refresh_s: int  # after how long
     written_ms: int  # when it was written, since 1970
-    patience_s: int  # without news for so long, whoever writes it has been ended; 0: it says so
-    again: str  # the command that goes on
+    patience_s: int  # silence after which its writer has ended; 0: the writer says so
+    again: str  # the command that continues
 
 
 def page(title: str, blocks: Iterable[Block], live: Live | None = None) -> str:

@@ -1,4 +1,4 @@
-"""What part of a map a picture shows, without detail too fine to be seen; loads no plotting."""
+"""The part of a map in a picture, without detail too fine to be seen; loads no plotting."""
 
 import math
 from collections import Counter
@@ -72,7 +72,7 @@ class LostPlace:
 
 
 def lost_places(deployment: Deployment) -> list[LostPlace]:
-    """Return where branches never emerged: each end of the body once, the base for a trunk."""
+    """Return the places where branches never emerged: ends of the body, the base for a trunk."""
     tree, pose, counts = deployment.tree, deployment.pose, Counter[int]()
     for branch in np.flatnonzero(~deployment.deployed).tolist():
         end = branch
@@ -103,7 +103,7 @@ def longer_mm(box: Box) -> float:
 
 
 def rock_in(world: Map, box: Box) -> list[BaseGeometry]:
-    """Return what is solid in and around a box, without detail too fine to be seen there."""
+    """Return the solids in and around a box, without detail too fine to be seen there."""
     outside = shapely.box(*world.bounds.bounds) - world.bounds
     return _seen([*shapely.get_parts(outside), *world.obstacles], box)
 
@@ -124,7 +124,7 @@ def _seen(polygons: list[Polygon], box: Box) -> list[BaseGeometry]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartMark:
-    """What a picture shows of the range that poses are drawn from, beside the pose."""
+    """The drawing of the range that poses are drawn from, without the pose."""
 
     whole: BaseGeometry | None  # line, polygon or box of positions; None for a single one
     free: tuple[BaseGeometry, ...]  # the pieces of it that positions are drawn from

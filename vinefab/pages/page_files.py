@@ -169,7 +169,7 @@ class _Painter:
         self.draw = ImageDraw.Draw(self.image)
 
     def around(self, window: Box) -> list[tuple[Image.Image, tuple[int, int]]]:
-        """Return what is painted around a window: strips, and where they stand."""
+        """Return the strips of the image around a window, and their places."""
         left, top, right, low = (round(self.scale * end) for end in window)
         wide, high = self.image.size
         places = (
@@ -329,7 +329,7 @@ def _lines(
 
 
 def font_file(*, bold: bool) -> Path | None:
-    """Return where DejaVu Sans lies; None if it is not installed.
+    """Return the file of DejaVu Sans; None if it is not installed.
 
     It is looked for and not imported: matplotlib comes with it, and takes half a second to load.
     """

@@ -158,12 +158,12 @@ def label_middles(
     lines_pt: Sequence[Floats] = (),
     page_pt: tuple[float, float, float, float] | None = None,
 ) -> Floats:
-    """Return where the middles of labels lie, shape (n, 2).
+    """Return the middles of labels, shape (n, 2).
 
     Parameters
     ----------
     places_pt
-        What the labels are beside, shape (n, 2).
+        Places that the labels belong to, shape (n, 2).
     sizes_pt
         Width and height of each label, shape (n, 2).
     mark_pt
@@ -198,7 +198,7 @@ def boxes_around(middles_pt: Floats, sizes_pt: ArrayLike) -> NDArray[np.object_]
 def _meet(
     shapes: NDArray[np.object_], taken: Sequence[BaseGeometry], near_pt: float, but: int = -1
 ) -> NDArray[np.bool_]:
-    """Return which shapes come near anything of a list, one entry of it apart."""
+    """Tell for each shape whether it comes near an entry of a list, one of them left out."""
     inputs, met = shapely.STRtree(taken).query(shapes, predicate="dwithin", distance=near_pt)
     found = np.zeros(len(shapes), dtype=np.bool_)
     found[inputs[met != but]] = True
@@ -213,7 +213,7 @@ MOST_LETTERS, MOST_LINES = 120, 8  # of one text; longer ones leave no room for 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ink:
-    """How a primitive is painted; empty colours are not painted at all."""
+    """Colours and line of a primitive; empty colours are not painted."""
 
     fill: str = ""
     fill_alpha: float = 1.0
@@ -373,14 +373,14 @@ class Panel:
 
     @property
     def legend(self) -> dict[str, Primitive]:
-        """What is explained, levels first, then by the alphabet where it is a plan."""
+        """The entries of the legend; in a plan levels first, then by the alphabet."""
         if self.frame:
             return self._labelled
         return dict(sorted(self._labelled.items(), key=lambda e: (e[0][:5] != "level", e[0])))
 
     @property
     def primitives(self) -> list[Primitive]:
-        """What is drawn, what lies lowest first."""
+        """The primitives in their order of painting."""
         return [primitive for _, primitive in sorted(self._drawn, key=lambda pair: pair[0])]
 
     def polygons(
@@ -412,7 +412,7 @@ class Panel:
     def band(
         self, x: ArrayLike, low: ArrayLike, high: ArrayLike, colour: str, alpha: float
     ) -> None:
-        """Fill what lies between two curves; what is not finite is left out."""
+        """Fill the area between two curves; values that are not finite are left out."""
         rows = np.array([np.asarray(values, dtype=float) for values in (x, low, high)])
         across, lower, upper = rows[:, np.isfinite(rows).all(axis=0)]
         ends = np.append(across, across[::-1]), np.append(upper, lower[::-1])
@@ -499,7 +499,7 @@ class Panel:
         mark_pt: float = 3.0,
         lines: Sequence[Floats] = (),
     ) -> None:
-        """Write a label beside each place, none on another and few on some lines.
+        """Write a label next to each place, none on another and few on some lines.
 
         Parameters
         ----------
@@ -852,7 +852,7 @@ def _legend(
 
 
 def _symbol(primitive: Primitive, x: float, y: float) -> Primitive:
-    """Return what a legend shows of a primitive."""
+    """Return the symbol of a primitive in the legend."""
     if isinstance(primitive, Marks):
         return replace(primitive, points=np.array([(x + _SYMBOL_PT / 2.0, y)]))
     if isinstance(primitive, Shape) and primitive.closed:

@@ -111,7 +111,7 @@ def draw_map(panel: Panel, world: Map, box: Box | None = None) -> None:
 
 
 def draw_start_range(panel: Panel, mark: StartMark) -> None:
-    """Draw where poses are drawn from: all dashed, what is free filled, headings as a fan.
+    """Draw the range of poses: all dashed, the free part filled, headings as a fan.
 
     The pose itself is `draw_pose`.
     """
@@ -196,7 +196,7 @@ def _draw_tips(panel: Panel, deployment: Deployment, size: float) -> None:
 
 
 def draw_names(panel: Panel, deployment: Deployment) -> None:
-    """Write every branch's id beside the middle of its last stretch."""
+    """Write every branch's id next to the middle of its last stretch."""
     tree, out = deployment.tree, np.flatnonzero(deployment.deployed).tolist()
     # Branches that share their fate lie on each other: one label has the ids of all of them.
     together: dict[tuple[float, ...], list[int]] = {}
@@ -215,7 +215,7 @@ def draw_names(panel: Panel, deployment: Deployment) -> None:
 
 
 def draw_targets(panel: Panel, targets: Sequence[Target | TargetOutcome]) -> None:
-    """Draw what robots are to touch, with its tolerance: touched full, missed dashed."""
+    """Draw targets with their tolerance: touched ones full, missed ones dashed."""
     for one in targets:
         target = one if isinstance(one, Target) else one.target
         words, colour, dash_pt = "target", INK, tuple[float, ...]()

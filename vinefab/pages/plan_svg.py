@@ -57,7 +57,7 @@ _MOST_CORNERS = 10_000
 """A map of more corners is drawn without those that are too fine to be seen."""
 
 _COARSE = 5.0
-"""How much more is too fine to be seen on a drawing without detail."""
+"""Factor of detail that is too fine to be seen on a drawing without detail."""
 
 STOP_SIGNS = {
     Stop.FULL_LENGTH: '<circle r="2.7"/>',
@@ -69,17 +69,17 @@ STOP_SIGNS = {
     Stop.NOT_EVERTED: '<circle r="4"/>',
     Stop.NOT_DEPLOYED: '<circle r="5.4"/>',
 }
-"""What stands at a tip, by why it stopped, in pixels around it; the shape alone says it. A ring
+"""Signs of tips by their reason to stop, in pixels around them; the shape alone says it. A ring
 around a tip: branches never emerged there."""
 
 CONTACT = '<path d="M0-2.1 2.1 0 0 2.1-2.1 0Z"/>'
-"""What stands where a body is wrapped around a wall, in pixels around it."""
+"""Sign of a body wrapped around a wall, in pixels around it."""
 
 
 def ground_svg(world: Map, *, detail: bool = True) -> str:
     """Return bounds, obstacles and the ranges of starts of a map as ``<g class="ground">``.
 
-    Every obstacle is a path of its own with its index as ``data-obstacle``, what is solid around
+    Every obstacle is one path with its index as ``data-obstacle``, what is solid around
     the bounds another one without. Without ``detail`` all of them are one path, simplified for a
     small picture.
     """
@@ -125,7 +125,7 @@ def robot_svg(
     is_growing
         Which branches grow on, shape (n,), in an earlier shape: their tips have no mark.
     detail
-        Give every branch a path of its own that can be shortened to any front length
+        Give every branch one path that can be shortened to any front length
         (``data-branch``, ``data-base``, ``data-grown``), and mark contacts and tips. Without it
         a level is one path.
     """
@@ -210,7 +210,7 @@ def pose_svg(pose: Pose, size_mm: float) -> str:
 
 
 def _range_svg(mark: StartMark) -> str:
-    """Return where poses are drawn from as ``<g class="range">``; nothing for a single pose."""
+    """Return the range of poses as ``<g class="range">``; nothing for a single pose."""
     parts = []
     if mark.fan is not None:
         parts.append(f'<path class="fan" d="{_line_path(mark.fan)}"/>')
@@ -347,7 +347,7 @@ def _contacts(deployment: Deployment, points: list[str]) -> str:
 
 
 def _tips(deployment: Deployment, points: list[str], at_rest: NDArray[np.bool_]) -> str:
-    """Return the mark of every tip at rest, with what became of the branch in words."""
+    """Return the mark of every tip at rest, with a sentence on its branch."""
     last, stops = deployment.first_point[1:].tolist(), deployment.stop.tolist()
     fronts_mm = (deployment.base_mm + deployment.grown_mm).tolist()
     grown_mm, planned_mm = deployment.grown_mm.tolist(), deployment.tree.length_mm.tolist()

@@ -1,4 +1,4 @@
-"""What changes with what the paper leaves open, and with a robot that must be made."""
+"""Studies of assumptions: conclusions under open choices, and the price of manufacturability."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -90,7 +90,7 @@ class AblationVariant:
 
     @property
     def seen(self) -> PartSettings:
-        """What counts in training, and in the tests of specialization."""
+        """The task in training, and in the tests of specialization."""
         return PartSettings(name="coverage", parameters={"area": "fast", "clip": self.clip})
 
     def reach_test(self, size: StudySize, design: dict[str, Any], home: str) -> Testing:
@@ -101,7 +101,7 @@ class AblationVariant:
         return replace(test, worlds=worlds, task=task, growth=self.growth)
 
     def options(self, environment: str) -> Mapping[str, object]:
-        """Return what the maps of an environment have in common."""
+        """Return the common options of an environment's maps."""
         return {"loops": self.loops} if environment == "cave" else {}
 
 

@@ -1,4 +1,4 @@
-"""How fast growth and search are: against other ways, in size, in threads, on many workers."""
+"""Benchmark of growth and search: against other ways, in size, in threads, on many workers."""
 
 import heapq
 import importlib
@@ -93,7 +93,7 @@ _CELLS = 7
 """Cells along one side of the smallest map, which has about 300 walls."""
 
 WALLS_PER_CELL = 5.5
-"""What the default Grid has; from its largest maps."""
+"""Walls per cell of the default Grid, from its largest maps."""
 
 _CELL_MM = 500.0 / _CELLS
 
@@ -244,7 +244,7 @@ BENCH_MAPS, BENCH_DESIGNS = 5, 100
 
 
 def search_split(search: str, threads: int, generations: int) -> TimeSplit:
-    """Return where the time of a search goes: coverage of five Grids, Table 1, with a record."""
+    """Return the split of a search's time: coverage of five Grids, Table 1, with a record."""
     fabricable = search == "manufacturable"
     settings = RunSettings(
         name="bench",
@@ -328,7 +328,7 @@ def _table_of(design: Design) -> dict[int, dict[str, Bounds]]:
 
 
 FIRST_GROWTHS = {"interpreted": "", "compiled": "import vinefab.growth.kernel\n"}
-"""How to grow first of all, and what a process does for it before: what is loaded is used."""
+"""Ways of the first growth, and the code that a process runs before it."""
 
 _FIRST_GROWTH = """
 import sys, time
@@ -365,7 +365,7 @@ GROWTHS = 500
 FORESEEN_GROWTHS = 10
 BENCH_GENERATIONS = 100
 FLOOR_GROWTHS = 100
-"""So many that the processor cannot learn the outcome of their tests by heart."""
+"""Enough growths that the processor cannot predict the outcome of their tests."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -547,8 +547,8 @@ def bench_blocks(result: BenchmarkResult) -> Iterator[Block]:
             f"{floor.corner_tests:.2f} corner tests of {floor.corner_ns:.1f} ns per event"
             f" = {floor.ns_per_event:.1f} ns",
             f"an event takes {result.ns_per_event:.1f} ns, {result.over_floor:.1f} times that; "
-            f"{result.foreseen_ns_per_event:.1f} ns where the processor knows the growth by heart",
-            "the rest beside the tests: wrong guesses of branches, finding cells, the tips "
+            f"{result.foreseen_ns_per_event:.1f} ns where the processor has learnt the growth",
+            "the rest without the tests: wrong guesses of branches, finding cells, the tips "
             "themselves",
         )
     )
@@ -579,7 +579,7 @@ def bench_blocks(result: BenchmarkResult) -> Iterator[Block]:
 
 
 def _compared(result: BenchmarkResult) -> Iterator[tuple[Value, ...]]:
-    """Yield what was measured, its rate or time, and what that means."""
+    """Yield the rows of the table: a name, its rate or time, and a comment."""
     growths_per_s = result.branches_per_s / 40.0
     slower = result.branches_per_s / result.interpreted_branches_per_s
     search, penalty = result.search, result.penalty
@@ -603,7 +603,7 @@ def _compared(result: BenchmarkResult) -> Iterator[tuple[Value, ...]]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnitCosts:
-    """Processor time that a work unit costs beside its work, s.
+    """Processor time of a work unit in addition to its work, s.
 
     The defaults were measured with dask on the development machine (docs/studies/cluster.md).
     """
@@ -627,7 +627,7 @@ CLUSTER_GENERATIONS, FEW = 3, 64
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchLoad:
-    """What a search asks of its workers."""
+    """The load of a search on its workers."""
 
     name: str
     generations: Sequence[Floats]  # weight of each point, as `PlacedRun` weighs them, shape (m,)
@@ -637,7 +637,7 @@ class SearchLoad:
 
 
 def load_of(name: str, settings: RunSettings) -> SearchLoad:
-    """Measure what a search asks of its workers, with a few designs."""
+    """Measure the load of a search on its workers, with a few designs."""
     search = Search.of(settings, training_maps(settings), penalty_of(settings))
     evaluator, seed, population = search.evaluator, settings.search.seed, settings.search.population
     conditions, rng = evaluator.training_conditions(seed, 0), np.random.default_rng(seed)
@@ -679,7 +679,7 @@ def simulated_s(
     network: Network,
     result_bytes: float = 0.0,
 ) -> float:
-    """Return how long workers take for the work units of one generation.
+    """Return the time of workers for the work units of one generation.
 
     Units are sent one after the other, each goes to the worker that is free first, and results are
     collected when the last unit is done.
@@ -712,7 +712,7 @@ def simulated_s(
 
 
 def handing_out(workers: int, costs: UnitCosts, network: Network) -> HandingOut:
-    """Return what a run would measure before it hands out work."""
+    """Return the costs that a run would measure before it hands out work."""
     serial_s = costs.submit_s + costs.receive_s
     return HandingOut(
         round_trip_s=4.0 * network.latency_s + serial_s + costs.worker_s,
@@ -721,7 +721,7 @@ def handing_out(workers: int, costs: UnitCosts, network: Network) -> HandingOut:
 
 
 def simulated_run_s(load: SearchLoad, workers: int, costs: UnitCosts, network: Network) -> float:
-    """Return how long a search takes on a cluster, with one thread here for small generations."""
+    """Return the time of a search on a cluster, with one thread here for small generations."""
     known = handing_out(workers, costs, network)
     pace, total_s = Pace(threads=1, workers=workers, costs=known, work_s=load.work_s), 0.0
     for weights in load.generations:
@@ -742,7 +742,7 @@ def simulated_run_s(load: SearchLoad, workers: int, costs: UnitCosts, network: N
 
 
 def alone_s(load: SearchLoad) -> float:
-    """Return how long a search takes in one thread."""
+    """Return the time of a search in one thread."""
     work_s = load.work_s * float(sum(weights.sum() for weights in load.generations))
     return work_s + load.loop_s * len(load.generations)
 

@@ -1,4 +1,4 @@
-"""Numbers beside the paper's with intervals, and claims of three kinds that hold or do not."""
+"""Numbers next to the paper's with intervals, and claims of three kinds that hold or do not."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -117,17 +117,17 @@ class CrossedSample:
 
     @property
     def run_share(self) -> VarianceShare:
-        """What differs between runs."""
+        """The variance between runs."""
         return _share_of_mean(self.by_run)
 
     @property
     def map_share(self) -> VarianceShare:
-        """What differs between maps."""
+        """The variance between maps."""
         return _along_maps(self.cells.mean(axis=0), self)
 
     @property
     def both_share(self) -> VarianceShare:
-        """What differs with runs and maps together: both of the other shares hold it."""
+        """The variance of runs and maps together: both of the other shares hold it."""
         count = len(self.by_run)
         if min(count, self.maps) < 2:
             return VarianceShare(0.0, 0.0)
@@ -179,7 +179,7 @@ def difference(
     same_maps: bool = True,
     same_runs: bool = False,
 ) -> ConfidenceInterval:
-    """Return how much larger a statistic is for one group of designs than for another.
+    """Return the difference of a statistic between two groups of designs.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ def _student(
 _LEVEL = 0.05
 
 ClaimKind = Literal["of the paper", "our threshold", "calibrated"]
-"""Who says it: the paper; the paper, but with a limit that is ours; or nobody any more, because
+"""The source: the paper; the paper, but with a limit that is ours; or none any more, because
 the maps were set so that it comes out. Only the first kind is counted as held or not."""
 
 CLAIM_HEADINGS = (
@@ -254,11 +254,11 @@ CLAIM_HEADINGS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperNumber:
-    """A number of ours beside the paper's."""
+    """A number of ours with the paper's."""
 
     what: str  # what was measured
-    ours: str  # our number, in words
-    paper: str = "-"  # the paper's, in words; a dash where it gives none
+    ours: str  # our number, as text
+    paper: str = "-"  # the paper's, as text; a dash where it gives none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -275,7 +275,7 @@ class Claim:
 
     @property
     def counted(self) -> bool:
-        """Whether it counts as held or not: whether the paper says it."""
+        """Whether it is counted: whether the paper says it."""
         return self.kind == "of the paper"
 
     def plain(self) -> dict[str, Any]:
@@ -309,7 +309,7 @@ class StudyResult:
     name: str
     title: str
     protocol: tuple[str, ...]  # how it was done, a paragraph each
-    rows: tuple[PaperNumber, ...]  # numbers beside the paper's
+    rows: tuple[PaperNumber, ...]  # numbers with the paper's
     claims: tuple[Claim, ...] = ()  # orderings, tested
     remarks: tuple[str, ...] = ()  # where and why numbers differ from the paper's
     pictures: tuple[Picture, ...] = ()  # figures
@@ -329,7 +329,7 @@ class StudyResult:
 
 
 def held(findings: Sequence[StudyResult]) -> tuple[int, int]:
-    """Return how many claims of the paper hold, and how many there are."""
+    """Return the number of the paper's claims that hold, and their number."""
     claims = counted_claims(findings)
     return sum(claim.tested.held for claim in claims), len(claims)
 
@@ -340,14 +340,14 @@ def counted_claims(findings: Sequence[StudyResult]) -> list[Claim]:
 
 
 def held_corrected(findings: Sequence[StudyResult]) -> int:
-    """Return how many claims of the paper hold when p is corrected for their number (Holm)."""
+    """Return the number of claims that hold with p corrected for their number (Holm)."""
     tested = [claim.tested for claim in counted_claims(findings)]
     corrected = holm([found.p for found in tested])
     return sum(found.held and p < _LEVEL for found, p in zip(tested, corrected, strict=True))
 
 
 def interval_text(found: ConfidenceInterval, digits: int = 3) -> str:
-    """Return a number with its interval in words."""
+    """Return a number with its interval as text."""
     return f"{found.value:.{digits}f} [{found.low:.{digits}f}, {found.high:.{digits}f}]"
 
 

@@ -141,11 +141,11 @@ BEYOND = "beyond the open bounds"
 _TRUNK_STOPS = [stop for stop in Stop if stop <= Stop.PRESSURE]
 
 ENDS = (*(stop.label + place for stop in _TRUNK_STOPS for place in (" at the bounds", "")), BEYOND)
-"""How a trunk may end: why it stopped, and where."""
+"""Ends of a trunk: its reason to stop, and the place."""
 
 
 def trunk_end(world: Map, robot: Deployment) -> str:
-    """Return how a trunk ended."""
+    """Return the end of a trunk."""
     tip, label = shapely.Point(robot.tips_mm[0]), Stop(int(robot.stop[0])).label
     if tip.distance(world.bounds.exterior) < AT_BOUNDS_MM:
         return f"{label} at the bounds"
@@ -153,7 +153,7 @@ def trunk_end(world: Map, robot: Deployment) -> str:
 
 
 def shape_count(world: Map, grown: list[Deployment]) -> int:
-    """Return how many whole shapes the trunks have within the bounds."""
+    """Return the number of whole shapes of the trunks within the bounds."""
     whole = [shapely.LineString(robot.chain_mm(0)) for robot in grown]
     lines = shapely.intersection(whole, world.bounds.buffer(AT_BOUNDS_MM))
     one, two = np.triu_indices(len(lines), 1)
@@ -163,7 +163,7 @@ def shape_count(world: Map, grown: list[Deployment]) -> int:
 
 
 def tip_groups(tips_mm: Floats) -> int:
-    """Return how many groups of tips there are, which says nothing of the ways to them."""
+    """Return the number of groups of tips, which says nothing of the ways to them."""
     apart_mm = np.hypot(*(tips_mm[:, None] - tips_mm[None]).transpose(2, 0, 1))
     return int(connected_components(apart_mm < SAME_MM)[0])
 
@@ -172,7 +172,7 @@ BUFFER_MM = 40.0
 """Twelve to a 500 mm map. The paper does not publish its buffer; this one is assumed."""
 
 MOST = 0.9
-"""What one branched deployment should reach; the paper's reached 93 and 94 %."""
+"""Least share for one branched deployment; the paper's reached 93 and 94 %."""
 
 LONG_MM = 1500.0
 """A plain vine so long that walls stop it, not its length."""
@@ -205,7 +205,7 @@ def redeployments(size: StudySize, environment: str) -> list[RedeploymentJob]:
 
 
 SET_BY: dict[str, ClaimKind] = {"grid": "our threshold", "cave": "calibrated"}
-"""What plain vines reach: in the Cave its short cuts were set by that."""
+"""Kind of claims on plain vines: in the Cave the short cuts were set by their reach."""
 
 OPEN = "grid"
 """The environment that is tested with open bounds too; a Cave is closed in by its own rock."""
@@ -252,7 +252,7 @@ def reach_test(size: StudySize, design: dict[str, Any], environment: str) -> Tes
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Redeployments:
-    """What was found in one environment."""
+    """The findings in one environment."""
 
     design: dict[str, Any]  # the kept design
     one: Floats  # share reached by one deployment of it, shape (1, maps, 1)
@@ -371,7 +371,7 @@ def _column(parts: list[dict[str, Any]], name: str) -> Floats:
 
 
 def _ends(parts: list[dict[str, Any]]) -> dict[str, int]:
-    """Return how many trunks ended how, the ways that occur only."""
+    """Return the number of trunks by their end, the ends that occur only."""
     counts = {name: sum(part["ends"][name] for part in parts) for name in ENDS}
     return {name: count for name, count in counts.items() if count}
 
@@ -496,7 +496,7 @@ ENGAGED = (
     (4, 5, "4 to 5 of 6 engaged, the slack one in part"),
     (6, 6, "all 6 engaged, as in its prediction"),
 )
-"""How many of the paper's branches may hold: least, most and why."""
+"""Numbers of the paper's branches that may hold: least, most and the reason."""
 ALIKE = 0.8
 
 
@@ -507,7 +507,7 @@ def anchor_run(size: StudySize, environment: str, number: int) -> RunSettings:
 
 
 def anchor(store: JobStore) -> StudyResult:
-    """Train anchors in both environments, test them in both, and set them beside a plain vine."""
+    """Train anchors in both environments, test them in both, and compare them with a plain vine."""
     size = store.size
     found = Exchange.of(store, lambda home, number: anchor_run(size, home, number), size.seeds)
     single, panels, claims = dict[str, Floats](), list[PlanPanel](), list[Claim]()

@@ -45,7 +45,7 @@ class Contender:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contest:
-    """How contenders are compared."""
+    """The protocol of a comparison."""
 
     # runs with generated maps; their optimizer and seeds are replaced
     problems: tuple[RunSettings, ...]
@@ -117,14 +117,14 @@ class ContestRun:
 
     @property
     def key(self) -> str:
-        """What tells it from all others, also in another session."""
+        """Its fingerprint, the same in every session."""
         identity = RunIdentity.of(self.settings, ())
         return fingerprint(identity.run_id, self.contender, self.unseen, self.poses)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContestRow:
-    """What came of one run."""
+    """The outcome of one run."""
 
     key: str  # fingerprint of the run
     # problem, contender, number: what it was

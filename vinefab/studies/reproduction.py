@@ -30,7 +30,7 @@ class Reproduction:
 
     @property
     def held(self) -> tuple[int, int]:
-        """How many claims hold, and how many there are."""
+        """The number of claims that hold, and of all."""
         return held(self.findings)
 
 

@@ -170,16 +170,16 @@ PAPER_GROWTH = GrowthOptions.published(
     body="centerline",
     pressure_stop=False,
 )
-"""How robots grow in every study that does not say otherwise: the paper's model, whose body is a
+"""Growth in every study that does not say otherwise: the paper's model, whose body is a
 line and which has no pressure. Nothing here depends on the default of `GrowthOptions`."""
 
 
 class StudyJob(Protocol):
-    """Some work with a name of its own."""
+    """Work with a unique name."""
 
     @property
     def key(self) -> str:
-        """What tells it from all others, also in another session."""
+        """Its fingerprint, the same in every session."""
         ...
 
     def run(self) -> dict[str, Any]:
@@ -328,7 +328,7 @@ class JobStore:
         write_text(self.folder / FINISHED, json_text(_FINISHED_SCHEMA, {"names": names}))
 
     def train(self, jobs: Sequence[Training]) -> list[dict[str, Any]]:
-        """Return what each run found."""
+        """Return the result of each run."""
         return self.do(jobs, "training")
 
     def test(self, jobs: Sequence[Testing]) -> list[Floats]:
@@ -340,7 +340,7 @@ class JobStore:
         return [np.array(found["terms"][name]) for found in self.do(jobs, "testing")]
 
     def do(self, jobs: Sequence[StudyJob], words: str) -> list[dict[str, Any]]:
-        """Return what each job gives; what is kept is not done again."""
+        """Return the result of each job; results that are kept are not computed again."""
         keys = [job.key for job in jobs]
         known = {key: self._kept(key) for key in keys}
         todo = {key: job for key, job in zip(keys, jobs, strict=True) if known[key] is None}
@@ -416,7 +416,7 @@ STUDIED_ENVIRONMENTS = ("grid", "cave")
 NAMES = {"grid": "Grid", "cave": "Cave"}
 
 STUDY_MAP_OPTIONS: Mapping[str, Mapping[str, object]] = {"grid": {}, "cave": {"loops": 1.0}}
-"""What the maps of an environment have in common, where it is not the generator's default: the
+"""Options of an environment's maps that are not the generator's default: the
 paper's Cave is "a series of interconnected closed pathways" (docs/studies/paper.md)."""
 
 FIRST_TRAINING = 1
@@ -476,7 +476,7 @@ def with_evaluation(run: RunSettings, **changes: Any) -> RunSettings:  # noqa: A
 
 
 def trained(store: JobStore, runs: list[RunSettings]) -> list[dict[str, Any]]:
-    """Return what each run found."""
+    """Return the result of each run."""
     return store.train([Training(settings=run) for run in runs])
 
 

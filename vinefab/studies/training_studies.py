@@ -44,7 +44,7 @@ from vinefab.studies.study_runs import (
 )
 
 PAPER_GAP = {"grid": 0.02, "cave": 0.015}
-"""What unseen maps cost at most in the paper, relative to the training maps."""
+"""Greatest cost of unseen maps in the paper, relative to the training maps."""
 
 
 def transfer(store: JobStore) -> StudyResult:
@@ -157,7 +157,7 @@ def transfer(store: JobStore) -> StudyResult:
 
 
 def known_map_shares(known: Floats, unseen: Floats) -> Floats:
-    """Return by what share of the mean score unseen maps cost less than known ones, by run.
+    """Return the cost of unseen maps below known ones as a share of the mean score, by run.
 
     Parameters
     ----------
@@ -348,11 +348,11 @@ def variety_runs(size: StudySize) -> dict[str, list[RunSettings]]:
 
 
 DEVIATION = 3.0
-"""What a standard deviation costs in ``min_deviation`` by the weight of the mean, where the
+"""Cost of a standard deviation in ``min_deviation`` by the weight of the mean, where the
 reference deviation is 1: three quarters over one quarter."""
 
 TRADE_OFFS = (6, 3, 1)
-"""What a standard deviation may cost, by the weight of the mean; the first is the default of run
+"""Costs of a standard deviation by the weight of the mean; the first is the default of run
 files, and was set before the others were tried."""
 
 MIN_DEVIATION = {f"min deviation {cost}": cost for cost in TRADE_OFFS}
@@ -362,7 +362,7 @@ FIRST = f"min deviation {TRADE_OFFS[0]}"
 _WAYS = {"none": "single", "mean": "mean", "best": "best"} | dict.fromkeys(
     MIN_DEVIATION, "min_deviation"
 )
-"""What the paper's figure calls them, and what run files do."""
+"""Names in the paper's figure, and in run files."""
 
 STATISTICS: dict[str, Statistic] = {
     "mean": seed_mean,
@@ -386,7 +386,7 @@ ORDERINGS: tuple[Ordering, ...] = (
     ),
     *((f"'{name}' spreads less than 'mean'", "mean", name, spread) for name in MIN_DEVIATION),
 )
-"""What is claimed: the statistic of the first is above that of the second."""
+"""Claims: the statistic of the first is above that of the second."""
 
 
 def weighting(store: JobStore) -> StudyResult:

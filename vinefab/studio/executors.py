@@ -22,7 +22,7 @@ Progress = Callable[[float, str], None]
 """Takes the share that is done, 0 to 1, and what is being done; from any thread."""
 
 AnswerFunction = Callable[[StudioState, Mapping[str, Any], Progress], dict[str, Any]]
-"""Takes what is open on the page and what the panel asks; returns plain values."""
+"""An answer: takes the state of the page and the panel's question; returns plain values."""
 
 LIVE, CUT = "live", "cut"
 """Executors that are threads of the server: what must follow the pointer."""

@@ -50,11 +50,11 @@ from vinefab.tasks.task import (
 )
 
 QUICK_S, FIRST_S = 0.15, 0.5
-"""So long walls for new widths are built while something is dragged, and before the simulator is
+"""Time to build walls for new widths while something is dragged, and before the simulator is
 compiled: some maps must do then."""
 
 LEAST_MAPS = 4
-"""So many maps are always evaluated, however long it takes."""
+"""Number of maps that are always evaluated."""
 
 MOST_FAMILY_INTERPRETED = 1500
 """Branches that the interpreter grows, in a fifth of a second, until the simulator is compiled."""
@@ -63,13 +63,13 @@ MOST_WALLS = 1000
 """Pairs of a map and a body radius whose walls are kept, half a megabyte each."""
 
 SILENT_S = 0.3
-"""What is over within so long is not announced."""
+"""Shorter work is not announced."""
 
 COMPILING = "compiling the simulator, once on this computer"
 
 
 def family_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """Return how a design does on many maps: one entry for each, and what they say together.
+    """Return the scores of a design on many maps: an entry for each, and their statistics.
 
     Scores are those of `vinefab.score` on the same maps and as many poses, all simulated.
 
@@ -284,7 +284,7 @@ class _Trial:
 
     @property
     def rows(self) -> list[slice]:
-        """Where each map's deployments stand."""
+        """The deployments of each map, as slices."""
         ends = np.cumsum([0, *self.counts]).tolist()
         return [slice(one, two) for one, two in itertools.pairwise(ends)]
 
@@ -358,7 +358,7 @@ def _evaluated(
 
 @dataclass(slots=True)
 class _Compiler:
-    """Compiled code, loaded beside the answers: a second, or half a minute where there is none."""
+    """Compiled code, loaded in a thread: a second, or half a minute where none is cached."""
 
     threads: dict[str, Thread] = field(default_factory=dict)  # by the task that they load
 
@@ -404,7 +404,7 @@ QUICK_ERROR = 1e-3
 
 
 def _distribution(scores: Sequence[float], before: Sequence[float]) -> dict[str, Any]:
-    """Return how scores spread over maps, in bins that those of the version before share."""
+    """Return the distribution of scores over maps, in bins shared with the version before."""
     low, high = mean_interval(scores)
     quantiles = np.percentile(scores, QUANTILES_PERCENT).tolist()
     least, most = min([*scores, *before]), max([*scores, *before])

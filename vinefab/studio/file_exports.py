@@ -38,14 +38,14 @@ from vinefab.studio.state import PAGE, StudioState, is_name, mapping_at
 
 
 DESIGN_FILE, MAP_FILE = "design.toml", "map.geojson"
-"""Names of what an export is made of, in the folder beside it."""
+"""Names of the inputs of an export, in the folder next to it."""
 
 _MOST_COPIES = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExportSource:
-    """What an export is made of, and what its command calls it."""
+    """The inputs of an export, with their names in its command."""
 
     design: Design
     design_name: str  # a path from the start folder, or a shipped design's name
@@ -56,11 +56,11 @@ class ExportSource:
     profile: LaserProfile
     growth: GrowthOptions
     out: str  # what is written, as a path from the start folder
-    inputs: Mapping[str, bytes]  # what is written beside it first, by name; empty for nothing
+    inputs: Mapping[str, bytes]  # files that are written next to it first, by name
 
     @property
     def folder(self) -> Path:
-        """The folder for what is written beside it."""
+        """The folder for its inputs."""
         return inputs_folder(Path(self.out))
 
     @property
@@ -87,7 +87,7 @@ class MadeExport:
     """An export that is ready to be written."""
 
     files: Mapping[str, bytes] = field(default_factory=dict)  # by name; of one file, by ""
-    beside: Mapping[str, bytes] = field(default_factory=dict)  # files beside it, by path
+    beside: Mapping[str, bytes] = field(default_factory=dict)  # further files, by path
     view: tuple[Block, ...] = ()  # what the command would say
     refused: str = ""  # why nothing may be written
     findings: tuple[Mapping[str, Any], ...] = ()  # as in ``vinefab/checks-1``
@@ -103,7 +103,7 @@ class Export(Protocol):
     moves_start: ClassVar[bool]  # whether the page's start has to stand in the map
 
     def given(self, source: ExportSource) -> dict[str, Any]:
-        """Return what the verb is given."""
+        """Return the arguments of the verb."""
 
     def make(self, source: ExportSource, progress: Progress) -> MadeExport:
         """Return the files."""
@@ -124,7 +124,7 @@ class PackageExport:
     moves_start: ClassVar[bool] = False
 
     def given(self, source: ExportSource) -> dict[str, Any]:
-        """Return what the verb is given."""
+        """Return the arguments of the verb."""
         usual = source.recipe == DEFAULT_RECIPE and "recipe" not in source.design.origin
         return {
             "design": source.design_name,
@@ -177,7 +177,7 @@ class RigExport:
     moves_start: ClassVar[bool] = True
 
     def given(self, source: ExportSource) -> dict[str, Any]:
-        """Return what the verb is given."""
+        """Return the arguments of the verb."""
         return {
             "world": source.map_name,
             "printer": self.printer,
@@ -225,7 +225,7 @@ class PictureExport:
     moves_start: ClassVar[bool] = False
 
     def given(self, source: ExportSource) -> dict[str, Any]:
-        """Return what the verb is given."""
+        """Return the arguments of the verb."""
         given: dict[str, Any] = {
             "design": source.design_name,
             "map": source.map_name,
@@ -255,7 +255,7 @@ class PictureExport:
         return MadeExport(files={"": data}, view=tuple(found.view()))
 
     def _moves(self, source: ExportSource) -> bool:
-        """Whether it is a moving picture, which a GIF always is."""
+        """Tell whether it is a moving picture, which a GIF always is."""
         suffix = Path(source.out).suffix.lower()
         if self.animate and suffix == ".png":
             raise BadInputError("out", source.out, "a name ending in .svg or .gif, to move", PAGE)
@@ -277,7 +277,7 @@ class ReportExport:
     moves_start: ClassVar[bool] = True
 
     def given(self, source: ExportSource) -> dict[str, Any]:
-        """Return what the verb is given."""
+        """Return the arguments of the verb."""
         unseen = {"environment": self.environment, "count": self.count} if self.environment else {}
         return {
             "design": source.design_name,
@@ -335,7 +335,7 @@ def command_of(kind: Export, source: ExportSource) -> str:
 
 
 def _without_contacts(growth: Mapping[str, object]) -> dict[str, object]:
-    """Return growth options without the contacts, which are a file of their own."""
+    """Return growth options without the contacts, which have their own file."""
     return {name: value for name, value in growth.items() if name != "contacts"}
 
 
@@ -351,11 +351,11 @@ def _findings(report: CheckReport) -> tuple[Mapping[str, Any], ...]:
 
 
 SNAPSHOT = "snapshot"
-"""The export that is no command: what the page shows."""
+"""The export without a command: the page itself."""
 
 
 def export_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """Write what the page asks for, or say by which commands it can be written.
+    """Write an export, or return the commands that write the exports.
 
     Parameters
     ----------
@@ -493,7 +493,7 @@ def allowed_path(key: str, given: object, roots: tuple[Path, ...]) -> Path:
     if not isinstance(given, str) or not given or not given.isprintable() or len(given) > 4096:
         raise BadInputError(key, given, "a path", PAGE)
     real = path_inside(key, given, roots, PAGE, Path.cwd())
-    if real in roots:  # beside an export lies the folder of its inputs
+    if real in roots:  # the folder of its inputs lies next to an export
         allowed = f"a path in {' or '.join(map(str, roots))}"
         raise BadInputError(key, given, allowed, PAGE)
     here = Path(os.path.realpath(Path.cwd()))

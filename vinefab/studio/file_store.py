@@ -65,12 +65,12 @@ _KEY = re.compile(r"[a-z0-9]{6,40}")
 
 
 def autosave_folder() -> Path:
-    """Return where unsaved work is kept."""
+    """Return the folder of autosaves."""
     return user_root() / "studio"
 
 
 def keep_autosave(key: object, state: Mapping[str, Any], file: object) -> Path:
-    """Keep what a tab shows; of too many the oldest go.
+    """Keep the state of a tab; of too many autosaves the oldest are removed.
 
     Parameters
     ----------
@@ -92,12 +92,12 @@ def keep_autosave(key: object, state: Mapping[str, Any], file: object) -> Path:
 
 
 def drop_autosave(key: object) -> None:
-    """Remove what was kept of a tab."""
+    """Remove the autosave of a tab."""
     _path(key).unlink(missing_ok=True)
 
 
 def read_autosave(key: object) -> dict[str, Any]:
-    """Return what was kept of a tab: ``key``, ``kept_at``, ``state`` and ``file``."""
+    """Return the autosave of a tab: ``key``, ``kept_at``, ``state`` and ``file``."""
     path = _path(key)
     try:
         content = json.loads(read_text(path, 2 * LARGEST_AUTOSAVE_BYTES))
@@ -112,7 +112,7 @@ def read_autosave(key: object) -> dict[str, Any]:
 
 
 def list_autosaves() -> list[dict[str, Any]]:
-    """Return what is kept, the newest first, each with its design; broken files are left out."""
+    """Return the autosaves, the newest first, each with its design; broken files are left out."""
     found = []
     for path in _files()[:MOST_AUTOSAVES]:
         with suppress(UnreadableFileError, BadInputError):
@@ -158,7 +158,7 @@ Broadcast = Callable[[Mapping[str, Any]], None]
 
 @dataclass(frozen=True, slots=True)
 class _Version:
-    """What a design file holds just now."""
+    """The present content of a design file."""
 
     stamp: str  # SHA-256 of its bytes; empty where there is no file
     text: str | None = None  # with the mark of its byte order, if it has one
@@ -194,7 +194,7 @@ class FileStore:
         self._more: Callable[[], object] = lambda: None
 
     def choices(self, _: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what can be opened: designs, maps, recipes, and environments with options."""
+        """Return the files to open: designs, maps, recipes, and environments with options."""
         paths, is_complete = _listed(self.roots)
         found: dict[str, list[dict[str, str]]] = {"design": [], "recipe": [], "map": []}
         for path in paths:
@@ -281,7 +281,7 @@ class FileStore:
         }
 
     def open_recipe(self, ask: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what a recipe that can be read is opened by; ``recipe`` is a path or a name."""
+        """Return name and title of a recipe that can be read; ``recipe`` is a path or a name."""
         given = ask.get("recipe")
         path = self._named("recipe", given)
         title = read_profile(path).recipe.title
@@ -297,7 +297,7 @@ class FileStore:
         ask
             ``path``, ``design`` (content), ``stamp`` of the version that is known, ``force`` to
             write all the same, ``from``: the file whose comments a new one takes over, and
-            ``autosave``: the key of what is no longer unsaved.
+            ``autosave``: the key of the autosave that is no longer needed.
         """
         path = self._target(ask.get("path"))
         design = design_of(mapping_at("design", ask.get("design")), PAGE)
@@ -340,7 +340,7 @@ class FileStore:
         return {"kept": str(kept)}
 
     def autosaves(self, _: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what unsaved work there is, the newest first."""
+        """Return the autosaves, the newest first."""
         return {"autosaves": list_autosaves()}
 
     def open_autosave(self, ask: Mapping[str, Any]) -> dict[str, Any]:
@@ -369,7 +369,7 @@ class FileStore:
             self._checked[key, str(given)] = now + _CHECKED_FOR_S
 
     def allowed_path(self, key: str, given: object, *, to_write: bool = False) -> Path:
-        """Return where a path of the page leads, or raise BadInputError if that is elsewhere."""
+        """Return the file that a path of the page leads to, or raise BadInputError."""
         library = () if to_write else _library()
         real = path_inside(key, given, self.roots, PAGE, self.start, library)
         return real if to_write else existing_file(real)
@@ -463,7 +463,7 @@ class FileStore:
         return not is_name(given) or self.allowed_path(key, given, to_write=True).is_file()
 
     def _target(self, given: object) -> Path:
-        """Return where a design may be written."""
+        """Return the file that a design may be written to."""
         path = self.allowed_path("path", given, to_write=True)
         if path.suffix.lower() != ".toml":
             raise BadInputError("path", given, "a name ending in .toml", PAGE)
@@ -523,7 +523,7 @@ def _is_library(path: Path) -> bool:
 
 
 def _version(path: Path) -> _Version:
-    """Return what a file holds just now, also if that is no design or nothing."""
+    """Return the present content of a file, also if it gives no design or does not exist."""
     if not path.exists():
         return _Version("", problem=f"{path}: there is no such file")
     try:
@@ -568,7 +568,7 @@ def _listed(roots: Sequence[Path]) -> tuple[list[Path], bool]:
 
 
 def _kind(path: Path) -> str:
-    """Return what a file can be opened as, by its name and its head."""
+    """Return the kind of a file, by its name and its head."""
     if path.suffix.lower() == ".geojson":
         return "map"
     if path.suffix.lower() != ".toml":

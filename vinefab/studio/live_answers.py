@@ -1,4 +1,4 @@
-"""What follows the pointer: the robot on the open map, its growth, its scores, a dragged tip."""
+"""Answers that follow the pointer: growth on the open map, scores, a dragged tip."""
 
 import asyncio
 import cmath
@@ -119,7 +119,7 @@ def _prepared(ground: EditedMap) -> PreparedMap:
 
 
 def grown(state: StudioState, start: Pose) -> tuple[Deployment, Terrain]:
-    """Return what is open as it deploys from a start, and a terrain that has all it meets.
+    """Return the deployment from a start, and a terrain with every obstacle that it meets.
 
     Building walls for every body radius takes time with every obstacle of a map, far more than
     growing. So obstacles are left out that no branch could come to, however it turned: those
@@ -254,7 +254,7 @@ def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, An
 
 
 def not_followed(design: Design) -> str:
-    """Return why a design is not grown while a pointer waits, or nothing."""
+    """Return the reason not to grow a design while a pointer waits, or an empty text."""
     if design.branch_count > MOST_FOLLOWED:
         return (
             f"{counted(design.branch_count, 'branch')}: the page follows designs of at most "
@@ -399,7 +399,7 @@ def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def deployed_robot(state: StudioState) -> tuple[Deployment, Terrain]:
-    """Return what is open, grown from its start on its map (simulated), and its terrain."""
+    """Return the deployment on the open map (simulated), and its terrain."""
     if state.world is None or state.start is None:
         raise BadInputError("map", None, "a map with a start", PAGE)
     if problem := not_followed(state.design):

@@ -1,4 +1,4 @@
-"""The flat pattern and the inflated body: what is cut for what is designed."""
+"""Answers about the flat pattern and the inflated body: the cut angles of designed ones."""
 
 import math
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ MOST_FLAT = 1500
 """Outlines of more branches take longer than a pointer may wait; the rules' panel draws them."""
 
 _WIDER_RAD, _FAN_STEP_RAD = math.radians(120.0), math.radians(1.0)
-"""How far and how finely the nearest possible fan is looked for."""
+"""Range and step of the search for the nearest possible fan."""
 
 
 def cut_answer(state: StudioState, _ask: Mapping[str, Any], _progress: Progress) -> dict[str, Any]:

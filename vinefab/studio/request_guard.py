@@ -1,7 +1,7 @@
 """The guard in front of the server: who may ask, how many may connect, and for how long.
 
 A page of any website can send requests to this computer's own address, and a name that the website
-owns can be made to lead here (DNS rebinding). So the address alone lets nobody in: every request
+owns can be made to lead here (DNS rebinding). So the address alone opens nothing: every request
 must name this server as its ``Host``, and one with an ``Origin`` must come from its own page. Only
 the socket gives anything of the user's. Its first request must show the token that the command
 printed, so that no message is read without it.
@@ -68,7 +68,7 @@ class Connections:
 
     @property
     def full(self) -> bool:
-        """Whether there are as many tabs as may be."""
+        """Whether the greatest number of tabs is open."""
         return self._tabs >= MOST_TABS
 
     def add(self, transport: Transport) -> None:
@@ -144,7 +144,7 @@ def limited_protocol(connections: Connections) -> type[H11Protocol]:
 
 
 class LimitedSocketProtocol(WebSocketsSansIOProtocol):
-    """Bounds what a tab can pile up in the server before the application hears of it."""
+    """A socket that bounds the data of a tab before the application receives them."""
 
     _parts = 0  # of the message that is being received
 
@@ -238,7 +238,7 @@ class RequestGuard:
             await app(scope, receive, guarded)
 
     def _problem(self, scope: Scope) -> str:  # noqa: PLR0911  one for each kind of refusal
-        """Return why a request is refused, or nothing."""
+        """Return the reason to refuse a request, or an empty text."""
         headers = Headers(scope=scope)
         host, origin = headers.get("host", ""), headers.get("origin")
         if host not in self._endpoint.hosts:

@@ -26,7 +26,7 @@ from vinefab.studio.state import PAGE, StudioState, label_of, texts_at
 from vinefab.tasks.shipped_tasks import TASKS
 
 RUN_FILE, START_FILE, SHOWN_MAP_FILE = "run.toml", "start.toml", "map.geojson"
-"""What a search that is begun on the page has in its folder before it runs."""
+"""Files that a search of the page begins with."""
 
 _LEVEL = {key.field: key for key in declared_keys(Level) if key.field in LIMITS}
 """Variables of a level, by their names in a space."""
@@ -89,7 +89,7 @@ def design_values(design: Design, locks: frozenset[str]) -> tuple[DesignValue, .
 
 
 def run_proposal(state: StudioState) -> dict[str, Any]:
-    """Return what the page offers for a search around its design."""
+    """Return the form of a search around the page's design, with its proposals."""
     deeper, depth = SpaceSettings(), state.design.depth
     environment = state.world.environment if state.world else ""
     costs = {name: f"little {name.replace('_', ' ')}" for name in COSTS}
@@ -130,7 +130,7 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
 
 
 def _notes(state: StudioState) -> Sequence[str]:
-    """Return what the searched designs do not have of the page's design."""
+    """Return notes on properties of the page's design that a search leaves out."""
     build = state.design.build
     left = [name for name, given in (("taper", build.taper), ("collar", build.collar)) if given]
     notes = []
@@ -142,7 +142,7 @@ def _notes(state: StudioState) -> Sequence[str]:
 
 
 def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[str, str]:
-    """Return the files of a search by their names: the run file, and what it needs beside it.
+    """Return the files of a search by their names: the run file, and its inputs.
 
     Parameters
     ----------

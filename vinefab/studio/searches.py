@@ -58,7 +58,7 @@ _SIMULATED = "simulated"
 
 @dataclass(slots=True)
 class FollowedRecord:
-    """A record that is read bit by bit while its run goes on."""
+    """A record that is read step by step while its run continues."""
 
     path: Path
     has_front: bool = True  # whether the front so far is wanted
@@ -75,7 +75,7 @@ class FollowedRecord:
     front: "LiveFront | None" = None
 
     def look(self) -> None:
-        """Read what is new."""
+        """Read the new generations."""
         tail = RecordTail.read(self.path, self.generations)
         if tail is None:
             return
@@ -253,13 +253,13 @@ _PAUSE_S = 0.35
 """Between two looks at the record of a run that is going on."""
 
 _PATIENCE_S = 10.0
-"""How long a search may take to stop before it is killed; its record is whole then too."""
+"""Time for a search to stop before it is killed; its record is whole then too."""
 
 MOST_FOLDERS, DEEPEST_FOLDER, MOST_RUNS = 3000, 4, 60
-"""How far earlier runs are looked for below the folders."""
+"""Limits of the search for earlier runs below the folders."""
 
 MOST_CANDIDATES, MOST_RUN_FILE_BYTES = 40, 1 << 18
-"""Of files that may be the run file of a record."""
+"""Number and size of files that are tried as the run file of a record."""
 
 
 @dataclass(slots=True)
@@ -328,7 +328,7 @@ class SearchManager:
         self._lock = threading.RLock()
 
     def propose(self, ask: Mapping[str, Any], state: StudioState) -> dict[str, Any]:
-        """Return what the page offers for a new search, and the command for its folder."""
+        """Return the form of a new search, and its command."""
         folder = self._new_folder(ask["folder"]) if ask.get("folder") else self._free_folder()
         return {
             **run_proposal(state),
@@ -459,7 +459,7 @@ class SearchManager:
         return {"folder": self._shown(folder), "front": final or record.front.plain()}
 
     def poll(self) -> dict[str, Any] | None:
-        """Return what has changed since the last call; None where nothing has."""
+        """Return the event of the running search; None if it is that of the last call."""
         with self._lock:
             if self._running is None:
                 return None
@@ -560,7 +560,7 @@ class SearchManager:
         return event if state != "ended" else {**event, **self._outcome(running)}
 
     def _outcome(self, running: RunningSearch) -> dict[str, Any]:
-        """Return what an ended search changes of its last event."""
+        """Return the final values of an ended search's event."""
         try:
             result = RunArchive.read(running.record.path).result()
             front = final_front(running.folder, running.record)

@@ -23,14 +23,14 @@ from vinefab.studio.workspace import LaunchOptions, Workspace
 LOOPBACK = "127.0.0.1"
 PAGE_FOLDER = Path(__file__).with_name("page")
 MODULES = "<!-- modules -->"
-"""What in ``index.html`` is replaced by the import map, here and in snapshots."""
+"""The mark in ``index.html`` that the import map replaces, here and in snapshots."""
 
 SUBPROTOCOL = "vinefab"
-"""What a socket offers before its token: a browser's page can send no other header with it."""
+"""The subprotocol of a socket before its token: a page can send no other header with it."""
 
 
 MOST_MESSAGE_BYTES = 4 << 20
-"""What an autosave holds at most; more closes the socket."""
+"""Size of the largest autosave; more closes the socket."""
 
 BACKLOG = 32
 """Connections that wait, and that are accepted in one go: far fewer than may be pending, so that a
@@ -39,7 +39,7 @@ request is read before others take its place."""
 
 @dataclass(slots=True, kw_only=True)
 class Endpoint:
-    """Where the server listens, and what opens it."""
+    """The address of the server with its access token."""
 
     port: int
     token: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)
@@ -47,16 +47,16 @@ class Endpoint:
 
     @property
     def hosts(self) -> tuple[str, ...]:
-        """What a request may name as its host."""
+        """The host names that a request may have."""
         return f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"
 
     @property
     def address(self) -> str:
-        """What the user opens."""
+        """The address for the user."""
         return f"http://{LOOPBACK}:{self.port}/?token={self.token}"
 
     def accepts(self, token: object) -> bool:
-        """Tell whether a token is the one, in a time that tells nothing of it."""
+        """Tell whether a token is the right one, in constant time."""
         given = token.encode(errors="replace") if isinstance(token, str) else b""
         return hmac.compare_digest(given, self.token.encode())
 

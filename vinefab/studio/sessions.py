@@ -41,10 +41,10 @@ _MOST_UNREAD = 100
 """Messages that a page may leave unread before it is asked nothing more of."""
 
 _MOST_UNREAD_BYTES = 16 << 20
-"""What a page may leave unread before its connection is dropped: events come without a question."""
+"""Bytes that a page may leave unread before it is dropped: events come without a question."""
 
 _KINDS = {".js": "text/javascript", ".css": "text/css"}
-"""What browsers ask for, with its media type; a table of the system may have another."""
+"""Media types of the page's files; a table of the system may have others."""
 
 
 class StudioServer:
@@ -154,7 +154,7 @@ class Session:
             sending.cancel()
 
     def close(self) -> None:
-        """Drop what was asked: the page is gone."""
+        """Drop the open questions: the page is gone."""
         for task in self._asked.values():
             task.cancel()
 

@@ -243,7 +243,7 @@ _KEPT_BY = (
     (re.compile(r"level\.\d+\.angle_deg"), "angle"),
     (re.compile(r"build\.(widths_mm|taper|pouch|trunk_width_mm|width_ratio)(\..*)?"), "width"),
 )
-"""Which locked values of a design a fix keeps by which of the words `KEEPS`."""
+"""The words of `KEEPS` that keep locked values of a design, by the keys of these."""
 
 _SEARCH_SHARE = 0.85
 
@@ -318,7 +318,7 @@ def fix_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -
 
 
 def kept_kinds(locks: frozenset[str], asked: object) -> tuple[frozenset[str], list[str]]:
-    """Return what a fix must keep, and why, a sentence each.
+    """Return the words of what a fix must keep, and a sentence for each lock.
 
     A fix keeps values of a kind or none of them: one that is locked keeps all of its kind.
     """

@@ -1,4 +1,4 @@
-"""What is open in the studio as one HTML file that needs neither server nor network.
+"""Snapshots: the state of the studio as one HTML file that needs neither server nor network.
 
 It is the same page: its styles stand in the file, its modules as ``data:`` addresses of an import
 map, and the state with the answers of the panels as JSON. Nothing in it depends on the day or the
@@ -59,7 +59,7 @@ _STORED = re.compile(r'<script type="application/json" id="stored">(.*?)</script
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SnapshotOptions:
-    """What a snapshot holds beside the state."""
+    """Further content of a snapshot."""
 
     family: bool = False  # compute the many maps too
     file: str = ""  # what the page calls the design's file; empty: the design's name
@@ -75,7 +75,7 @@ def write_snapshot(
     *,
     force: bool = False,
 ) -> Path:
-    """Compute what the panels show of a state, and write it as one HTML file.
+    """Compute the answers of the panels to a state, and write all as one HTML file.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def snapshot_html(
 def stored_state(path: Path) -> dict[str, Any]:
     """Return the state in a snapshot.
 
-    A map that came from a file is written beside the snapshot, as ``NAME.map.geojson``, because
+    A map that came from a file is written next to the snapshot, as ``NAME.map.geojson``, because
     the file that it came from may be on another computer. Maps of a family that came from files
     are not in a snapshot: the usual family takes their place.
 
@@ -179,7 +179,7 @@ def stored_state(path: Path) -> dict[str, Any]:
             state["family"].pop("files", None)
         recipe, source = state.get("recipe"), _source(state)
         if recipe and not is_name(recipe):
-            # It lies beside the snapshot, or where the command was started.
+            # It lies next to the snapshot, or where the command was started.
             folders = (path.parent, Path.cwd())
             found = [path_inside("recipe", recipe, folders, path, base) for base in folders]
             state["recipe"] = str(next((file for file in found if file.is_file()), found[0]))
@@ -223,7 +223,7 @@ def _naming(path: Path) -> Iterator[None]:
 
 
 def _written(path: Path, text: str) -> Path:
-    """Write the map of a snapshot beside it; a file that says something else stays."""
+    """Write the map of a snapshot next to it; a file with another content stays."""
     for number in range(1, _MOST_MAPS):
         file = path.with_name(f"{path.stem}.map{'' if number == 1 else f'-{number}'}.geojson")
         if not file.exists():
@@ -234,7 +234,7 @@ def _written(path: Path, text: str) -> Path:
 
 
 def _source(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Return where the map of a state comes from; nothing where none is open."""
+    """Return the source of a state's map; empty if none is open."""
     world = state.get("map")
     source = world.get("source") if isinstance(world, dict) else None
     return source if isinstance(source, dict) else {}

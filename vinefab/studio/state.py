@@ -33,7 +33,7 @@ from vinefab.model.target import targets_given
 from vinefab.prediction.deploy import as_grown
 
 PAGE = "the page"
-"""What messages call the source of a value that was set on the page."""
+"""The source of a value of the page, in messages."""
 
 MOST_EDITS = 10_000
 
@@ -219,7 +219,7 @@ def _polygon(key: str, points: Any) -> Polygon:  # noqa: ANN401  JSON
 
 
 def file_stamp(path: Path) -> str:
-    """Return what changes when a file does; nothing for one that is not there."""
+    """Return a stamp that changes with a file; empty if it does not exist."""
     try:
         found = path.stat()
     except OSError:
@@ -260,7 +260,7 @@ class Family(Table):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StudioState:
-    """What is open on the page, read and validated.
+    """The validated state of the page.
 
     The page sends it whole with every question, so that the server remembers nothing of a tab.
     """
@@ -316,7 +316,7 @@ class StudioState:
 
     @property
     def start(self) -> Pose | None:
-        """Where the robot starts: the page's pose, or the map's first start."""
+        """The start of the robot: the page's pose, or the map's first start."""
         if self.pose is not None or self.world is None or not self.world.starts:
             return self.pose
         return self.world.starts[0].pose
@@ -371,7 +371,7 @@ def design_form() -> dict[str, Any]:
 
 
 def growth_form() -> list[dict[str, Any]]:
-    """Return the rows of the growth options; measured contacts are a file of their own."""
+    """Return the rows of the growth options; measured contacts have their own file."""
     return [row for row in _rows(GrowthOptions) if "rows" not in row]
 
 
@@ -386,7 +386,7 @@ def _rows(table: type[BaseModel]) -> list[dict[str, Any]]:
 
 
 def _shown(key: DeclaredKey) -> dict[str, Any]:
-    """Return how the page shows a key; nothing for one that it does not."""
+    """Return the control of a key; empty for one that the page does not show."""
     inner, kind = inner_table(key.annotation), key.annotation
     if inner is not None:
         rows = _rows(inner)
@@ -412,6 +412,6 @@ def _shown(key: DeclaredKey) -> dict[str, Any]:
 
 
 def label_of(key: DeclaredKey) -> str:
-    """Return what the page calls a key: its title, or its name without the unit."""
+    """Return the label of a key: its title, or its name without the unit."""
     unit = "percent" if key.unit == "%" else key.unit.lower()
     return key.title or key.name.removesuffix(f"_{unit}").replace("_", " ").capitalize()

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from vinefab.studio.searches import SearchManager
 
 TIP = "tip"
-"""What a drag of a tip asks; it is answered between the answers that follow the pointer."""
+"""Request of a dragged tip; it is answered in the thread that follows the pointer."""
 
 _EMPTY: Mapping[str, Any] = {
     "design": None,
@@ -39,7 +39,7 @@ _PAUSE_S = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LaunchOptions:
-    """What the command line asked for."""
+    """Options of the command line."""
 
     design: str = "grid_explorer"
     map_file: Path | None = None
@@ -85,7 +85,7 @@ class Workspace:
         return self._first["state"]  # type: ignore[no-any-return]
 
     def hello(self) -> dict[str, Any]:
-        """Return what a tab shows first: the files as they are now, or as they last could be."""
+        """Return the first message of a tab: the files as they are, or as they last could be."""
         try:
             self._first = self._read()
         except VinefabError as error:
@@ -123,7 +123,7 @@ class Workspace:
     def allowed(
         self, panel: str, state: Mapping[str, Any], ask: Mapping[str, Any]
     ) -> Mapping[str, Any]:
-        """Return what a panel asks if every path in it lies where the user opened files."""
+        """Return the question of a panel if every path in it lies where the user opened files."""
         self.files.check_paths(state)
         if panel == "export":
             # A snapshot holds the state itself, whose paths have been looked at.

@@ -1,4 +1,4 @@
-// The comparison: this version beside the one before, in every number that a change is made for.
+// The comparison of this version with the one before, in every number that a change is made for.
 
 import { el, paused } from "studio/dom.js";
 import { familyConditions, isClear, signed } from "studio/family_panel.js";
@@ -12,7 +12,7 @@ const RULES = {
   kept: ["kept as reference", "The version that the button keeps, until another one is kept"],
 };
 
-/** What the answers of a panel depend on beside the design. @type {Record<keyof Compared, (state: StudioState) => string>} */
+/** Conditions of a panel's answers, other than the design. @type {Record<keyof Compared, (state: StudioState) => string>} */
 const CONDITIONS = {
   live: ({ map, pose, growth }) => JSON.stringify([map, pose, growth]),
   rules: ({ map, pose, growth, recipe }) => JSON.stringify([map, pose, growth, recipe]),

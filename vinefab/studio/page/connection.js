@@ -1,6 +1,6 @@
 // The socket to the server: per panel one question in flight and one that waits, the newest.
 
-/** What is said while there is no server, whoever asks it. */
+/** The message while there is no server. */
 export const GONE = "The studio does not answer; what you changed stays here. Trying again";
 
 /** Tell whether a question failed because a newer one took its place. @param {unknown} thrown */

@@ -27,7 +27,7 @@ export function signed(value, digits = 3) {
   return `${value > 0 ? "+" : "−"}${text}`;
 }
 
-/** What scores depend on beside the design: only those of the same conditions are compared. @param {StudioState} state */
+/** Conditions of scores, other than the design: only those of the same conditions are compared. @param {StudioState} state */
 export function familyConditions({ family, task, growth }) {
   return JSON.stringify([family, task, growth]);
 }
@@ -343,7 +343,7 @@ export function mount(root, app) {
     return isSame && reference.answers.family ? scoresOf(reference.answers.family) : {};
   }
 
-  /** Tell whether compiled code lies on disk; after so long nobody else compiles it. */
+  /** Tell whether compiled code lies on disk; after so long no other process compiles it. */
   const isCompiled = () => app.answers.live?.engine === "kernel" || performance.now() > COMPILED_MS;
 
   /** @param {boolean} quick */

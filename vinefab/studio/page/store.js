@@ -53,7 +53,7 @@ export function createStore(first) {
       tell(before);
     },
 
-    /** End a group: the next change is a step of its own. */
+    /** End a group: the next change is a new step. */
     endGroup() {
       group = null;
     },

@@ -640,5 +640,5 @@ def test_all_that_the_extra_installs_is_needed(monkeypatch, needed):
 
 
 def test_tls_files_are_named_in_the_documents():
-    text = (Path(__file__).parents[3] / "docs" / "long_runs.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "long_runs.md").read_text(encoding="utf-8")
     assert all(f"`{name}`" in text for name in dask_cluster.TLS_FILES)

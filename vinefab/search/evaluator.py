@@ -33,6 +33,7 @@ from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.model.start_place import share_around
 from vinefab.search.design_batch import DesignBatch, planned_batch
+from vinefab.search.penalty_batch import BatchPenalty
 from vinefab.search.settings import (
     EvaluationSettings,
     RunSettings,
@@ -402,15 +403,6 @@ class SpacePenalty(Protocol):
 
     def within(self, space: Space) -> PenaltyOfBatch:
         """Return the same penalty for batches of a space's designs."""
-        ...
-
-
-@runtime_checkable
-class JointCounter(Protocol):
-    """A penalty of many designs that counts the sleeve joints that each takes."""
-
-    def with_joints(self, designs: DesignBatch) -> tuple[Floats, Ints]:
-        """Return penalties and numbers of joints, shape (m,) each."""
         ...
 
 
@@ -814,9 +806,10 @@ class Evaluator:
     def joint_costs(self, x: Floats) -> Floats:
         """Return what the sleeve joints of designs cost of their fitness, shape (m,)."""
         weight, counter = self.evaluation.joint_weight, self.penalty_of_batch
-        if weight == 0.0 or not isinstance(counter, JointCounter):
+        if weight == 0.0 or not isinstance(counter, BatchPenalty):
             return np.zeros(len(x))
-        return weight * counter.with_joints(self.space.batch(x))[1]
+        costs: Floats = weight * counter.with_joints(self.space.batch(x))[1]
+        return costs
 
     def fitness(self, composite: Floats, penalty: Floats, costs: Floats | float = 0.0) -> Floats:
         """Return the fitness of designs with composite scores, penalties and `joint_costs`."""

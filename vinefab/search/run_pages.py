@@ -3,7 +3,7 @@
 import os
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,13 +42,11 @@ from vinefab.core.view import (
 )
 from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
-from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.run_context import RunContext
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map
-from vinefab.model.target import Target
 from vinefab.pages.charts import ends_of, fitness_curve
 from vinefab.pages.html import Live, page
 from vinefab.pages.page_files import page_png, page_svg
@@ -528,84 +526,6 @@ def _duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 120 else f"{seconds / 3600.0:.1f} h"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FrontData:
-    """The data of the chart."""
-
-    further: str  # name of the further objective that it is drawn over
-    is_line: bool  # whether there is no third objective, so that the front is a line
-    evaluated: Floats  # its value and fitness in the search, on training poses, shape (m, 2)
-    front: Floats  # the same on fresh poses, for the front from its cheap end on, (k, 2)
-    task: str  # name of the score
-    targets: tuple[Target, ...] = ()  # drawn on maps
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FrontRobot:
-    """One design of the front, deployed."""
-
-    deployment: Deployment
-    widths_mm: tuple[float, ...]  # lay-flat width of each level, as drawn
-    title: str
-
-
-def front_figure(data: FrontData, world: Map, robots: Mapping[int, FrontRobot]) -> Page:
-    """Return the chart of a front with robots below it."""
-    side_pt = 165.0
-    columns = max(2, len(robots))
-    plans, explained = list[Panel](), dict[str, Primitive]()
-    for place, robot in robots.items():
-        plan = plan_panel(world.bounds.bounds, side_pt)
-        draw_map(plan, world)
-        draw_deployment(plan, robot.deployment, robot.widths_mm)
-        draw_targets(plan, data.targets)
-        plan.x_name = plan.y_name = ""
-        plan.x_ticks = plan.y_ticks = ()
-        plan.title = f"{place + 1}: {robot.title}"
-        # Once for all plans, what the symbols on them mean, without the counts of each.
-        for words, symbol in plan.legend.items():
-            explained.setdefault(re.sub(r" \(.*\)$", "", words), symbol)
-        plan.legend_shown = False
-        plans.append(plan)
-    chart = _chart(data, columns * (side_pt + 14.0) - 60.0)
-    # Numbers of the robots that are drawn stand at their points.
-    steps = np.repeat(data.front, 2, axis=0)
-    corners = np.column_stack([steps[1:, 0], steps[:-1, 1]])
-    numbers = [str(place + 1) for place in robots]
-    chart.write_labels(
-        data.front[list(robots)], numbers, [INK] * len(numbers), size_pt=11.0, mark_pt=4.0,
-        lines=[corners] if data.is_line else [],
-    )  # fmt: skip
-    levels_first = sorted(explained.items(), key=lambda entry: (entry[0][:5] != "level", entry[0]))
-    return page_of_rows([[chart], plans], dict(levels_first))
-
-
-def _chart(data: FrontData, width_pt: float) -> Panel:
-    every = np.vstack([data.evaluated, data.front])
-    (x0, x1), (y0, y1) = ends_of(every[:, 0]), ends_of(every[:, 1])
-    cost = COSTS.get(data.further)
-    unit = " score (simulated)" if cost is None else f" ({cost.unit})" if cost.unit else ""
-    chart = Panel(
-        box=(x0, y0, x1, y1),
-        width_pt=width_pt,
-        height_pt=190.0,
-        x_name=data.further.replace("_", " ") + unit,
-        y_name=f"{data.task} score (simulated)",
-        title="Scores of one kind compare with each other only.",
-        frame=True,
-    )
-    cross = Ink(line=SOFT, width_pt=0.7, line_alpha=0.45)
-    chart.marks(data.evaluated, "x", 3.0, cross, label="in the search, on training poses")
-    colour = LEVEL_COLOURS[0]
-    if data.is_line:
-        steps = np.repeat(data.front, 2, axis=0)
-        line = np.column_stack([steps[1:, 0], steps[:-1, 1]])
-        chart.line(line, Ink(line=colour, width_pt=1.5))
-    label = "the front, scored again on fresh poses"
-    chart.marks(data.front, "o", 5.5, Ink(fill=colour), label=label)
-    return chart
-
-
 FRONT_SCHEMA = "vinefab/front-1"
 MOST_ROBOTS = 4
 """Most designs of the front that are drawn, the knee among them if there is one."""
@@ -730,7 +650,48 @@ def front_table(members: Sequence[FrontMember], settings: RunSettings) -> Rows:
 def front_picture(
     members: Sequence[FrontMember], result: RunResult, settings: RunSettings, world: Map
 ) -> Page:
-    """Return the front as a chart, with a few of its robots on a training map."""
+    """Return the front as a chart, with a few of its robots on a training map.
+
+    The robots are spread over the front, the knee included; their numbers stand at their points.
+    """
+    places = np.linspace(0, len(members) - 1, min(MOST_ROBOTS, len(members))).round().astype(int)
+    bends = [place for place, member in enumerate(members) if member.is_knee]
+    chosen = sorted({*places.tolist(), *bends})
+    if len(chosen) > MOST_ROBOTS:
+        inner = [place for place in chosen[1:-1] if place not in bends]
+        chosen.remove(min(inner, key=lambda place: abs(place - bends[0])))
+    terrain, options = Terrain.of(world), settings.growth.at_one_angle
+    targets, side_pt = task_targets(run_task(settings), world), 165.0
+    plans, explained = list[Panel](), dict[str, Primitive]()
+    for place in chosen:
+        design = members[place].design
+        deployment = grow_on(design, terrain, world.starts[0].pose, options)
+        plan = plan_panel(world.bounds.bounds, side_pt)
+        draw_map(plan, world)
+        draw_deployment(plan, deployment, options.drawn_widths_mm(design.build.widths_mm))
+        draw_targets(plan, targets)
+        plan.x_name = plan.y_name = ""
+        plan.x_ticks = plan.y_ticks = ()
+        plan.title = f"{place + 1}: {design.name}{' (knee)' if members[place].is_knee else ''}"
+        # Once for all plans, what the symbols on them mean, without the counts of each.
+        for words, symbol in plan.legend.items():
+            explained.setdefault(re.sub(r" \(.*\)$", "", words), symbol)
+        plan.legend_shown = False
+        plans.append(plan)
+    width_pt = max(2, len(chosen)) * (side_pt + 14.0) - 60.0
+    chart = _front_chart(members, result, settings, chosen, width_pt)
+    levels_first = sorted(explained.items(), key=lambda entry: (entry[0][:5] != "level", entry[0]))
+    return page_of_rows([[chart], plans], dict(levels_first))
+
+
+def _front_chart(
+    members: Sequence[FrontMember],
+    result: RunResult,
+    settings: RunSettings,
+    chosen: Sequence[int],
+    width_pt: float,
+) -> Panel:
+    """Return fitness over the first further objective: in the search, and of the front."""
     lowest = min(finalist.fitness for finalist in result.finalists)
     space, axis = Space(settings.space, settings.build), settings.front_axis
     _, fitness, costs = feasible_points(result.history, min(-1e3, lowest), space, [axis])
@@ -739,34 +700,31 @@ def front_picture(
     valid = np.isfinite(cost)
     if len(penalty) == len(cost):
         valid &= penalty == 0.0
+    evaluated = np.column_stack([cost[valid], fitness[valid]])
     place = settings.further_objectives.index(axis)
-    data = FrontData(
-        evaluated=np.column_stack([cost[valid], fitness[valid]]),
-        front=np.array([(member.further[place], member.fitness) for member in members]),
-        further=axis,
-        is_line=len(settings.objectives) == 2,
-        task=settings.task.name,
-        targets=task_targets(run_task(settings), world),
+    front = np.array([(member.further[place], member.fitness) for member in members])
+    every = np.vstack([evaluated, front])
+    (x0, x1), (y0, y1) = ends_of(every[:, 0]), ends_of(every[:, 1])
+    known = COSTS.get(axis)
+    unit = " score (simulated)" if known is None else f" ({known.unit})" if known.unit else ""
+    chart = Panel(
+        box=(x0, y0, x1, y1),
+        width_pt=width_pt,
+        height_pt=190.0,
+        x_name=axis.replace("_", " ") + unit,
+        y_name=f"{settings.task.name} score (simulated)",
+        title="Scores of one kind compare with each other only.",
+        frame=True,
     )
-    return front_figure(data, world, _robots(members, settings, world))
-
-
-def _robots(
-    members: Sequence[FrontMember], settings: RunSettings, world: Map
-) -> dict[int, FrontRobot]:
-    """Return deployments of a few designs, spread over the front, the knee included."""
-    places = np.linspace(0, len(members) - 1, min(MOST_ROBOTS, len(members))).round().astype(int)
-    bends = [place for place, member in enumerate(members) if member.is_knee]
-    chosen = sorted({*places.tolist(), *bends})
-    if len(chosen) > MOST_ROBOTS:
-        inner = [place for place in chosen[1:-1] if place not in bends]
-        chosen.remove(min(inner, key=lambda place: abs(place - bends[0])))
-    terrain, options = Terrain.of(world), settings.growth.at_one_angle
-    return {
-        place: FrontRobot(
-            deployment=grow_on(members[place].design, terrain, world.starts[0].pose, options),
-            widths_mm=options.drawn_widths_mm(members[place].design.build.widths_mm),
-            title=members[place].design.name + (" (knee)" if members[place].is_knee else ""),
-        )
-        for place in chosen
-    }
+    cross = Ink(line=SOFT, width_pt=0.7, line_alpha=0.45)
+    chart.marks(evaluated, "x", 3.0, cross, label="in the search, on training poses")
+    lines = list[Floats]()
+    if len(settings.objectives) == 2:  # without a third objective the front is a line
+        steps = np.repeat(front, 2, axis=0)
+        lines = [np.column_stack([steps[1:, 0], steps[:-1, 1]])]
+        chart.line(lines[0], Ink(line=LEVEL_COLOURS[0], width_pt=1.5))
+    label = "the front, scored again on fresh poses"
+    chart.marks(front, "o", 5.5, Ink(fill=LEVEL_COLOURS[0]), label=label)
+    numbers, inks = [str(place + 1) for place in chosen], [INK] * len(chosen)
+    chart.write_labels(front[list(chosen)], numbers, inks, size_pt=11.0, mark_pt=4.0, lines=lines)
+    return chart

@@ -175,18 +175,6 @@ def limit_excess(designs: DesignBatch, build_of: BuildOf, most: Mapping[str, flo
     return excess
 
 
-def least_costs(smallest: DesignBatch, build_of: BuildOf) -> dict[str, float]:
-    """Return what no design of a space goes below, given the one at the space's lower bounds.
-
-    All but the area of sheet rise with every bound; of that the trunk with its tail is certain.
-    """
-    (trunk_mm,), build = smallest.trunk_mm.tolist(), build_of(1)
-    least = {"sheet_area": (trunk_mm + build.tail_mm) * build.widths_mm[0]}
-    for name in ("film_length", "film_area", "branches"):
-        least[name] = float(COSTS[name].of(smallest, build_of)[0])
-    return least
-
-
 def exceeded_limits(
     designs: DesignBatch, build_of: BuildOf, most: Mapping[str, float]
 ) -> Iterator[str]:
@@ -625,7 +613,10 @@ class Space:
         """Raise `BadInputError` for a limit that no design of the space keeps."""
         if not self.most:
             return
-        least = least_costs(self.batch(np.zeros((1, len(self)))), self.build_of)
+        # All but the area of sheet rise with every bound; of that the trunk with tail is certain.
+        smallest, build = self.batch(np.zeros((1, len(self)))), self.build_of(1)
+        least = {name: float(cost.of(smallest, self.build_of)[0]) for name, cost in COSTS.items()}
+        least["sheet_area"] = (float(smallest.trunk_mm[0]) + build.tail_mm) * build.widths_mm[0]
         for name, limit in self.most.items():
             if least[name] > limit:
                 unit = f" {COSTS[name].unit}" if COSTS[name].unit else ""

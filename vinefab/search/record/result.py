@@ -198,21 +198,6 @@ def contacts_table(content: Mapping[str, Any]) -> Rows:
     )
 
 
-def context_of_run(settings: RunSettings, run_id: str, worlds: Sequence[Map]) -> RunContext:
-    """Return what the designs of a run remember of it; the recipe comes with its result."""
-    parameters = cast("dict[str, Any]", plain_settings(settings.task.parameters))
-    asked = {world.targets for world in worlds}
-    return RunContext(
-        run=run_id,
-        run_name=settings.name,
-        task=settings.task.name,
-        task_parameters={key: value for key, value in parameters.items() if value is not None},
-        targets=tuple(one.content for one in asked.pop()) if len(asked) == 1 else (),
-        maps=tuple(map(shape_fingerprint, worlds)),
-        growth=settings.growth.content,
-    )
-
-
 def design_of_finalist(
     finalist: Finalist,
     settings: RunSettings,
@@ -225,8 +210,19 @@ def design_of_finalist(
     The origin holds no times: the same run gives the same bytes.
     """
     space = Space(settings.space, settings.build)
+    parameters = cast("dict[str, Any]", plain_settings(settings.task.parameters))
+    asked = {world.targets for world in worlds}
+    context = RunContext(  # the recipe comes with the result
+        run=run_id,
+        run_name=settings.name,
+        task=settings.task.name,
+        task_parameters={key: value for key, value in parameters.items() if value is not None},
+        targets=tuple(one.content for one in asked.pop()) if len(asked) == 1 else (),
+        maps=tuple(map(shape_fingerprint, worlds)),
+        growth=settings.growth.content,
+    )
     origin: dict[str, object] = {
-        **context_of_run(settings, run_id, worlds).kept,
+        **context.kept,
         "optimizer": settings.optimizer.name,
         "seed": settings.search.seed,
         "population": settings.search.population,
@@ -867,12 +863,6 @@ class RunArchive:
                 recipe=RunRecipe(**json.loads(entries["recipe"])) if "recipe" in entries else None,
             )
 
-    @property
-    def best_so_far(self) -> float | None:
-        """Best fitness of all generations; None before the first."""
-        best = [generation.best for generation in self.history]
-        return max(best) if best else None
-
     def result(self) -> RunResult:
         """Return the result of a run that has ended."""
         if not self.finalists:
@@ -982,7 +972,7 @@ def plain_summary(archive: RunArchive) -> dict[str, Any]:
         "most_generations": settings.search.generations,
         "evaluations": sum(len(generation.fitness) for generation in history),
         "seconds": sum(generation.seconds for generation in history),
-        "best_fitness": archive.best_so_far,
+        "best_fitness": max((one.best for one in history), default=None),
         "stopped": archive.stopped or None,
         "winner_score": None if winner is None else dict(winner.score.composite),
         "unseen_score": archive.prediction.get("unseen", {}).get("score"),

@@ -90,41 +90,33 @@ def said_before(evaluator: Evaluator) -> str:
     penalty, settings = evaluator.penalty, evaluator.spec.settings
     if not isinstance(penalty, ManufacturabilityPenalty):
         return ""
-    query = SpaceQuery.of(settings, penalty.profile, penalty.sheet_mm)
-    return "; ".join([*_trunk(query), *_flat(evaluator, query)])
-
-
-def _trunk(query: SpaceQuery) -> Iterator[str]:
-    """Yield that film fills the trunk, or that the trunk is wide because of it."""
-    tree, build, ply_mm = middle_tree(query), query.settings.build, query.profile.material.ply_mm
-    if tree is None or not tree.levels:
-        return
-    percent, holds_mm = film_in_trunk(query, tree)
-    counts = [level.branches for level in tree.levels]
-    shape = " x ".join(map(str, counts))
-    what = f"{counted(tree.depth, 'level')} (branches {shape}) of {ply_mm.value:g} mm film"
-    wide_mm, most = build.build(1).widths_mm[0], query.limit(PACKING)
-    if percent > most:
-        yield (
-            f"a trunk of {wide_mm:g} mm is narrow for this film: {what} fill {percent:.0f} % of a "
-            f"lumen, and {most:g} % is allowed ({PACKING.id}); one of {math.ceil(holds_mm):g} mm "
-            f"holds them ({build.widths_key})"
-        )
-    elif wide_mm > DEFAULT_TRUNK_WIDTH_MM and wide_mm == math.ceil(holds_mm):
-        yield f"trunk {wide_mm:g} mm: the narrowest that {what} ride through ({PACKING.id})"
-
-
-def _flat(evaluator: Evaluator, query: SpaceQuery) -> Iterator[str]:
-    """Yield that no flat outline that touches all targets as designed fits the sheet."""
-    pieces, (wide_mm, high_mm) = query.settings.build.pieces, query.sheet_mm
-    excess_mm = max(_excesses_mm(evaluator, query), default=0.0)
-    if (pieces is None or pieces.most == 1) and excess_mm > LEAST_EXCESS_MM:
-        yield (
+    query, build = SpaceQuery.of(settings, penalty.profile, penalty.sheet_mm), settings.build
+    tree, said = middle_tree(query), list[str]()
+    if tree is not None and tree.levels:  # whether film fills the trunk, or widens it
+        percent, holds_mm = film_in_trunk(query, tree)
+        shape = " x ".join(str(level.branches) for level in tree.levels)
+        ply_mm = query.profile.material.ply_mm.value
+        what = f"{counted(tree.depth, 'level')} (branches {shape}) of {ply_mm:g} mm film"
+        wide_mm, most = build.build(1).widths_mm[0], query.limit(PACKING)
+        if percent > most:
+            said.append(
+                f"a trunk of {wide_mm:g} mm is narrow for this film: {what} fill {percent:.0f} % "
+                f"of a lumen, and {most:g} % is allowed ({PACKING.id}); one of "
+                f"{math.ceil(holds_mm):g} mm holds them ({build.widths_key})"
+            )
+        elif wide_mm > DEFAULT_TRUNK_WIDTH_MM and wide_mm == math.ceil(holds_mm):
+            said.append(
+                f"trunk {wide_mm:g} mm: the narrowest that {what} ride through ({PACKING.id})"
+            )
+    sheet_mm, excess_mm = query.sheet_mm, max(_excesses_mm(evaluator, query), default=0.0)
+    if (build.pieces is None or build.pieces.most == 1) and excess_mm > LEAST_EXCESS_MM:
+        said.append(
             f"one flat outline that touches all targets is about {excess_mm:.0f} mm too large "
-            f"for the sheet of {wide_mm:.0f} x {high_mm:.0f} mm ({BED.id}), its tail of "
-            f"{query.settings.build.tail_mm:g} mm included, unless walls bend it: allow pieces "
+            f"for the sheet of {sheet_mm[0]:.0f} x {sheet_mm[1]:.0f} mm ({BED.id}), its tail of "
+            f"{build.tail_mm:g} mm included, unless walls bend it: allow pieces "
             "([build.pieces] most = 6)"
         )
+    return "; ".join(said)
 
 
 def _excesses_mm(evaluator: Evaluator, query: SpaceQuery) -> Iterator[float]:
@@ -183,14 +175,25 @@ def refuse_starts_without_room(evaluator: Evaluator, conditions: Conditions) -> 
     if poses and not roomy:
         prepared, pose = max(poses, key=lambda pair: _away_mm(*pair))
         raise _narrow(evaluator, prepared, pose, f"start of map {prepared.world.name!r}")
-    grown_mm = 0.0
-    for (prepared, pose), grown in _grown_mm(evaluator, roomy[:MOST_TRIALS]):
-        if grown is None:
+    growth, space, grown_mm = evaluator.growth.at_one_angle, evaluator.space, 0.0
+    length_mm, build = space.design(np.zeros(len(space))).trunk_length_mm, space.build_of(1)
+    trunk = Design(name="trunk", trunk_length_mm=length_mm, build=build)
+    for prepared, pose in roomy[:MOST_TRIALS]:
+        grown = float(grow_on(trunk, prepared.terrain, pose, growth).grown_mm.sum())
+        leaves = grown >= min(length_mm - 1.0, build.widths_mm[0])
+        if growth.children_of_stuck == "deploy" or leaves:
             return
         if grown >= grown_mm:
             grown_mm, stuck = grown, (prepared, pose)
     if roomy:
-        raise _blocked(evaluator, *stuck, grown_mm)
+        prepared, pose = stuck
+        key = "maps.start" if given else f"start of map {prepared.world.name!r}"
+        where = f"({pose.x_mm:g}, {pose.y_mm:g}), heading {np.degrees(pose.heading_rad):.0f} deg"
+        allowed = (
+            f"a pose that a robot can leave: the trunk stops after {grown_mm:.0f} mm (simulated), "
+            "less than its own width: turn or move the start"
+        )
+        raise BadInputError(key, where, allowed)
 
 
 def _has_room(prepared: PreparedMap, pose: Pose, radius_mm: float) -> bool:
@@ -215,35 +218,6 @@ def _narrow(evaluator: Evaluator, prepared: PreparedMap, pose: Pose, key: str) -
         f"and a trunk of {width_mm:g} mm needs {radius_mm:.1f} mm{helps}"
     )
     return BadInputError(key, f"({pose.x_mm:g}, {pose.y_mm:g})", allowed)
-
-
-def _grown_mm(
-    evaluator: Evaluator, poses: list[tuple[PreparedMap, Pose]]
-) -> Iterator[tuple[tuple[PreparedMap, Pose], float | None]]:
-    """Yield how far the shortest trunk grows from each pose; None where it is not stopped."""
-    growth, space = evaluator.growth.at_one_angle, evaluator.space
-    length_mm, build = space.design(np.zeros(len(space))).trunk_length_mm, space.build_of(1)
-    trunk = Design(name="trunk", trunk_length_mm=length_mm, build=build)
-    for prepared, pose in poses:
-        grown = float(grow_on(trunk, prepared.terrain, pose, growth).grown_mm.sum())
-        leaves = grown >= min(length_mm - 1.0, build.widths_mm[0])
-        free = growth.children_of_stuck == "deploy" or leaves
-        yield (prepared, pose), None if free else grown
-
-
-def _blocked(
-    evaluator: Evaluator, prepared: PreparedMap, pose: Pose, grown_mm: float
-) -> BadInputError:
-    """Return the error of starts from which every trunk is stopped."""
-    given = evaluator.spec.settings.maps.start is not None
-    key = "maps.start" if given else f"start of map {prepared.world.name!r}"
-    heading_deg = np.degrees(pose.heading_rad)
-    allowed = (
-        f"a pose that a robot can leave: the trunk stops after {grown_mm:.0f} mm (simulated), less "
-        "than its own width: turn or move the start"
-    )
-    where = f"({pose.x_mm:g}, {pose.y_mm:g}), heading {heading_deg:.0f} deg"
-    return BadInputError(key, where, allowed)
 
 
 MOST_SECONDS, MOST_CHANGES = 4.0, 3

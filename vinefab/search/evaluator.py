@@ -808,8 +808,8 @@ class Evaluator:
         weight, counter = self.evaluation.joint_weight, self.penalty_of_batch
         if weight == 0.0 or not isinstance(counter, BatchPenalty):
             return np.zeros(len(x))
-        costs: Floats = weight * counter.with_joints(self.space.batch(x))[1]
-        return costs
+        _, joints = counter.with_joints(self.space.batch(x))
+        return np.multiply(weight, joints, dtype=np.float64)
 
     def fitness(self, composite: Floats, penalty: Floats, costs: Floats | float = 0.0) -> Floats:
         """Return the fitness of designs with composite scores, penalties and `joint_costs`."""

@@ -18,7 +18,7 @@ from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.search.advice import FAILED
-from vinefab.search.evaluator import FRESH, INVALID_FITNESS, Evaluations, Evaluator, FullCheck
+from vinefab.search.evaluator import FRESH, INVALID_FITNESS, Evaluator, FullCheck
 from vinefab.search.record.generations import Finalist, Generation
 from vinefab.search.space import COSTS, Space
 from vinefab.search.workers import Begin
@@ -407,27 +407,33 @@ def reevaluated(
     evaluations = begin(x, conditions)()
     designs = [evaluator.space.design(point) for point in x]
     worlds = [prepared.world for prepared in evaluator.maps]
-    launches, task = evaluator.launches(conditions), evaluator.spec.tasks[0]
-    scores = [
-        replace(one, targets=design_touches(design, worlds, launches, evaluator.growth, task))
-        for one, design in zip(
-            _scores(designs, evaluations, conditions, evaluator), designs, strict=True
+    launches, spec = evaluator.launches(conditions), evaluator.spec
+    full = evaluator.winner_penalty if isinstance(evaluator.winner_penalty, FullCheck) else None
+    if spec.approximates:  # a run reports what `vinefab score` gives
+        whole = spec.reported_task
+        scores = score_designs(designs, evaluator.maps, launches, whole, evaluator.growth)
+    else:
+        places = range(len(designs))
+        scores = tuple(evaluator.score(evaluations, row, conditions) for row in places)
+    others, finalists = [other.name for other in spec.settings.other_tasks], list[Finalist]()
+    for point, design, score, lack in zip(
+        x, designs, scores, evaluations.penalty.tolist(), strict=True
+    ):
+        failed = not choice.checked and lack == 0.0 and full is not None and not full.passes(design)
+        penalty = FAILED if failed else lack
+        rows = {name: np.array([[e.terms[name] for e in score.evaluations]]) for name in others}
+        means = evaluator.term_means(rows, conditions.weights)
+        composite = {**score.composite, **{name: float(v[0]) for name, v in means.items()}}
+        touches = design_touches(design, worlds, launches, evaluator.growth, spec.tasks[0])
+        finalists.append(
+            Finalist(
+                x=point,
+                design=design,
+                score=replace(score, targets=touches, composite=composite),
+                penalty=penalty,
+                fitness=_fitness(point, score, penalty, conditions, evaluator),
+            )
         )
-    ]
-    finalists = [
-        Finalist(
-            x=point,
-            design=design,
-            score=_with_other_tasks(score, conditions, evaluator),
-            penalty=float(penalty),
-            fitness=_fitness(point, score, float(penalty), conditions, evaluator),
-        )
-        for point, design, score, penalty in zip(
-            x, designs, scores, evaluations.penalty, strict=True
-        )
-    ]
-    if not choice.checked:
-        finalists = [_fully_checked(finalist, conditions, evaluator) for finalist in finalists]
     if evaluator.evaluation.finalists_by == "contact_range":
         finalists = _over_contacts(finalists, begin, conditions, evaluator)
     elif fresh_maps:
@@ -478,43 +484,9 @@ def _with_composites(
     return [replace(one, fitness=value) for one, value in zip(finalists, fitness, strict=True)]
 
 
-def _scores(
-    designs: Sequence[Design],
-    evaluations: Evaluations,
-    conditions: Conditions,
-    evaluator: Evaluator,
-) -> Sequence[Score]:
-    if not evaluator.spec.approximates:
-        return [evaluator.score(evaluations, row, conditions) for row in range(len(designs))]
-    # The search has approximated areas; what a run reports is what `vinefab score` gives.
-    launches, task = evaluator.launches(conditions), evaluator.spec.reported_task
-    return score_designs(designs, evaluator.maps, launches, task, evaluator.growth)
-
-
-def _with_other_tasks(score: Score, conditions: Conditions, evaluator: Evaluator) -> Score:
-    """Return a score whose composites hold those of the other tasks, by their names."""
-    names = [other.name for other in evaluator.spec.settings.other_tasks]
-    rows = {name: np.array([[e.terms[name] for e in score.evaluations]]) for name in names}
-    means = evaluator.term_means(rows, conditions.weights)
-    return replace(
-        score, composite={**score.composite, **{n: float(v[0]) for n, v in means.items()}}
-    )
-
-
 def _fitness(
     x: Floats, score: Score, penalty: float, conditions: Conditions, evaluator: Evaluator
 ) -> float:
     composite = evaluator.composites(score.scores[None], conditions.weights)
     costs = evaluator.joint_costs(x[None])
     return float(evaluator.fitness(composite, np.array([penalty]), costs)[0])
-
-
-def _fully_checked(finalist: Finalist, conditions: Conditions, evaluator: Evaluator) -> Finalist:
-    """Return a finalist, with a penalty if it has none but fails the full check."""
-    penalty = evaluator.winner_penalty
-    if not isinstance(penalty, FullCheck) or finalist.penalty > 0.0:
-        return finalist
-    if penalty.passes(finalist.design):
-        return finalist
-    fitness = _fitness(finalist.x, finalist.score, FAILED, conditions, evaluator)
-    return replace(finalist, penalty=FAILED, fitness=fitness)

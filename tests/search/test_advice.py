@@ -174,18 +174,13 @@ def test_a_run_without_rules_asks_nothing(small, maps):
     assert seen[-1].passes is None
 
 
-def test_the_number_of_workers_changes_no_check(fabricable, maps):
+def test_checks_depend_neither_on_workers_nor_on_stops(fabricable, maps):
     search = Search.of(fabricable, maps, Tabled(even, even))
     history = search.run().history
-    assert BestCheck(search.evaluator, history).passes
-    assert not BestCheck(search.evaluator, ()).passes
     again = Search.of(fabricable, maps, Tabled(even, even)).run(workers=2).history
     assert [g.penalty.tolist() for g in history] == [g.penalty.tolist() for g in again]
-
-
-def test_a_resumed_run_asks_as_one_that_was_not_stopped(fabricable, maps):
-    search = Search.of(fabricable, maps, Tabled(even, even))
-    history = search.run().history
+    assert BestCheck(search.evaluator, history).passes
+    assert not BestCheck(search.evaluator, ()).passes
     for number, generation in enumerate(history):
         check = BestCheck(search.evaluator, history[:number])
         none = np.zeros(len(generation.x))

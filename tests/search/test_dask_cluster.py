@@ -1,6 +1,5 @@
 """Clusters: the same results, lost workers, access, and where a generation is evaluated."""
 
-import importlib.util
 import json
 import math
 import subprocess
@@ -113,8 +112,10 @@ class LongTrunk:
         return max(0.0, design.trunk_length_mm - self.most_mm)
 
 
-def test_a_worker_finds_what_the_run_would_find(fabricable, maps):
-    evaluator = Evaluator.of(EvaluatorSpec(settings=fabricable, maps=maps, penalty=LongTrunk()))
+@pytest.mark.parametrize("task", [None, Reach(buffer_mm=25.0)], ids=["named", "object"])
+def test_a_worker_finds_what_the_run_would_find(fabricable, maps, task):
+    spec = EvaluatorSpec(settings=fabricable, maps=maps, penalty=LongTrunk(), task=task)
+    evaluator = Evaluator.of(spec)
     x = np.random.default_rng(1).random((module.TOGETHER + 5, len(evaluator.space)))
     poses = evaluator.conditions(3, TRAINING, 0, 2)
     found, work = deserialized(_evaluated(WorkerPayload.of(evaluator.spec), x, serialized(poses)))
@@ -125,38 +126,22 @@ def test_a_worker_finds_what_the_run_would_find(fabricable, maps):
         name: v.tolist() for name, v in expected.terms.items()
     }
     assert min(work) > 0.0
+    assert ("reached_mm2" in found.terms) is (task is not None)
 
 
-def test_a_task_object_is_sent_to_the_workers(small, maps):
-    evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps, task=Reach(buffer_mm=25.0)))
-    x = np.random.default_rng(1).random((3, len(evaluator.space)))
-    poses = evaluator.conditions(3, TRAINING, 0, 1)
-    evaluations, _ = deserialized(
-        _evaluated(WorkerPayload.of(evaluator.spec), x, serialized(poses))
-    )
-    np.testing.assert_array_equal(evaluations.score, evaluator.evaluate(x, poses)[0].score)
-    assert set(evaluations.terms) == {"reached_mm2", "grown_mm"}
-
-
-def test_a_task_that_cannot_be_sent_is_named(small, maps):
+def test_tasks_and_penalties_that_cannot_be_sent_are_named(fabricable, maps):
     class Local(Reach):
         pass
 
-    spec = EvaluatorSpec(settings=small, maps=maps, task=Local())
-    with pytest.raises(BadInputError, match="a task that can be pickled"):
-        WorkerPayload.of(spec)
+    for local in ({"task": Local(), "penalty": LongTrunk()}, {"penalty": lambda _: 0.0}):
+        with pytest.raises(BadInputError, match="a penalty and a task that can be pickled"):
+            WorkerPayload.of(EvaluatorSpec(settings=fabricable, maps=maps, **local))
 
 
 def test_read_only_views_can_be_sent(maps):
     again = deserialized(serialized(maps[0]))
     assert again.facts == maps[0].facts
     assert type(again.facts) is type(maps[0].facts)
-
-
-def test_a_penalty_that_cannot_be_sent_is_named(fabricable, maps):
-    evaluator = Evaluator.of(EvaluatorSpec(settings=fabricable, maps=maps, penalty=lambda _: 0.0))
-    with pytest.raises(BadInputError, match="a penalty and a task that can be pickled"):
-        WorkerPayload.of(evaluator.spec)
 
 
 def test_a_worker_with_other_versions_refuses(small, maps):
@@ -187,16 +172,6 @@ def test_a_worker_without_the_packages_of_the_run_is_named(small, maps):
 def test_malformed_addresses_are_refused(address):
     with pytest.raises(BadInputError, match=r"--cluster is .*local:N"):
         DaskEvaluator(address)
-
-
-def test_the_missing_extra_is_named(monkeypatch):
-    def without(name):
-        return None if name == "distributed" else found(name)
-
-    found = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", without)
-    with pytest.raises(BadInputError, match=r"pip install 'vinefab\[cluster\]'"):
-        DaskEvaluator("local:2")
 
 
 def test_a_small_run_stays_in_threads_and_says_why(small, maps, monkeypatch):

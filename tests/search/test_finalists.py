@@ -342,24 +342,6 @@ def test_finalists_of_a_run_are_its_front(small, maps):
     assert result.fabricable
 
 
-def test_a_front_is_the_same_after_an_interrupt(small, maps, tmp_path):
-    settings = with_front(small)
-    whole = optimize(settings, maps)
-
-    def stop(progress):
-        if progress.generation == 2:
-            raise KeyboardInterrupt
-
-    identity = RunIdentity.of(settings, maps)
-    with RunStore.open(tmp_path, identity, maps=maps) as store, pytest.raises(KeyboardInterrupt):
-        optimize(settings, maps, store=store, progress=stop)
-    with RunStore.open(tmp_path, identity, maps=maps, resume=True) as store:
-        resumed = optimize(settings, maps, store=store)
-    assert resumed.best == whole.best
-    assert [f.fitness for f in resumed.finalists] == [f.fitness for f in whole.finalists]
-    assert len(resumed.history) == 5
-
-
 def with_two_tasks(settings, composite="mean"):
     return settings.changed(
         objectives=("reach", "coverage", "branches"),
@@ -397,10 +379,9 @@ def test_other_tasks_are_scored_from_the_same_growths(small, maps, composite):
     assert len(rows) >= 3
 
 
-def test_a_run_of_two_tasks_is_the_same_after_an_interrupt_and_in_other_processes(
-    small, maps, tmp_path
-):
-    settings = with_two_tasks(small)
+@pytest.mark.parametrize("objectives", [with_front, with_two_tasks], ids=["cost", "two tasks"])
+def test_a_front_is_the_same_after_an_interrupt(small, maps, tmp_path, objectives):
+    settings = objectives(small)
     whole = optimize(settings, maps)
 
     def stop(progress):
@@ -414,16 +395,19 @@ def test_a_run_of_two_tasks_is_the_same_after_an_interrupt_and_in_other_processe
         resumed = optimize(settings, maps, store=store)
     assert resumed.best == whole.best
     for one, other in zip(resumed.finalists, whole.finalists, strict=True):
-        assert one.score == other.score
+        assert (one.score, one.fitness) == (other.score, other.fitness)
     assert len(resumed.history) == 5
+
+
+def test_two_tasks_are_one_run_and_are_scored_alike_by_the_workers_of_a_cluster(small, maps):
+    settings = with_two_tasks(small)
     wider = settings.changed(other_parameters={"reach": {"buffer_mm": 26.0}})
-    assert RunIdentity.of(wider, maps).run_id != identity.run_id
-    # What a worker of a cluster gets evaluates as here.
+    assert RunIdentity.of(wider, maps).run_id != RunIdentity.of(settings, maps).run_id
     search = Search.of(settings, maps)
     sent = Evaluator.of(deserialized(serialized(search.evaluator.spec)))
-    x, conditions = whole.history[0].x, sent.training_conditions(settings.search.seed, 0)
-    there, _ = sent.evaluate(x, conditions)
-    here, _ = search.evaluator.evaluate(x, conditions)
+    x = np.random.default_rng(1).random((6, len(sent.space)))
+    conditions = sent.training_conditions(settings.search.seed, 0)
+    there, here = (one.evaluate(x, conditions)[0] for one in (sent, search.evaluator))
     assert there.terms["reach"].tolist() == here.terms["reach"].tolist()
 
 

@@ -447,15 +447,6 @@ def test_a_run_stops_for_each_of_its_reasons():
     assert why_stop(past(0.1, 0.2, 0.3), SearchSettings(evaluations=3)) == "evaluations"
 
 
-def test_settings_that_contradict_are_refused():
-    with pytest.raises(BadInputError, match="composite"):
-        EvaluationSettings(composite="median")
-    with pytest.raises(BadInputError, match="penalty_weight"):
-        EvaluationSettings(penalty_weight=0.0)
-    with pytest.raises(BadInputError, match="population"):
-        SearchSettings(population=1)
-
-
 def test_poses_drawn_ahead_are_those_drawn_one_by_one(small, maps):
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
     schedule = Schedule(evaluator, 3)

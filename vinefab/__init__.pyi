@@ -1,5 +1,9 @@
 # The public names: one list for Python, editors and type checkers.
 from . import maps as maps
+from .app.common import Names as Names
+from .app.common import StudyOutcome as StudyOutcome
+from .app.common import WrittenFile as WrittenFile
+from .app.common import WrittenFolder as WrittenFolder
 from .app.files import designs as designs
 from .app.files import examples as examples
 from .app.files import new as new
@@ -8,12 +12,12 @@ from .app.files import profile as profile
 from .app.files import profiles as profiles
 from .app.files import recipes as recipes
 from .app.files import rules as rules
-from .app.inflating import inflate as inflate
 from .app.making import calibrate as calibrate
 from .app.making import check as check
 from .app.making import coupon as coupon
 from .app.making import fabricate as fabricate
 from .app.making import fix as fix
+from .app.making import inflate as inflate
 from .app.making import rig as rig
 from .app.observing import fit_observations as fit_observations
 from .app.observing import observe as observe
@@ -22,10 +26,6 @@ from .app.predicting import compare as compare
 from .app.predicting import grow as grow
 from .app.predicting import report as report
 from .app.predicting import score as score
-from .app.results import Names as Names
-from .app.results import StudyOutcome as StudyOutcome
-from .app.results import WrittenFile as WrittenFile
-from .app.results import WrittenFolder as WrittenFolder
 from .app.searching import bench as bench
 from .app.searching import contest as contest
 from .app.searching import demo as demo

@@ -18,11 +18,16 @@ from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.prediction.family_deployments import MapFamily, PredictionPlan, ProgressCallback
+from vinefab.prediction.family_deployments import (
+    MapFamily,
+    PredictionPlan,
+    ProgressCallback,
+    ScorePlan,
+    score_design_on_task,
+)
 from vinefab.prediction.measures import REACH, MeasureSpread
 from vinefab.prediction.predict import Predicted, predict
 from vinefab.prediction.provenance import origin_of
-from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 from vinefab.rig.make import make_rig
 from vinefab.rig.page import RigFiles
 from vinefab.rig.rig_options import RigOptions, read_printer

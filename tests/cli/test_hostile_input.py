@@ -10,7 +10,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from vinefab.cli.terminal import Terminal
+from vinefab.cli.commands import Terminal
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.calibration.coupon_results import read_results
 from vinefab.studies.paper_charts import blank, house_style, svg_bytes

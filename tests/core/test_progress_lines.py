@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from vinefab.cli.terminal import Terminal
+from vinefab.cli.commands import Terminal
 from vinefab.core import progress_lines
 from vinefab.core.progress_lines import _State, progress_in_lines, progress_shown
 

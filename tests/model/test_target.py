@@ -14,7 +14,7 @@ from vinefab.core.view import document, lines
 from vinefab.model.design import Build, Design
 from vinefab.model.target import Target, TargetOutcome, TargetsResult, targets_given
 from vinefab.prediction.deploy import deploy
-from vinefab.prediction.scoring import ScorePlan, score_design_on_task
+from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import Search, progress_line, run_search
 from vinefab.search.settings import RunSettings

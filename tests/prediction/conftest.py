@@ -30,7 +30,7 @@ def on_few_maps(few_unseen):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("vinefab.prediction.run_winner.UNSEEN_DEPLOYMENTS", few_unseen)
         patch.setattr("vinefab.search.run.FRESH_MAPS", few_unseen)
-        patch.setattr("vinefab.prediction.run_page.FRESH_MAPS", few_unseen)
+        patch.setattr("vinefab.prediction.run_winner.FRESH_MAPS", few_unseen)
         yield
 
 

@@ -16,15 +16,15 @@ from vinefab.prediction.comparison import (
     DesignComparison,
     PairedDifference,
     compare_designs,
+    paired_difference_chart,
     paired_difference_table,
     paired_differences,
     side_by_side_table,
 )
 from vinefab.prediction.family_deployments import PredictionPlan, unseen_maps
 from vinefab.prediction.measures import ANCHORING, MEASURES, REACH, SEEN, STUCK, MeasureTable
-from vinefab.prediction.pictures import paired_difference_chart
+from vinefab.prediction.prediction_width import scaled_tree
 from vinefab.prediction.provenance import origin_of
-from vinefab.prediction.sensitivity import scaled_tree
 
 SMALL = {"columns": 3, "rows": 3, "size_mm": 300.0}
 

@@ -10,9 +10,8 @@ from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
 from vinefab.model.tree import branch_tree
 from vinefab.pages.map_view import STOP_WORDS
-from vinefab.prediction.deployment_sections import deployment_section, spread_blocks
+from vinefab.prediction.family_deployments import deployment_section, spread_blocks, spread_chart
 from vinefab.prediction.measures import MEASURES, SEEN, MeasureTable
-from vinefab.prediction.pictures import spread_chart
 
 POSE = Pose(x_mm=12.345, y_mm=0.0, heading_rad=math.radians(30.0))
 

@@ -11,14 +11,12 @@ from vinefab.model.map import Map, Pose, Start
 from vinefab.model.tree import branch_tree
 from vinefab.pages.plan import body_cells
 from vinefab.prediction.family_deployments import (
+    HeatMap,
     MapFamily,
     PredictionPlan,
     PreparedFamily,
-    deploy_family,
-)
-from vinefab.prediction.heat_map import (
-    HeatMap,
     StuckSpot,
+    deploy_family,
     heat_blocks,
     heat_map_of,
     stuck_spots,

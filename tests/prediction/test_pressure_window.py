@@ -9,8 +9,7 @@ from vinefab.model.laser import Standing
 from vinefab.pages.panel import Shape
 from vinefab.prediction.family_deployments import PredictionPlan, PreparedFamily, deploy_family
 from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureTable
-from vinefab.prediction.pictures import window_chart
-from vinefab.prediction.pressure_window import window_blocks, window_of
+from vinefab.prediction.pressure_window import window_blocks, window_chart, window_of
 
 
 def test_a_robot_without_room_has_no_pressure(straight):

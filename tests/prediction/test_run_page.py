@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from vinefab.core.atomic import is_ours
+from vinefab.core.view import Section
 from vinefab.fabrication.pieces.partition import pieces_of
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.deployment import Deployment
@@ -18,9 +19,8 @@ from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport
 from vinefab.model.target import Target, TargetsResult
-from vinefab.prediction import run_page
-from vinefab.prediction.run_page import write_run_page
-from vinefab.prediction.run_winner import EndedRun, run_in_folder
+from vinefab.prediction import run_winner
+from vinefab.prediction.run_winner import EndedRun, run_blocks, run_in_folder, write_run_page
 from vinefab.search.record.generations import Extension, Progress
 from vinefab.search.record.result import RECORD_FILE, RunArchive
 from vinefab.search.run import run_search
@@ -82,7 +82,7 @@ def test_a_bed_that_is_nearly_full_is_named(bed_mm: float, *, said: bool) -> Non
     run = SimpleNamespace(
         design=Design.read("plain_vine"), profile=lambda: replace(profile, machine=machine)
     )
-    words = run_page._bed_words(cast("EndedRun", run), CHECKED)
+    words = run_winner._bed_words(cast("EndedRun", run), CHECKED)
     assert bool(words) == said
     assert all("mm of its 990 x 590 mm (computed)" in line for line in words)
 
@@ -110,8 +110,8 @@ def test_a_winner_in_pieces_says_how_many(tmp_path: Path, monkeypatch: pytest.Mo
     assert EndedRun.read(tmp_path).result.answer.text.endswith(f"levels; {words}; manufacturable")
     assert f"cut in: {words} (computed)" in result.summary
     # The rest of the page is tried elsewhere, and takes long.
-    monkeypatch.setattr(run_page, "_shown", lambda *_: ((), ()))
-    monkeypatch.setattr(run_page, "_checked", lambda _: "in a test")
+    monkeypatch.setattr(run_winner, "_shown", lambda *_: ((), ()))
+    monkeypatch.setattr(run_winner, "_checked", lambda _: "in a test")
     again = write_run_page(tmp_path, EndedRun.read(tmp_path))
     assert words in again.read_text()
 
@@ -161,7 +161,8 @@ def test_the_outcome_in_one_line(folder: Path, few_unseen: int) -> None:
 
 
 def table(run: EndedRun, caption: str) -> list[tuple[str, ...]]:
-    section = run_page._limit_section(run, run_page._checked(run), run_page._unseen(run))
+    sections = [one for one in run_blocks(run) if isinstance(one, Section)]
+    (section,) = [one for one in sections if one.title == "What limits it"]
     return [row for one in section.tables if caption in one.caption for row in one.rows]
 
 

@@ -12,11 +12,10 @@ from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Pose, Start
-from vinefab.prediction.family_deployments import unseen_maps
+from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task, unseen_maps
 from vinefab.prediction.run_winner import (
     predict_winner,
 )
-from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 from vinefab.search.record.result import RunResult, contact_ends, elsewhere_facts, placed_off_range
 from vinefab.search.run import Search, training_maps
 from vinefab.search.settings import (

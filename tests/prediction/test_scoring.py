@@ -8,7 +8,7 @@ from vinefab import maps
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import MOST_SHOWN, Evaluation, Score
-from vinefab.prediction.scoring import ScorePlan, score_design_on_task
+from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task
 
 
 def test_a_score_shows_every_evaluation_the_parts_and_the_composites():

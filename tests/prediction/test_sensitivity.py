@@ -9,13 +9,12 @@ from vinefab.core.view import document
 from vinefab.model.map import Pose, Start
 from vinefab.model.tree import branch_tree
 from vinefab.prediction.family_deployments import MapFamily, PredictionPlan, PreparedFamily
-from vinefab.prediction.measures import GROWN, LOOSE_PRESSURE, REACH, SEEN, STUCK
-from vinefab.prediction.sensitivity import (
+from vinefab.prediction.measures import GROWN, LOOSE_PRESSURE, REACH, SEEN, STUCK, MeanValue
+from vinefab.prediction.prediction_width import (
     ANGLE_TOLERANCE_DEG,
     QUICK_MEASURES,
     ROBOTS,
     Effect,
-    MeanDifference,
     PredictionVariant,
     Scatter,
     Tolerance,
@@ -117,7 +116,7 @@ def test_changes_are_means_over_maps_with_their_interval(straight, monkeypatch):
     ("low", "high", "clear"), [(0.1, 2.0, True), (-2.0, -0.1, True), (-0.1, 2.0, False)]
 )
 def test_a_change_is_clear_when_its_interval_leaves_out_0(low, high, clear):
-    change = MeanDifference(mean=(low + high) / 2, low=low, high=high, over="6 maps")
+    change = MeanValue(mean=(low + high) / 2, low=low, high=high, over="6 maps")
     assert change.is_clear == clear
 
 
@@ -147,8 +146,8 @@ def test_scatter_of_fabrication_is_over_robots(straight):
 
 
 def test_page_and_json_show_known_changes_and_scatter():
-    change = MeanDifference(mean=1.25, low=0.5, high=2.0, over="6 maps")
-    weak = MeanDifference(mean=-1.0, low=-3.0, high=1.0, over="6 maps")
+    change = MeanValue(mean=1.25, low=0.5, high=2.0, over="6 maps")
+    weak = MeanValue(mean=-1.0, low=-3.0, high=1.0, over="6 maps")
     effect = Effect(
         knob="heading", step=-5.0, unit="deg", count=12, changes={SEEN.key: change, REACH.key: weak}
     )

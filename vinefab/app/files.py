@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
-from vinefab.app.results import Names, WrittenFile
+from vinefab.app.common import Names, WrittenFile
 from vinefab.core.verbs import IN_PLACE, Force, Kind, also, registered_names, verb, wrote
 from vinefab.model.inputs import FOLDER, PathText, all_names, as_path
 

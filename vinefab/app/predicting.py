@@ -238,7 +238,7 @@ def score(
     (2,)
     """
     from vinefab.prediction.deploy import as_grown
-    from vinefab.prediction.scoring import ScorePlan, score_design_on_task
+    from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task
 
     worlds = as_maps(maps, start, targets)
     if not worlds:

@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 from vinefab.app.common import (
     MOST_WORKERS,
     OutFolder,
+    StudyOutcome,
     TaskLike,
     UnseenEnvironment,
     Workers,
+    WrittenFile,
     page_path,
     task_of,
     write_page,
 )
-from vinefab.app.results import StudyOutcome, WrittenFile
 from vinefab.core.atomic import ensure_own_folder, ensure_writable
 from vinefab.core.errors import BadInputError, CannotWriteError, InterruptedRunError
 from vinefab.core.plain_text import counted
@@ -243,7 +244,7 @@ def optimize(
             f"page of {settings.name}", progress if isinstance(progress, bool) else False
         ) as (show):
             if page:
-                from vinefab.prediction.run_page import write_run_page
+                from vinefab.prediction.run_winner import write_run_page
 
                 show(0.0, "drawing the winner")
                 wrote(write_run_page(folder, replace(ended, result=result), force=force))
@@ -405,8 +406,7 @@ def runs(
         raise BadInputError("rebuild", counted(len(paths), "folder"), "one folder")
     listing = list_runs(paths)
     if rebuild is not None:
-        from vinefab.prediction.run_page import write_run_page
-        from vinefab.prediction.run_winner import EndedRun
+        from vinefab.prediction.run_winner import EndedRun, write_run_page
 
         out, run = as_path("rebuild", rebuild), EndedRun.read(paths[0])
         again = _score_again(run.result, run.settings, out / "best.toml")

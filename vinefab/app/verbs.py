@@ -50,7 +50,7 @@ VERBS = {
     "fix": Verb(f"{_APP}.making:fix", "Propose the smallest change that clears a design's errors."),
     "rules": Verb(f"{_APP}.files:rules", "List the design rules, or explain one."),
     "inflate": Verb(
-        f"{_APP}.inflating:inflate",
+        f"{_APP}.making:inflate",
         "Show the shape that a design's flat pattern takes under pressure.",
     ),
     "fabricate": Verb(

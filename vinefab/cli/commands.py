@@ -3,15 +3,20 @@
 import difflib
 import inspect
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from contextvars import copy_context
 from dataclasses import dataclass, field, replace
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any, get_args
 
 from vinefab.app.verbs import GROUPS, HELP, OLDER, PER_NAME, VERBS
-from vinefab.cli.terminal import Terminal
+from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.errors import ExportRefusedError, VinefabError, shortened
+from vinefab.core.plain_text import visible
+from vinefab.core.progress_lines import progress_in_lines
 from vinefab.core.verbs import (
     SHELL,
     Force,
@@ -24,6 +29,85 @@ from vinefab.core.verbs import (
     shell_examples,
 )
 from vinefab.model.inputs import MAP_SUFFIXES
+
+_COLOURS = {
+    "ERROR": "1;31",
+    "warn": "33",
+    "waived": "36",
+    **dict.fromkeys(("info", "ran", "note", "limit", "skipped", "next:"), "2"),
+}
+"""Colours of lines by their first word; the words say the same where there is no colour."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Terminal:
+    """Where a command's messages, results and progress go."""
+
+    quiet: bool = False  # print nothing but errors
+    # where the machine-readable result goes; with ``-`` messages go to standard error
+    json_out: str | None = None
+    force: bool = False  # overwrite files that vinefab did not write
+
+    def say(self, text: str = "") -> None:
+        """Print a line for the user, without anything that a terminal would obey."""
+        stream = sys.stderr if self.json_out == "-" else sys.stdout
+        if self.quiet or stream is None:
+            return
+        colour = _COLOURS.get(text.partition(" ")[0])
+        shown = visible(text)
+        if colour and stream.isatty():
+            shown = f"\033[{colour}m{shown}\033[0m"
+        stream.write(f"{shown}\n")
+
+    def say_all(self, lines: Iterable[str]) -> None:
+        """Print some lines."""
+        for line in lines:
+            self.say(line)
+
+    def ensure_json(self) -> None:
+        """Check, before work that takes long, that `give_json` will be able to write."""
+        if self.json_out not in (None, "-"):
+            ensure_writable(Path(str(self.json_out)), force=self.force)
+
+    def give_json(self, text: str) -> None:
+        """Write the machine-readable result, which was asked for."""
+        if self.json_out == "-":
+            sys.stdout.write(text)
+        else:
+            write_text(Path(str(self.json_out)), text, force=self.force)
+            self.say(f"wrote {self.json_out}")
+
+    @contextmanager
+    def progress(self, title: str) -> Iterator[Callable[[float, str], None]]:
+        """Show a bar with the time left on a terminal while a block runs, elsewhere some lines."""
+        stream = sys.stderr if self.json_out == "-" else sys.stdout
+        if self.quiet:
+            yield lambda _share, _words: None
+            return
+        if stream is None or not stream.isatty():
+            with progress_in_lines(title) as tell:
+                yield tell
+            return
+        # Only somebody who watches waits for rich.
+        from rich.console import Console
+        from rich.progress import (
+            BarColumn,
+            Progress,
+            TextColumn,
+            TimeRemainingColumn,
+        )
+
+        columns = (
+            TextColumn("{task.description}", markup=False),
+            BarColumn(),
+            TextColumn("{task.fields[text]}", markup=False),
+            TimeRemainingColumn(),
+        )
+        console = Console(file=stream, highlight=False)
+        with Progress(*columns, console=console, transient=True) as bar:
+            task = bar.add_task(visible(title), total=1.0, text="")
+            yield lambda share, text: bar.update(task, completed=share, text=visible(text))
+
 
 _SEVERAL = {
     **dict.fromkeys(("--maps", "--map"), rf"[^-].*({'|'.join(map(re.escape, MAP_SUFFIXES))})"),
@@ -148,7 +232,7 @@ class Command:
         """Return the values that were typed, by parameter."""
         texts = self._parsed(each_named(typed))
         given = dict[str, Any]()
-        for option in (*self.options, *_common(self.options)):
+        for option in all_options(self):
             if option.name not in texts:
                 continue
             found = texts[option.name]
@@ -198,10 +282,17 @@ class Command:
         """Return what is wrong with a command line, and one that works."""
         import cyclopts
 
-        unknown = next((word for word in typed if self._is_unknown(word)), "")
+        flags = [flag for one in all_options(self) for flag in flags_of(one)] + list(HELP)
+        names = [word.partition("=")[0] for word in typed if re.match(r"--?[a-zA-Z]", word)]
+        unknown = next((name for name in names if name not in flags), "")
         match error:
             case cyclopts.UnknownOptionError() | cyclopts.UnusedCliTokensError() if unknown:
-                return self._unknown_option(unknown)
+                known = [flag for flag in flags if flag.startswith("--")]
+                begun = [flag for flag in known if len(unknown) > 3 and flag.startswith(unknown)]
+                if alike := begun or difflib.get_close_matches(unknown, known, cutoff=_ALIKE):
+                    return f"there is no option {unknown}; did you mean {' or '.join(alike)}?"
+                shown = shortened(unknown, 80)
+                return f"there is no option {shown}; vinefab {self.name} --help lists them"
             case cyclopts.RepeatArgumentError(token=token) if token is not None:
                 return f"{token.keyword} is given twice; allowed: once"
             case cyclopts.UnusedCliTokensError():
@@ -213,24 +304,6 @@ class Command:
             case _:
                 line = " ".join(str(error).split()).rstrip(".")
         return self._with_example(line)
-
-    def _is_unknown(self, word: str) -> bool:
-        name = word.partition("=")[0]
-        return bool(re.match(r"--?[a-zA-Z]", word)) and name not in self._flags()
-
-    def _flags(self) -> list[str]:
-        """Return every option that may be typed."""
-        return [flag for option in (*self.options, *_common(self.options))
-                for flag in flags_of(option)] + list(HELP)  # fmt: skip
-
-    def _unknown_option(self, word: str) -> str:
-        word = word.partition("=")[0]
-        known = [flag for flag in self._flags() if flag.startswith("--")]
-        begun = [flag for flag in known if len(word) > 3 and flag.startswith(word)]
-        alike = begun or difflib.get_close_matches(word, known, cutoff=_ALIKE)
-        if alike:
-            return f"there is no option {word}; did you mean {' or '.join(alike)}?"
-        return f"there is no option {shortened(word, 80)}; vinefab {self.name} --help lists them"
 
 
 def _common(options: Sequence[Option]) -> tuple[Option, ...]:
@@ -367,8 +440,8 @@ def command_for(words: Sequence[str]) -> tuple[str, list[str]]:
             first, rest = (name.split()[0], [*name.split()[1:], *rest])
         elif typed & set(renamed):
             first = name
-            rest = [renamed.get(word, word) if "=" not in word else _renamed(word, renamed)
-                    for word in rest]  # fmt: skip
+            cut = [word.partition("=") for word in rest]
+            rest = [f"{renamed.get(flag, flag)}{mark}{value}" for flag, mark, value in cut]
     if first in GROUPS:
         if not rest or rest[0] in HELP:
             return first, rest[:1]
@@ -380,11 +453,6 @@ def command_for(words: Sequence[str]) -> tuple[str, list[str]]:
         listed = [name for name in top_commands() if name not in OLDER or name in VERBS]
         raise UsageError(_unknown_command(first, listed))
     return first, rest
-
-
-def _renamed(word: str, renamed: Mapping[str, str]) -> str:
-    name, equals, value = word.partition("=")
-    return f"{renamed.get(name, name)}{equals}{value}"
 
 
 def top_commands() -> list[str]:

@@ -27,8 +27,17 @@ from vinefab.core.view import (
 )
 from vinefab.growth.options import growth_text
 from vinefab.model.design import Design
+from vinefab.pages.charts import ends_of, upright
 from vinefab.pages.page_files import page_svg
-from vinefab.prediction.deployment_sections import deployment_picture, spread_pictures
+from vinefab.pages.panel import (
+    INK,
+    LEVEL_COLOURS,
+    SOFT,
+    Ink,
+    Page,
+    Panel,
+    page_of,
+)
 from vinefab.prediction.family_deployments import (
     FamilyDeployments,
     MapFamily,
@@ -37,9 +46,11 @@ from vinefab.prediction.family_deployments import (
     ProgressCallback,
     deploy_family,
     deployment_notes,
+    deployment_picture,
     no_progress,
     numbered_names,
     part_of,
+    spread_pictures,
 )
 from vinefab.prediction.measures import (
     COVERAGE,
@@ -51,9 +62,9 @@ from vinefab.prediction.measures import (
     samples_text,
     spreads_content,
 )
-from vinefab.prediction.pictures import contact_chart, paired_difference_chart
 from vinefab.prediction.prediction_width import (
     ContactRange,
+    contact_chart,
     contact_range,
     contact_words,
 )
@@ -507,3 +518,25 @@ def measure_named(key: str) -> Measure:
     if len(meant) != 1:
         raise UnknownNameError("measure", key, known)
     return known[meant[0]]
+
+
+def paired_difference_chart(measure: Measure, differences: Sequence[PairedDifference]) -> Page:
+    """Return paired differences with their intervals, a row per pair; clear ones are solid."""
+    rows = max(2, len(differences))
+    x0, x1 = ends_of([0.0], [d.low for d in differences], [d.high for d in differences])
+    panel = Panel(
+        box=(x0, rows - 0.4, x1, -0.6),
+        width_pt=340.0,
+        height_pt=27.0 * rows,
+        x_name=f"difference in {measure.label}; {measure.better} is better",
+        y_ticks=[(row, difference.pair) for row, difference in enumerate(differences)],
+        frame=True,
+    )
+    upright(panel, 0.0, (rows - 0.4, -0.6), INK, 1.0)
+    for row, difference in enumerate(differences):
+        colour = LEVEL_COLOURS[0] if difference.is_clear else SOFT
+        ends = [(difference.low, row), (difference.high, row)]
+        panel.line(ends, Ink(line=colour, width_pt=2.2))
+        ink = Ink(fill=colour if difference.is_clear else "#ffffff", line=colour, width_pt=1.2)
+        panel.marks([(difference.mean, row)], "o", 7.0, ink)
+    return page_of(panel)

@@ -169,16 +169,16 @@ def history_content(frames: Sequence[DeploymentFrame]) -> list[dict[str, object]
     Each has the branches that have emerged, in the form of the final ones; ``stop`` is null for
     those that grow on, and ``planned_mm`` is left out, as it stands with the final ones.
     """
-    return [{"front_mm": frame.front_mm, "branches": _branches_at(frame)} for frame in frames]
-
-
-def _branches_at(frame: DeploymentFrame) -> list[dict[str, object]]:
-    branches = branches_content(frame.deployment)
-    for branch, is_growing in zip(branches, frame.is_growing.tolist(), strict=True):
-        del branch["planned_mm"]
-        if is_growing:
-            branch["stop"] = None
-    return [branch for branch in branches if branch["stop"] != Stop.NOT_DEPLOYED.label]
+    content = list[dict[str, object]]()
+    for frame in frames:
+        branches = branches_content(frame.deployment)
+        for branch, is_growing in zip(branches, frame.is_growing.tolist(), strict=True):
+            del branch["planned_mm"]
+            if is_growing:
+                branch["stop"] = None
+        out = [branch for branch in branches if branch["stop"] != Stop.NOT_DEPLOYED.label]
+        content.append({"front_mm": frame.front_mm, "branches": out})
+    return content
 
 
 _MOST_NAMED = 8
@@ -505,11 +505,10 @@ def deploy_from_starts(
     design, options = as_grown(design), growth_on_maps(design, given).options
     terrains = [(world, Terrain.of(world)) for world in maps]
     return tuple(
-        (_start_name(world, number), grow_on(design, terrain, start.pose, options))
+        (
+            world.name if len(world.starts) == 1 else f"{world.name} from start {number}",
+            grow_on(design, terrain, start.pose, options),
+        )
         for world, terrain in terrains
         for number, start in enumerate(world.starts, start=1)
     )
-
-
-def _start_name(world: Map, number: int) -> str:
-    return world.name if len(world.starts) == 1 else f"{world.name} from start {number}"

@@ -245,7 +245,7 @@ def score_change_lines(
     # The simulator and the tasks are loaded only when a map is given.
     from vinefab.growth.options import GrowthChoice, growth_text  # noqa: PLC0415
     from vinefab.prediction.deploy import as_grown  # noqa: PLC0415
-    from vinefab.prediction.scoring import ScorePlan, score_design_on_task  # noqa: PLC0415
+    from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task  # noqa: PLC0415
 
     options = GrowthChoice.of([before], growth).options
     lines = [f"  scores of {growth_text(options, [before])}:"]

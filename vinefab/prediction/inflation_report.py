@@ -1,6 +1,6 @@
 """What a design's pattern becomes under pressure, held against the design."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,8 +8,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError, VinefabError
-from vinefab.core.jsontext import rounded
-from vinefab.core.plain_text import counted
+from vinefab.core.jsontext import GENERATOR, rounded
+from vinefab.core.plain_text import counted, one_line
 from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import (
     Answer,
@@ -60,7 +60,8 @@ from vinefab.pages.panel import (
 from vinefab.pages.plan import page_bytes
 from vinefab.physics.seam import hoop_strain
 from vinefab.prediction.family_deployments import ProgressCallback, no_progress, part_of
-from vinefab.prediction.surface_files import SURFACE_FORMATS, closed_surface
+from vinefab.rig.part import RigPart
+from vinefab.rig.part_files import PartItem, stl_bytes, threemf_bytes
 
 LEFT_OUT = (
     "contact of branches with each other",
@@ -552,3 +553,88 @@ def _draw(panel: Panel, shape: DeployedPattern, outline: Floats) -> None:
         tips[worst : worst + 1, 1], [f"{shape.largest_mm:.1f} mm"], [ALERT], size_pt=7.5,
         lines=[*ends, *tips, *map(shapely.get_coordinates, shapely.get_rings(shape.seen))],
     )  # fmt: skip
+
+
+# --- The closed surface of an inflated pattern, and files that viewers of 3-D shapes read (mm) ----
+
+
+def closed_surface(robot: InflatedRobot) -> tuple[Floats, Ints]:
+    """Return corners in mm, shape (n, 3), and triangles, counter-clockwise from outside.
+
+    The lower sheet is the mirror image of the upper one, which has the same corners on the seam;
+    a flat lid closes the mouth.
+    """
+    mesh, upper = robot.sheet.mesh, robot.positions_mm
+    on_seam = ~robot.sheet.membrane.free[:, 2]
+    count = len(upper)
+    off_seam = np.flatnonzero(~on_seam)
+    below = np.arange(count)
+    below[off_seam] = count + np.arange(len(off_seam))
+    vertices = np.concatenate([upper, upper[off_seam] * (1.0, 1.0, -1.0)])
+    vertices[:count][on_seam, 2] = 0.0
+    # A triangle whose corners all lie on the seam is flat, and its own mirror image.
+    triangles = mesh.triangles[~on_seam[mesh.triangles].all(axis=1)]
+    faces = [triangles, below[triangles][:, ::-1]]
+    ahead = np.roll(mesh.seam, -1)
+    mouth = ~(on_seam[mesh.seam] & on_seam[ahead])
+    if mouth.any():
+        one, two = mesh.seam[mouth], ahead[mouth]
+        rim = np.unique(np.concatenate([one, two]))
+        middle = upper[rim].mean(axis=0) * (1.0, 1.0, 0.0)
+        center = np.full(len(one), len(vertices))
+        vertices = np.concatenate([vertices, middle[None]])
+        faces += [
+            np.column_stack([two, one, center]),
+            np.column_stack([below[one], below[two], center]),
+        ]
+    return vertices, np.concatenate(faces)
+
+
+def volume_mm3(vertices_mm: Floats, faces: Ints) -> float:
+    """Return the volume within a closed surface."""
+    a, b, c = (vertices_mm[faces[:, corner]] for corner in range(3))
+    return float((np.cross(a, b) * c).sum() / 6.0)
+
+
+def _threemf(vertices_mm: Floats, faces: Ints, name: str) -> bytes:
+    single = np.asarray(vertices_mm, dtype=np.float32).astype(np.float64)
+    part = RigPart(
+        name=name,
+        vertices_mm=single,
+        faces=faces,
+        to_map=np.eye(4),
+        volume_mm3=volume_mm3(vertices_mm, faces),
+    )
+    return threemf_bytes([PartItem(part=part)], name)
+
+
+def _obj(vertices_mm: Floats, faces: Ints, name: str) -> bytes:
+    lines = [f"# {GENERATOR}: {one_line(name)}, millimetres"]
+    lines += [f"v {x:.5f} {y:.5f} {z:.5f}" for x, y, z in vertices_mm.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _ply(vertices_mm: Floats, faces: Ints, name: str) -> bytes:
+    lines = [
+        "ply",
+        "format ascii 1.0",
+        f"comment {GENERATOR}: {one_line(name)}, millimetres",
+        f"element vertex {len(vertices_mm)}",
+        *(f"property float {axis}" for axis in "xyz"),
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "end_header",
+        *(f"{x:.5f} {y:.5f} {z:.5f}" for x, y, z in vertices_mm.tolist()),
+        *(f"3 {a} {b} {c}" for a, b, c in faces.tolist()),
+    ]
+    return ("\n".join(lines) + "\n").encode()
+
+
+SURFACE_FORMATS: dict[str, Callable[[Floats, Ints, str], bytes]] = {
+    ".stl": stl_bytes,
+    ".obj": _obj,
+    ".3mf": _threemf,
+    ".ply": _ply,
+}
+"""What writes each ending: corners in mm, triangles and a name as bytes, the same each time."""

@@ -1,7 +1,7 @@
 """Size, passages and room of a map, ``vinefab/map-info-1``."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from os import PathLike
@@ -35,10 +35,19 @@ from vinefab.maps.passages import Passage, narrow_passages
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose
 from vinefab.model.rings import without_notches
-from vinefab.pages.plan import page_bytes
+from vinefab.pages.map_view import UNSEEN_DETAIL
+from vinefab.pages.panel import (
+    ALERT,
+    INK,
+    Ink,
+    Page,
+    level_colour,
+    page_of,
+    plan_panel,
+)
+from vinefab.pages.plan import draw_map, draw_pose, page_bytes
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import pose_text
-from vinefab.prediction.pictures import passage_plan
 
 PASSAGE_SHARES = (0.9, 0.5)
 """Shares of the free area for which the widest body is computed."""
@@ -439,3 +448,44 @@ def size_notes(world: Map) -> list[str]:
     if not others:
         return [f"{said}{drawn}: is that its unit? vinefab map import has --scale-mm-per-unit"]
     return [f"{said}{drawn}: vinefab map import --scale-mm-per-unit {', '.join(others)}"]
+
+
+_ROOM = level_colour(3)
+_MOST_LABELLED = 30
+
+
+def passage_plan(
+    world: Map,
+    passages: Sequence[Passage],
+    clearances_mm: Sequence[float],
+    body: tuple[float, BaseGeometry] | None = None,
+) -> Page:
+    """Return a plan of a map with its narrow passages, numbered from the narrowest."""
+    panel = plan_panel(world.bounds.bounds)
+    if body is not None:
+        region = shapely.simplify(body[1], UNSEEN_DETAIL * max(world.size_mm))
+        words = f"room for a body of {body[0]:g} mm lay-flat width"
+        panel.polygons([region], Ink(fill=_ROOM, fill_alpha=0.25), rank=0.5, label=words)
+    draw_map(panel, world)
+    clear = Ink(line=INK, width_pt=1.0, dash_pt=(1.0, 2.0))
+    turns = np.linspace(0.0, 2.0 * np.pi, 97)
+    around = np.column_stack([np.cos(turns), np.sin(turns)])
+    for start, clearance_mm in zip(world.starts, clearances_mm, strict=True):
+        draw_pose(panel, start.pose, max(world.size_mm))
+        ring = around * clearance_mm + (start.pose.x_mm, start.pose.y_mm)
+        panel.line(ring, clear, label="clearance of the start")
+    ends = [np.array(passage.ends_mm) for passage in passages]
+    if passages:
+        panel.lines(ends, Ink(line=ALERT, width_pt=2.0, butt=True), rank=6.0)
+        # Many a passage is too short to be seen on paper: the ring shows where it is.
+        middles = np.array([passage.middle_mm for passage in passages])
+        label = "narrow passage (computed)"
+        panel.marks(middles, "o", 11.0, Ink(line=ALERT, width_pt=1.0), rank=6.0, label=label)
+    named = passages[:_MOST_LABELLED]
+    words_of = [f"{number}: {one.width_mm:.1f} mm" for number, one in enumerate(named, start=1)]
+    starts = world.starts if 1 < len(world.starts) <= _MOST_LABELLED else ()
+    places = [one.middle_mm for one in named] + [(s.pose.x_mm, s.pose.y_mm) for s in starts]
+    colours = [ALERT] * len(named) + [INK] * len(starts)
+    words_of += [f"start {number}" for number in range(1, len(starts) + 1)]
+    panel.write_labels(np.array(places), words_of, colours, size_pt=8.0, mark_pt=5.5, lines=ends)
+    return page_of(panel)

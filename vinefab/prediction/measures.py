@@ -9,7 +9,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import group_means, mean_interval
+from vinefab.core.statistics import LONG_TAILS, group_means, mean_interval
 from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import Number, bracketed
 from vinefab.growth.batch import GrowthBlock
@@ -230,6 +230,39 @@ def means_by_map(values: Floats, maps: Sequence[str]) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MeanValue:
+    """A mean with its interval."""
+
+    mean: float  # mean of the maps' means
+    # low, high: 95 % interval of it over maps (over poses where there is one map); NaN where there
+    # is none
+    low: float
+    high: float
+    over: str  # how many independent samples that is
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether the interval leaves out 0."""
+        return self.low > 0.0 or self.high < 0.0
+
+    @classmethod
+    def of(
+        cls,
+        values: Floats,
+        maps: Sequence[str],
+        measure: Measure | None = None,
+        tails: float = LONG_TAILS,
+    ) -> "MeanValue":
+        """Return the mean of values, each under the name of its map; see `mean_interval`."""
+        means = means_by_map(values, maps)
+        low, high = mean_interval(means, tails=tails)
+        if measure is not None:
+            low, high = measure.within(low, high)
+        over = samples_text(len(means), maps)
+        return cls(mean=float(means.mean()), low=low, high=high, over=over)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MeasureSpread:
     """How a measure is spread over deployments."""
 
@@ -268,17 +301,14 @@ class MeasureSpread:
         known = values[np.isfinite(values)]
         if len(known) == 0:
             return None
-        means = means_by_map(values, groups)
-        low, high = mean_interval(means)
-        if measure is not None:
-            low, high = measure.within(low, high)
+        mean = MeanValue.of(values, groups, measure)
         p05, median, p95 = (float(value) for value in np.percentile(known, [5.0, 50.0, 95.0]))
         return cls(
             count=len(known),
-            mean=float(means.mean()),
-            low=low,
-            high=high,
-            over=samples_text(len(means), groups),
+            mean=mean.mean,
+            low=mean.low,
+            high=mean.high,
+            over=mean.over,
             deviation=float(known.std()),
             p05=p05,
             median=median,

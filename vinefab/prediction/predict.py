@@ -53,24 +53,24 @@ from vinefab.prediction.anchoring_prediction import (
     predict_anchoring,
 )
 from vinefab.prediction.deploy import as_grown
-from vinefab.prediction.deployment_sections import (
-    deployment_picture,
-    deployment_section,
-    spread_blocks,
-)
 from vinefab.prediction.family_deployments import (
     FamilyDeployments,
+    HeatMap,
     MapFamily,
     PredictionPlan,
     PreparedFamily,
     ProgressCallback,
     deploy_family,
     deployment_notes,
+    deployment_picture,
+    deployment_section,
+    heat_blocks,
+    heat_map_of,
     no_progress,
     part_of,
+    spread_blocks,
     typical,
 )
-from vinefab.prediction.heat_map import HeatMap, heat_blocks, heat_map_of
 from vinefab.prediction.measures import (
     GROWN,
     REACH,
@@ -81,14 +81,22 @@ from vinefab.prediction.measures import (
     Measure,
     MeasureTable,
 )
-from vinefab.prediction.pictures import cost_chart
 from vinefab.prediction.prediction_width import (
     COST_CAPTION,
+    QUICK_MEASURES,
     ContactRange,
+    Effect,
     PressureRange,
+    Tolerance,
+    VariantEvaluator,
     contact_costs,
     contact_range,
+    cost_chart,
     pressure_range,
+    sensitivity,
+    sensitivity_blocks,
+    tolerance,
+    tolerance_blocks,
     width_blocks,
 )
 from vinefab.prediction.pressure_window import (
@@ -98,16 +106,6 @@ from vinefab.prediction.pressure_window import (
     window_of,
 )
 from vinefab.prediction.provenance import model_assumptions
-from vinefab.prediction.sensitivity import (
-    QUICK_MEASURES,
-    Effect,
-    Tolerance,
-    VariantEvaluator,
-    sensitivity,
-    sensitivity_blocks,
-    tolerance,
-    tolerance_blocks,
-)
 from vinefab.tasks.targets import touched_targets
 
 MOST_PICTURES = 6

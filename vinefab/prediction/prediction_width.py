@@ -6,25 +6,46 @@ tube that the growth pressure was fitted to, and how the film is stored. None of
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any
 
 import numpy as np
+import shapely
 
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import mean_interval
+from vinefab.core.rng import child
+from vinefab.core.statistics import PAIRED_TAILS
 from vinefab.core.units import rad
-from vinefab.core.validation import Floats
+from vinefab.core.validation import Floats, frozen_floats
 from vinefab.core.view import Data, Number, Picture, Rows, Section
-from vinefab.growth.batch import Batch, GrowthBlock
+from vinefab.growth.batch import Batch, GrowthBlock, Launches, Workspace
 from vinefab.growth.options import BRANCH_CONTACTS, GrowthOptions
-from vinefab.growth.plan import Plans
-from vinefab.model.deployment import Stop
+from vinefab.growth.plan import Plan, Plans
+from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
+from vinefab.model.map import Pose
+from vinefab.model.tree import BranchTree, branch_tree
+from vinefab.pages.charts import curve, ends_of, series_colour, upright
 from vinefab.pages.page_files import page_svg
+from vinefab.pages.panel import (
+    INK,
+    LEVEL_COLOURS,
+    SOFT,
+    TICK_PT,
+    Ink,
+    Page,
+    Panel,
+    page_of,
+    page_of_rows,
+)
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, FITTED_DIAMETER_RANGE_MM
-from vinefab.prediction.family_deployments import PreparedFamily
+from vinefab.prediction.family_deployments import (
+    PredictionPlan,
+    PreparedFamily,
+    ProgressCallback,
+    no_progress,
+)
 from vinefab.prediction.measures import (
     COVERAGE,
     GROWN,
@@ -34,15 +55,15 @@ from vinefab.prediction.measures import (
     STUCK,
     TIGHT_PRESSURE,
     TOUCHED,
+    MeanValue,
     Measure,
     MeasureTable,
     block_shares_percent,
-    means_by_map,
-    samples_text,
     touched_percent,
+    worst_pressures_of,
 )
-from vinefab.prediction.pictures import contact_chart
 from vinefab.tasks.coverage import Coverage
+from vinefab.tasks.evaluate import Poses
 from vinefab.tasks.reach import Reach
 from vinefab.tasks.task import outcomes
 
@@ -51,23 +72,12 @@ CONTACT_MEASURES = (COVERAGE, SEEN, REACH, GROWN, STUCK, TOUCHED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ContactValue:
-    """A measure's mean at one head-on half-angle."""
-
-    mean: float  # mean of the maps' means
-    # 95 % interval of it over maps (over poses where there is one map)
-    low: float
-    high: float
-    over: str  # how many independent samples that is
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ContactRange:
     """Measures of a design over what is assumed about contacts, from the same poses."""
 
     label: str  # of the map family
     deployments: int  # at each half-angle
-    values: Mapping[str, tuple[ContactValue, ...]]  # by measure key, one for each half-angle
+    values: Mapping[str, tuple[MeanValue, ...]]  # by measure key, one for each half-angle
     angles_deg: tuple[float, ...]  # the head-on half-angles
     standing: str  # where their ends come from: ``assumed``, or ``measured`` and how
     rules: tuple["RuleRange", ...] = ()  # what else is assumed; none for a robot without branches
@@ -102,7 +112,7 @@ class RuleRange:
     over: str  # the range in a few words
     short: str  # the same where there is little room
     standing: str  # ``assumed``, or ``measured`` and how
-    values: Mapping[str, tuple[ContactValue, ...]]  # by measure key, one for each choice
+    values: Mapping[str, tuple[MeanValue, ...]]  # by measure key, one for each choice
 
     @property
     def content(self) -> dict[str, object]:
@@ -139,11 +149,11 @@ def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptio
     def measured(choice: GrowthOptions) -> dict[Measure, Floats]:
         return _contact_measures(design, prepared, choice)
 
-    columns = dict[str, list[ContactValue]]()
+    columns = dict[str, list[MeanValue]]()
     for angle_deg in options.contact_angles_deg:
         table = measured(options.changed(head_on_half_angle_rad=rad(angle_deg)))
         for measure, values in table.items():
-            columns.setdefault(measure.key, []).append(contact_value(values, names, measure))
+            columns.setdefault(measure.key, []).append(MeanValue.of(values, names, measure))
     return ContactRange(
         label=prepared.label,
         deployments=len(names),
@@ -164,7 +174,7 @@ def _rule_ranges(
     def over(variants: Sequence[GrowthOptions], **words: Any) -> RuleRange:  # noqa: ANN401
         tables = [measured(one) for one in variants]
         values = {
-            measure.key: tuple(contact_value(table[measure], names) for table in tables)
+            measure.key: tuple(MeanValue.of(table[measure], names) for table in tables)
             for measure in tables[0]
         }
         choices = tuple(getattr(one, words["option"]) for one in variants)
@@ -217,18 +227,6 @@ def _contact_measures(
     table = np.concatenate(list(batch.each(measured)), axis=1)
     every = zip(CONTACT_MEASURES, table, strict=True)
     return {measure: values for measure, values in every if not np.isnan(values).all()}
-
-
-def contact_value(
-    values: Floats, names: Sequence[str], measure: Measure | None = None
-) -> ContactValue:
-    """Return the mean of values with its interval, each under the name of its map."""
-    means = means_by_map(values, names)
-    low, high = mean_interval(means)
-    if measure is not None:
-        low, high = measure.within(low, high)
-    over = samples_text(len(means), names)
-    return ContactValue(mean=float(means.mean()), low=low, high=high, over=over)
 
 
 # --- Pressure -----------------------------------------------------------------------------------
@@ -339,7 +337,7 @@ def contact_costs(
     predicted = (math.nan,) if spread is None else (spread.mean, spread.low, spread.high)
 
     def row(
-        words: str, values: Sequence[ContactValue], standing: str
+        words: str, values: Sequence[MeanValue], standing: str
     ) -> tuple[str, tuple[float, ...]]:
         words += ", measured" * (standing != "assumed")
         means = tuple(value.mean for value in values)
@@ -451,3 +449,464 @@ def width_blocks(
         pictures=(picture,),
         folded=True,
     )
+
+
+def contact_chart(shown: Mapping[str, ContactRange], measure: Measure) -> Page:
+    """Return a measure over the range of half-angles, a line with its interval for each name."""
+    (first, *_) = shown.values()
+    angles = first.angles_deg
+    every = [v for found in shown.values() for v in found.values[measure.key]]
+    x0, x1 = ends_of(angles)
+    y0, y1 = ends_of([v.low for v in every], [v.high for v in every], [v.mean for v in every])
+    standing = first.standing.partition(":")[0]
+    panel = Panel(
+        box=(x0, y0, x1, y1),
+        width_pt=370.0,
+        height_pt=150.0,
+        x_name=f"head-on half-angle (degrees, {standing})",
+        y_name=measure.label,
+        x_ticks=[(angle, f"{angle:g}") for angle in angles],
+        frame=True,
+        legend_shown=len(shown) > 1,
+    )
+    for index, (name, found) in enumerate(shown.items()):
+        values = found.values[measure.key]
+        colour = series_colour(index)
+        low, high = [v.low for v in values], [v.high for v in values]
+        panel.band(found.angles_deg, low, high, colour, 0.16)
+        curve(panel, found.angles_deg, [v.mean for v in values], colour, name)
+    return page_of(panel)
+
+
+def cost_chart(
+    name: str, predicted: Sequence[float], changed: Sequence[tuple[str, Sequence[float]]]
+) -> Page:
+    """Return what assumptions move a mean by, a bar for each of them, as wide as a column.
+
+    Parameters
+    ----------
+    name
+        What the mean is of, with its unit.
+    predicted
+        The mean as predicted, and the ends of its 95 % interval over maps, if it has one.
+    changed
+        By words, the mean under each choice of one assumption.
+    """
+    every = [float(mean) for _, means in changed for mean in means]
+    _, right = ends_of([0.0, *every], predicted)
+    rows = len(changed)
+    panel = Panel(
+        box=(min(0.0, *every, *predicted), rows, right, 0.0), width_pt=232.0, height_pt=27.0 * rows,
+        x_name=name, y_ticks=[], frame=True, y_grid=False,
+    )  # fmt: skip
+    mean, *ends = predicted
+    if ends and np.isfinite(ends).all():
+        panel.bars([(ends[0], rows, ends[1], 0.0)], SOFT, 0.18)
+    upright(panel, mean, (rows, 0.0), INK, 1.6)
+    for row, (words, means) in enumerate(changed):
+        colour = series_colour(row)
+        panel.words((panel.box[0], row + 0.26), words, TICK_PT, shift_pt=(3.0, 0.0), halo=True)
+        panel.bars([(min(means), row + 0.88, max(means), row + 0.55)], colour, 0.45)
+        for value in means:
+            upright(panel, value, (row + 0.5, row + 0.93), colour, 2.0)
+    return page_of(panel)
+
+
+# --- How sensitive predictions are: to the start, to the design, to the model, to fabrication -----
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """What one change of a design, a start or the model does to the measures."""
+
+    knob: str  # what is changed (``heading``)
+    step: float  # by how much, in ``unit``
+    unit: str
+    count: int  # deployments compared, each with itself without the change
+    changes: Mapping[str, MeanValue]  # by measure key
+
+    @property
+    def text(self) -> str:
+        """The step as it is shown."""
+        return f"{self.step:+g} {self.unit}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scatter:
+    """How robots of one design differ because of fabrication errors."""
+
+    measure: Measure
+    exact: float  # mean over deployments of the robot as designed
+    # p05, p95: percentiles over robots of that mean
+    p05: float
+    p95: float
+    typical: float  # median absolute change of a single deployment
+
+    @classmethod
+    def of(cls, measure: Measure, exact: Floats, made: Floats) -> "Scatter":
+        """Return the scatter over robots and launches, ``made`` of shape (robots, launches)."""
+        p05, p95 = np.percentile(np.nanmean(made, axis=1), [5.0, 95.0]).tolist()
+        typical = float(np.nanmedian(np.abs(made - exact)))
+        return cls(
+            measure=measure, exact=float(np.nanmean(exact)), p05=p05, p95=p95, typical=typical
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tolerance:
+    """Scatter from fabrication: independent errors of every branch's length and angle."""
+
+    # length_percent, angle_deg: half-widths of the uniform ranges of the errors
+    length_percent: float
+    angle_deg: float
+    robots: int  # how many robots were drawn
+    launches: int  # from how many poses each was deployed
+    scatter: tuple[Scatter, ...]  # one per measure
+
+
+QUICK_MEASURES = (SEEN, REACH, GROWN, STUCK, LOOSE_PRESSURE)
+"""The measures that are quick enough for thousands of deployments."""
+
+MOST_LAUNCHES = 60
+"""Variants are tried from so many poses at most, spread evenly over the maps."""
+
+HEADING_STEPS_DEG = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
+
+SIDEWAYS_STEPS_MM = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
+
+LENGTH_STEPS_PERCENT = (-10.0, -5.0, 5.0, 10.0)
+
+HEAD_ON_STEPS_DEG = (4.0, 9.0, 14.0)
+"""Beyond the 1 degree that is assumed: 5, 10 and 15 degrees, the most that is plausible."""
+
+LENGTH_TOLERANCE_PERCENT = 1.0
+
+ANGLE_TOLERANCE_DEG = 2.0
+"""Half-widths of the fabrication errors [assumed]: measure your own robots."""
+
+ROBOTS = 40
+
+ROBOTS_TOGETHER = 8
+"""So many are grown at once: what a map costs is paid once for all of them."""
+
+_STREAM = 1703
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PredictionVariant:
+    """One change, and how to grow with it."""
+
+    # knob, step, unit: as in `Effect`
+    knob: str
+    step: float
+    unit: str
+    # design, options, poses: what to grow, how and from where; None stands for a pose that is not
+    # free
+    design: Design
+    options: GrowthOptions
+    poses: tuple[tuple[Pose | None, ...], ...]
+
+
+class VariantEvaluator:
+    """A design on a few maps, to be grown again and again with changes."""
+
+    def __init__(self, design: Design, prepared: PreparedFamily, plan: PredictionPlan) -> None:
+        keep = max(1, MOST_LAUNCHES // max(len(poses) for poses in prepared.poses))
+        chosen = sorted({round(i) for i in np.linspace(0, len(prepared.maps) - 1, keep).tolist()})
+        maps = tuple(prepared.maps[index] for index in chosen)
+        poses = tuple(prepared.poses[index][:MOST_LAUNCHES] for index in chosen)
+        self.design, self.plan = design, plan
+        self.prepared = PreparedFamily(label=prepared.label, maps=maps, poses=poses)
+        self.launches = self.prepared.launches()
+        self._workspaces = list[Workspace]()  # of all batches: what one allocated, others use
+        self.maps = [str(index) for index in self.launches.terrain.tolist()]
+        self.exact = self.grow([Plan.of(design, plan.options)], plan.options)[0]
+
+    def grow(
+        self, plans: Sequence[Plan], options: GrowthOptions, poses: Poses | None = None
+    ) -> Floats:
+        """Return the quick measures of every plan from every pose, shape (plans, launches, 5)."""
+        launches = self.launches if poses is None else Launches.of(self.launches.atlas, poses)
+        if not len(launches):
+            return np.empty((len(plans), 0, len(QUICK_MEASURES)))
+        contexts = [place.context.without_targets for place in self.prepared.maps]
+        unpressed = list[Deployment]()
+
+        def measured(block: GrowthBlock) -> Floats:
+            seen = outcomes(Coverage(area="fast"), block, contexts).terms["area"]
+            reached = outcomes(Reach(area="fast"), block, contexts).score
+            unpressed.extend(block.deployment(index) for index in range(len(block)))
+            grown, stuck, _ = block_shares_percent(block)
+            return np.column_stack([100.0 * seen, 100.0 * reached, grown, stuck])
+
+        batch = Batch(Plans.joined(plans), launches, options, self._workspaces)
+        rows = np.concatenate(list(batch.each(measured)))
+        if any((deployment.stop == Stop.PRESSURE).any() for deployment in unpressed):
+            free = Plans.joined([plan.without_pressure for plan in plans])
+            unpressed = Batch(free, launches, options).deployments()
+        loose_kpa, _ = worst_pressures_of(unpressed, self.design)
+        table = np.column_stack([rows, loose_kpa])
+        return table.reshape(len(launches), len(plans), -1).transpose(1, 0, 2)
+
+    def effect(self, variant: PredictionVariant) -> Effect:
+        """Return what a change does, over the poses that are free with it and without."""
+        is_free = np.array([pose is not None for row in variant.poses for pose in row])
+        poses = tuple(tuple(pose for pose in row if pose is not None) for row in variant.poses)
+        growth_plan = Plan.of(variant.design, variant.options)
+        values = np.full((len(is_free), len(QUICK_MEASURES)), np.nan)
+        values[is_free] = self.grow([growth_plan], variant.options, poses)[0]
+        differences = values - self.exact
+        changes = {}
+        for column, measure in enumerate(QUICK_MEASURES):
+            change = differences[:, column]
+            if np.isfinite(change).any():
+                changes[measure.key] = MeanValue.of(change, self.maps, tails=PAIRED_TAILS)
+        return Effect(
+            knob=variant.knob,
+            step=variant.step,
+            unit=variant.unit,
+            count=int(is_free.sum()),
+            changes=changes,
+        )
+
+
+def sensitivity(
+    evaluator: VariantEvaluator, progress: ProgressCallback = no_progress
+) -> tuple[Effect, ...]:
+    """Return what every change of the start, the lengths and the head-on angle does."""
+    variants = list(_variants(evaluator))
+    effects = []
+    for index, variant in enumerate(variants):
+        effects.append(evaluator.effect(variant))
+        progress((index + 1) / len(variants), f"sensitivity to {variant.knob}")
+    return tuple(effects)
+
+
+def tolerance(
+    evaluator: VariantEvaluator, seed: int, progress: ProgressCallback = no_progress
+) -> Tolerance:
+    """Return how robots of the same design differ when each branch is made a little off."""
+    options, tree = evaluator.plan.options, branch_tree(evaluator.design)
+    rows = []
+    for first in range(0, ROBOTS, ROBOTS_TOGETHER):
+        made = [
+            made_tree(tree, child(seed, _STREAM, robot))
+            for robot in range(first, min(first + ROBOTS_TOGETHER, ROBOTS))
+        ]
+        rows += [
+            *evaluator.grow([Plan.of(evaluator.design, options, one) for one in made], options)
+        ]
+        progress(len(rows) / ROBOTS, f"{len(rows)} of {ROBOTS} robots as made")
+    values = np.array(rows)
+    return Tolerance(
+        length_percent=LENGTH_TOLERANCE_PERCENT,
+        angle_deg=ANGLE_TOLERANCE_DEG,
+        robots=ROBOTS,
+        launches=len(evaluator.launches),
+        scatter=tuple(
+            Scatter.of(measure, evaluator.exact[:, column], values[:, :, column])
+            for column, measure in enumerate(QUICK_MEASURES)
+            if np.isfinite(values[:, :, column]).any(axis=1).all()
+        ),
+    )
+
+
+def made_tree(tree: BranchTree, rng: np.random.Generator) -> BranchTree:
+    """Return a tree as it comes out of the workshop: lengths and angles off, each on its own.
+
+    The trunk has no joint, so its angle stays.
+    """
+    lengths = rng.uniform(-1.0, 1.0, len(tree)) * LENGTH_TOLERANCE_PERCENT / 100.0
+    turns = rng.uniform(-1.0, 1.0, len(tree)) * rad(ANGLE_TOLERANCE_DEG)
+    turns[0] = 0.0
+    return BranchTree(
+        parent=tree.parent,
+        level=tree.level,
+        offset_rad=frozen_floats("offset_rad", tree.offset_rad + turns),
+        length_mm=frozen_floats("length_mm", tree.length_mm * (1.0 + lengths)),
+    )
+
+
+def _variants(evaluator: VariantEvaluator) -> Iterator[PredictionVariant]:
+    design, options, poses = evaluator.design, evaluator.plan.options, evaluator.prepared.poses
+    exact = PredictionVariant(
+        knob="", step=0.0, unit="", design=design, options=options, poses=poses
+    )
+    for knob, step, unit, move in placings():
+        moved = moved_poses(evaluator.prepared, move)
+        yield replace(exact, knob=knob, step=step, unit=unit, poses=moved)
+    for step in LENGTH_STEPS_PERCENT:
+        other = scaled_tree(design, 1.0 + step / 100.0)
+        yield replace(exact, knob="lengths", step=step, unit="%", design=other)
+    for step in HEAD_ON_STEPS_DEG:
+        low_rad, high_rad = (
+            min(angle + rad(step), math.pi / 2.0) for angle in options.half_angle_range_rad
+        )
+        wider = options.changed(head_on_half_angle_rad=(low_rad, high_rad))
+        yield replace(exact, knob="head-on half-angle", step=step, unit="deg", options=wider)
+
+
+def placings() -> Iterator[tuple[str, float, str, Callable[[Pose], Pose]]]:
+    """Yield how a base may be placed off: knob, step, unit, and what moves a pose so."""
+    for step in HEADING_STEPS_DEG:
+        yield "heading", step, "deg", partial(turned_pose, turn_rad=rad(step))
+    for step in SIDEWAYS_STEPS_MM:
+        yield "position", step, "mm", partial(shifted_pose, step_mm=step)
+
+
+def scaled_tree(design: Design, factor: float) -> Design:
+    """Return a design with all lengths times a factor; widths stay."""
+    levels = tuple(level.changed(length_mm=level.length_mm * factor) for level in design.levels)
+    return design.changed(trunk_length_mm=design.trunk_length_mm * factor, levels=levels)
+
+
+def moved_poses(
+    prepared: PreparedFamily, move: Callable[[Pose], Pose]
+) -> tuple[tuple[Pose | None, ...], ...]:
+    """Return the poses of a family after a move; None where that place is not free."""
+    rows = []
+    for prepared_map, poses in zip(prepared.maps, prepared.poses, strict=True):
+        moved = [move(pose) for pose in poses]
+        free = [
+            shapely.intersects_xy(prepared_map.context.free, pose.x_mm, pose.y_mm) for pose in moved
+        ]
+        rows.append(tuple(p if ok else None for p, ok in zip(moved, free, strict=True)))
+    return tuple(rows)
+
+
+def turned_pose(pose: Pose, turn_rad: float) -> Pose:
+    """Return a pose turned to its left."""
+    return replace(pose, heading_rad=pose.heading_rad + turn_rad)
+
+
+def shifted_pose(pose: Pose, step_mm: float) -> Pose:
+    """Return a pose moved to its left."""
+    return replace(
+        pose,
+        x_mm=pose.x_mm - step_mm * math.sin(pose.heading_rad),
+        y_mm=pose.y_mm + step_mm * math.cos(pose.heading_rad),
+    )
+
+
+def sensitivity_blocks(effects: Sequence[Effect], measures: Sequence[Measure]) -> Iterator[Section]:
+    """Yield what changes of start, lengths and model do."""
+    drawn = (measures[0], measures[-1])
+    count = max(effect.count for effect in effects)
+    words = (
+        f"Every change is tried from the same {counted(count, 'pose')} as without it, and each "
+        "deployment is "
+        "compared with itself (simulated). Position: sideways to the heading, left is positive. "
+        "Lengths: all branches alike. Head-on half-angle: on top of the angle assumed; the real "
+        "one is not known, at most about 15 degrees."
+    )
+
+    def cell(change: MeanValue | None, measure: Measure) -> str:
+        if change is None:
+            return "-"
+        text = measure.interval(change.mean, change.low, change.high, change.over)
+        return f"{text}{'*' if change.is_clear else ''}"
+
+    table = Rows(
+        caption="Mean change, in square brackets its 95 % interval over maps (poses "
+        "where there is one map); an "
+        "asterisk where the interval leaves out 0 (simulated)",
+        headings=("changed", "by", *(m.label for m in measures), "poses"),
+        rows=tuple(
+            (effect.knob, effect.text, *(cell(effect.changes.get(m.key), m) for m in measures),
+             effect.count)
+            for effect in effects
+        ),
+        key="sensitivity",
+        keys=("knob", "", *("" for _ in measures), "poses"),
+        data=[
+            {
+                "step": effect.step,
+                "unit": effect.unit,
+                "changes": {
+                    m.key: {end: m.content(getattr(change, end)) for end in ("mean", "low", "high")}
+                    for m in QUICK_MEASURES
+                    if (change := effect.changes.get(m.key)) is not None
+                },
+            }
+            for effect in effects
+        ],
+    )  # fmt: skip
+    picture = Picture(
+        image=lambda: page_svg(effect_panels(effects, drawn)),
+        caption="Mean change with its 95 % interval (simulated).",
+    )
+    yield Section(
+        title="Sensitivity", paragraphs=(words,), pictures=(picture,), tables=(table,), folded=True
+    )
+
+
+def tolerance_blocks(tolerance: Tolerance) -> Iterator[Data | Section]:
+    """Yield how robots of one design differ."""
+    numbers = {"exact": "as designed", "p05": "5 % of robots", "p95": "95 % of robots",
+               "typical": "one deployment, typically"}  # fmt: skip
+    scatter = [
+        (one.measure, {name: one.measure.of(getattr(one, name)) for name in numbers})
+        for one in tolerance.scatter
+    ]
+    yield Data(
+        {
+            "tolerance": {
+                "length_percent": tolerance.length_percent,
+                "angle_deg": tolerance.angle_deg,
+                "robots": tolerance.robots,
+                "launches": tolerance.launches,
+                "scatter": {
+                    measure.key: {name: value.data for name, value in values.items()}
+                    for measure, values in scatter
+                },
+            }
+        }
+    )
+    words = (
+        f"{counted(tolerance.robots, 'robot')} were drawn, every branch's length off by up to "
+        f"{tolerance.length_percent:g} % and its angle by up to {tolerance.angle_deg:g} degrees, "
+        "uniformly and each on its own (assumed), and deployed from "
+        f"{counted(tolerance.launches, 'pose')} "
+        "each (simulated)."
+    )
+    table = Rows(
+        caption="Means over poses of the robot as designed and of robots as made (simulated)",
+        headings=("measure", "unit", *numbers.values()),
+        rows=tuple((measure.title, measure.unit, *row.values()) for measure, row in scatter),
+    )
+    yield Section(title="Tolerances of making", paragraphs=(words,), tables=(table,), folded=True)
+
+
+def effect_panels(effects: Sequence[Effect], measures: Sequence[Measure]) -> Page:
+    """Return what every change does: a column per knob, a row per measure."""
+    knobs = list(dict.fromkeys(effect.knob for effect in effects))
+    rows = []
+    for measure in measures:
+        shown = [[e for e in effects if e.knob == k and measure.key in e.changes] for k in knobs]
+        changes = [e.changes[measure.key] for some in shown for e in some]
+        y0, y1 = ends_of([0.0], [c.low for c in changes], [c.high for c in changes])
+        panels = list[Panel]()
+        for knob, some in zip(knobs, shown, strict=True):
+            x0, x1 = ends_of([0.0], [e.step for e in some])
+            panel = Panel(
+                box=(x0, y0, x1, y1), width_pt=430.0 / len(knobs), height_pt=122.0, frame=True,
+            )  # fmt: skip
+            points = [
+                (e.step, c.mean, c.low, c.high) for e in some for c in [e.changes[measure.key]]
+            ]
+            step, mean, low, high = np.array(sorted([*points, (0.0, 0.0, 0.0, 0.0)])).T
+            panel.band(step, low, high, LEVEL_COLOURS[2], 0.22)
+            panel.line([(x0, 0.0), (x1, 0.0)], Ink(line=SOFT, width_pt=0.8))
+            line = np.column_stack([step, mean])
+            panel.line(line, Ink(line=LEVEL_COLOURS[0], width_pt=1.3))
+            panel.marks(line, "o", 3.5, Ink(fill=LEVEL_COLOURS[0]))
+            if panels:
+                panel.y_ticks = [(value, "") for value, _ in panel.ticks(1)]
+            else:
+                panel.y_name = f"change of\n{measure.title}\n({measure.unit})"
+            if measure is measures[-1]:
+                unit = next(effect.unit for effect in effects if effect.knob == knob)
+                panel.x_name = f"{knob} ({unit})"
+            panels.append(panel)
+        rows.append(panels)
+    return page_of_rows(rows)

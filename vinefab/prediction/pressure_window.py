@@ -11,11 +11,23 @@ from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Standing
+from vinefab.pages.charts import upright
 from vinefab.pages.page_files import page_svg
+from vinefab.pages.panel import (
+    ALERT,
+    INK,
+    LEVEL_COLOURS,
+    SOFT,
+    TICK_PT,
+    Ink,
+    Page,
+    Panel,
+    level_colour,
+    page_of,
+)
 from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, seam_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureTable
-from vinefab.prediction.pictures import window_chart
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -233,3 +245,47 @@ def window_blocks(window: PressureWindow, basis: str) -> Iterator[Data | Section
         tables=(needs, stands),
         folded=True,
     )
+
+
+_OPEN = "#1b7f4d"
+
+
+def window_chart(window: PressureWindow) -> Page:
+    """Return what growth needs, what each width may take, and the room between the two."""
+    rows = 2 + len(window.levels)
+    low, high = window.needed_kpa, window.allowed_kpa
+    panel = Panel(
+        box=(0.0, rows - 0.5, 1.06 * window.highest_kpa, -1.2),
+        width_pt=300.0,
+        height_pt=27.0 * (rows + 0.7),
+        x_name="pressure (kPa)",
+        frame=True,
+        y_grid=False,
+    )
+    if window.is_open:
+        panel.title, panel.title_colour = f"window {low:.1f} to {high:.1f} kPa", _OPEN
+    else:
+        panel.title, panel.title_colour = f"no window: {low - high:.1f} kPa missing", ALERT
+    panel.title_bold = True
+    room = (min(low, high), rows - 0.5, max(low, high), -1.2)
+    panel.bars([room], panel.title_colour, 0.16 if window.is_open else 0.10)
+    upright(panel, high, (rows - 0.5, -1.2), SOFT, 1.0)
+    names = []
+    for row, need in enumerate((window.loose, window.tight)):
+        colour = LEVEL_COLOURS[1]
+        panel.bars([(need.p05_kpa, row + 0.25, need.p95_kpa, row - 0.25)], colour, 0.45)
+        for value, weight in ((need.median_kpa, 1.2), (need.p95_kpa, 2.5)):
+            upright(panel, value, (row - 0.3, row + 0.3), colour, weight)
+        names.append(f"growth needs, film stored {need.storage}")
+    for row, level in enumerate(window.levels, start=2):
+        colour = level_colour(level.level)
+        panel.bars([(0.0, row + 0.25, level.allowed_kpa, row - 0.25)], colour, 0.5)
+        upright(panel, level.burst_kpa, (row - 0.3, row + 0.3), colour, 2.0)
+        names.append(f"{level.name} may take, {level.width_mm:.1f} mm")
+    dashed = Ink(line=INK, width_pt=1.4, dash_pt=(5.0, 2.5))
+    working = window.working_kpa
+    panel.line([(working, rows - 0.5), (working, -1.2)], dashed)
+    words = f"working pressure {working:g} kPa"
+    panel.words((working, -0.86), words, TICK_PT, shift_pt=(4.0, 0.0))
+    panel.y_ticks = list(enumerate(names))
+    return page_of(panel)

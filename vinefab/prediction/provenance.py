@@ -15,7 +15,7 @@ from vinefab.model.laser import LaserProfile, Quantity, Standing
 from vinefab.physics.anchoring import ASSUMED_FRICTION
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, NO_TENSION
 from vinefab.prediction.family_deployments import MapFamily
-from vinefab.prediction.sensitivity import ANGLE_TOLERANCE_DEG, LENGTH_TOLERANCE_PERCENT
+from vinefab.prediction.prediction_width import ANGLE_TOLERANCE_DEG, LENGTH_TOLERANCE_PERCENT
 from vinefab.search.record.identity import map_fingerprint, package_versions
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.reach import Reach

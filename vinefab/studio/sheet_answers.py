@@ -32,8 +32,8 @@ from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile, Standing
 from vinefab.model.map import Map, Start
 from vinefab.prediction.deploy import growth_on_maps
+from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task
 from vinefab.prediction.fix_proposal import FIX_TASKS, propose_fix
-from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 from vinefab.search.fix import KEEPS, parsed_keeps
 from vinefab.studio.executors import Progress
 from vinefab.studio.pattern_answers import cut_notes

@@ -6,62 +6,13 @@ from pathlib import Path
 
 import vinefab
 
-PLURALS = frozenset(
-    [
-        "arcs",
-        "branches",
-        "cells",
-        "corners",
-        "deployments",
-        "designs",
-        "edges",
-        "elements",
-        "entities",
-        "evaluations",
-        "files",
-        "findings",
-        "folders",
-        "gaps",
-        "generations",
-        "headings",
-        "joints",
-        "labels",
-        "laps",
-        "layers",
-        "levels",
-        "lines",
-        "maps",
-        "obstacles",
-        "outlines",
-        "pairs",
-        "parts",
-        "passages",
-        "paths",
-        "pieces",
-        "places",
-        "plies",
-        "points",
-        "polygons",
-        "poses",
-        "robots",
-        "rules",
-        "runs",
-        "seeds",
-        "segments",
-        "sheets",
-        "starts",
-        "tiles",
-        "tips",
-        "trees",
-        "triangles",
-        "turns",
-        "values",
-        "walls",
-        "warnings",
-        "widths",
-        "workers",
-    ]
-)
+WORDS = """arcs branches cells corners deployments designs edges elements entities evaluations files
+findings folders gaps generations headings joints labels laps layers levels lines maps
+obstacles outlines pairs parts passages paths pieces places plies points polygons poses
+robots rules runs seeds segments sheets starts tiles tips trees triangles turns values
+walls warnings widths workers
+"""
+PLURALS = frozenset(WORDS.split())
 
 SOUND = {
     ("many", "pieces"),  # a text: at least 7

@@ -89,3 +89,35 @@ def edited(tmp_path):
         return target
 
     return edit
+
+
+@pytest.fixture(scope="session")
+def seen():
+    """What `vinefab observe --json` writes of two photos."""
+    documents = []
+    for number, angles in enumerate(((2.0, 4.0, 20.0), (3.0, 15.0, 30.0))):
+        contacts = [
+            {
+                "x_mm": 1.0,
+                "y_mm": 2.0,
+                "wall": f"obstacle {place}",
+                "angle_from_normal_deg": angle,
+                "angle_error_deg": 1.0,
+                "outcome": "stopped" if angle < 10.0 else "slid",
+                "distance_mm": None if place == 2 else 13.0,
+            }
+            for place, angle in enumerate(angles)
+        ]
+        trunk = {"id": "1", "level": 1, "points_mm": [[0.0, 0.0], [0.0, 9.5]], "contacts": contacts}
+        documents.append(
+            {
+                "schema": "vinefab/observation-1",
+                "photo": f"photo_{number}.jpg",
+                "map": "elsewhere.geojson",
+                "design": "gone.toml",
+                "pose": {"x_mm": 0.0, "y_mm": 0.0, "heading_deg": 90.0},
+                "film": {"how": "by colour", "width_mm": None},
+                "branches": [{**trunk, "width_mm": {"measured": 26.0, "nominal": 25.0}}],
+            }
+        )
+    return documents

@@ -226,30 +226,6 @@ def test_a_recipe_without_a_lap_gets_one_only_with_its_bond(vinefab, tmp_path):
     assert read_profile(out).recipe.lap.is_measured_limit
 
 
-BAD = {
-    "no file": ("missing.csv", None, "no such file"),
-    "empty": ("r.csv", "", "empty in every row"),
-    "no header": ("r.csv", "a,b\n", "measure,setting,value,unit"),
-    "negative kerf": ("r.csv", "kerf_piece,cut,50.4,mm,0.02", "kerf of -0.400 mm"),
-    "one for two": ("r.csv", "width,20,19.9,mm,0.05", "apart"),
-    "unit": ("r.csv", "seam,weldcut,1,ell,0.1", "line 2: unit of seam"),
-}
-
-
-@pytest.mark.parametrize(("name", "text", "words"), BAD.values(), ids=BAD)
-def test_bad_results_are_one_line_and_nothing_is_written(vinefab, tmp_path, name, text, words):
-    path, out = tmp_path / name, tmp_path / "mine.toml"
-    if text is not None:
-        header = "measure,setting,value,unit,uncertainty\n" if "," in text[5:] else ""
-        path.write_text(header + text)
-    code, _, complaint = vinefab("calibrate", path, "--out", out)
-    assert code == 2
-    assert complaint.startswith("error: ")
-    assert complaint.count("\n") == 1
-    assert words in complaint
-    assert not out.exists()
-
-
 def test_a_recipe_whose_machine_would_not_be_found_is_not_written(vinefab, tmp_path):
     recipes = tmp_path / "lab" / "recipes"
     recipes.mkdir(parents=True)

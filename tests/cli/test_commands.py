@@ -1,4 +1,5 @@
 import json
+import re
 import shlex
 import subprocess
 import sys
@@ -11,8 +12,6 @@ import shapely
 from vinefab import __version__
 from vinefab.app.verbs import VERBS
 from vinefab.cli.main import main
-from vinefab.model.files.map_geojson import map_text
-from vinefab.model.map import Map
 from vinefab.search.run import training_maps
 from vinefab.search.settings import read_run
 
@@ -66,12 +65,6 @@ def test_grow_draws_a_picture(vinefab, grid, tmp_path, suffix, start):
         code, _, complaint = vinefab("grow", "plain_vine", "--map", grid, "--svg", picture)
         assert (code, complaint) == (0, "")
     assert picture.read_bytes().startswith(start)
-
-
-def test_negative_coordinates_can_be_given_as_a_pose(vinefab, grid):
-    code, _, complaint = vinefab("grow", "plain_vine", "--map", grid, "--pose", "-5,5,90")
-    assert code == 2
-    assert "(-5, 5) mm, outside the bounds" in complaint
 
 
 def test_quiet_says_nothing(vinefab, grid):
@@ -170,17 +163,6 @@ def test_rig_is_written_and_described(vinefab, grid, tmp_path):
         assert {"volume_mm3", "size_mm"} <= set(part)
 
 
-def test_a_rig_of_too_many_corners_names_the_file_to_simplify(vinefab, tmp_path):
-    room, disc = shapely.box(0, 0, 400, 300), shapely.Point(200, 150).buffer(80, quad_segs=3_000)
-    jagged = tmp_path / "jagged.geojson"
-    jagged.write_text(map_text(Map(name="jagged", bounds=room, obstacles=(disc,))))
-    code, _, problem = vinefab("rig", jagged, "--out", tmp_path / "rig")
-    assert code == 2
-    assert problem.startswith(f"error: {jagged}: map jagged: ")
-    assert "vinefab map import --simplify-mm" in problem
-    assert not (tmp_path / "rig").exists()
-
-
 def test_report_is_one_page_with_predictions(vinefab, grid, tmp_path):
     page = tmp_path / "report.html"
     code, words, _ = vinefab("report", "three_level_tree", "--maps", grid, "--out", page)
@@ -243,15 +225,6 @@ def test_limits_of_a_run_are_raised_when_it_is_resumed(vinefab, run_file, tmp_pa
     code, _, complaint = vinefab(*arguments, "--resume", "--generations", 1)
     assert (code, complaint.count("\n")) == (2, 1)
     assert "at least the 3 that the run has" in complaint
-
-
-def test_a_page_of_someone_else_is_kept(vinefab, run_file, tmp_path):
-    (tmp_path / "index.html").write_text("my own page")
-    code, _, complaint = vinefab("optimize", run_file, "--out", tmp_path)
-    assert (code, complaint.count("\n")) == (2, 1)
-    assert "index.html" in complaint
-    assert not (tmp_path / "run.sqlite").exists()
-    assert (tmp_path / "index.html").read_text() == "my own page"
 
 
 @pytest.mark.thorough
@@ -343,3 +316,27 @@ def test_fabricate_nests_copies_and_other_designs_or_says_how_many_fit(vinefab, 
     assert code == 1
     assert "of 13 robots find room" in text
     assert not (tmp_path / "no").exists()
+
+
+def test_aim_prints_a_pose_that_grow_takes(vinefab, grid, tmp_path):
+    numbers = tmp_path / "aim.json"
+    arguments = ("aim", "plain_vine", "--map", grid, "--deployments", 5000)
+    _, said, _ = vinefab(*arguments, "--json", numbers)
+    pose = said.partition("put the base of plain_vine at ")[2].partition(":")[0]
+    content = json.loads(numbers.read_text())
+    assert content["pose"]["text"] == pose
+    again = f"vinefab aim plain_vine {grid} --deployments 5000"
+    assert content["reproduce"]["command"] == again
+    assert vinefab("grow", "plain_vine", "--map", grid, "--pose", pose)[0] == 0
+
+
+def test_a_snapshot_of_the_studio_is_written_without_a_server(vinefab, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    command = ("studio", "plain_vine", "--environment", "pegs", "--snapshot")
+    for name in ("one.html", "two.html"):
+        assert vinefab(*command, name) == (0, f"wrote {name}\n", "")
+    one = (tmp_path / "one.html").read_bytes()
+    assert one == (tmp_path / "two.html").read_bytes()
+    stored = json.loads(re.search(rb'id="stored">(.*?)</script>', one, re.DOTALL)[1])
+    assert set(stored["answers"]) == {"live", "cut", "rules"}
+    assert stored["hello"]["state"]["map"]["source"] == {"environment": "pegs", "seed": 3}

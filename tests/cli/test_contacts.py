@@ -145,49 +145,6 @@ def test_bounds_leave_the_other_end_assumed(bounded):
     assert upper.at_one_angle.half_angle_deg == 1.0
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("value = 4.5", "value = 9", "head_on_half_angle_deg.value is 9.0; allowed: 3 to 6"),
-        ("low = 3.0", "lwo = 3.0", "did you mean 'low'?"),
-        ('"measured"', '"guessed"', "standing is 'guessed'; allowed: 'measured'"),
-        ("value = 4.5\n", "", "head_on_half_angle_deg.value is missing"),
-        ("photos = 4", "photos = 0", "photos is 0"),
-        ("high = 6.0", "high = nan", "high is nan"),
-        (
-            "high = 6.0",
-            "high = 120.0",
-            "head_on_half_angle_deg.high is 120.0; allowed: less than or equal to 90",
-        ),
-        ("contacts-1", "contacts-2", "schema is 'vinefab/contacts-2'"),
-        ("[head", "[haed", "no such key"),
-    ],
-)
-def test_a_wrong_file_is_one_clear_line(vinefab, grid, plain, measured, old, new, words):
-    assert old in measured.read_text()
-    measured.write_text(measured.read_text().replace(old, new, 1))
-    for command in ("grow", "score"):
-        code, _, complaint = vinefab(command, plain, "--map", grid, "--contacts", measured)
-        assert code == 2
-        assert words in complaint
-        assert str(measured) in complaint
-        assert len(complaint.splitlines()) == 1
-
-
-def test_a_file_that_is_not_there_or_has_no_number_is_said(vinefab, grid, plain, tmp_path):
-    empty = tmp_path / "empty.toml"
-    empty.write_text(SCHEMA)
-    for name, words in (
-        (tmp_path / "none.toml", "there is no such file"),
-        ("my_robots", "no contacts file is called 'my_robots'"),
-        (empty, "contacts is 'no number'"),
-    ):
-        code, _, complaint = vinefab("grow", plain, "--map", grid, "--contacts", name)
-        assert code == 2
-        assert words in complaint
-        assert len(complaint.splitlines()) == 1
-
-
 def test_a_name_is_looked_for_in_the_users_own_folder(measured, monkeypatch, tmp_path):
     monkeypatch.setenv("VINEFAB_PROFILES", str(tmp_path))
     (tmp_path / "contacts").mkdir()
@@ -252,34 +209,11 @@ def test_a_body_too_wide_for_its_start_is_reported_as_such(vinefab, grid, plain,
 
 
 @pytest.fixture
-def observed(tmp_path):
-    """Observations of two photos, as `vinefab observe --json` writes them."""
-    files = []
-    for number, angles in enumerate(((2.0, 4.0, 20.0), (3.0, 15.0, 30.0))):
-        contacts = [
-            {
-                "x_mm": 1.0,
-                "y_mm": 2.0,
-                "wall": f"obstacle {place}",
-                "angle_from_normal_deg": angle,
-                "angle_error_deg": 1.0,
-                "outcome": "stopped" if angle < 10.0 else "slid",
-                "distance_mm": None if place == 2 else 13.0,
-            }
-            for place, angle in enumerate(angles)
-        ]
-        trunk = {"id": "1", "level": 1, "points_mm": [[0.0, 0.0], [0.0, 9.5]], "contacts": contacts}
-        content = {
-            "schema": "vinefab/observation-1",
-            "photo": f"photo_{number}.jpg",
-            "map": "elsewhere.geojson",
-            "design": "gone.toml",
-            "pose": {"x_mm": 0.0, "y_mm": 0.0, "heading_deg": 90.0},
-            "film": {"how": "by colour", "width_mm": None},
-            "branches": [{**trunk, "width_mm": {"measured": 26.0, "nominal": 25.0}}],
-        }
-        files.append(tmp_path / f"seen_{number}.json")
-        files[-1].write_text(json.dumps(content))
+def observed(seen, tmp_path):
+    """Observations of two photos in files."""
+    files = [tmp_path / f"seen_{number}.json" for number in range(len(seen))]
+    for file, document in zip(files, seen, strict=True):
+        file.write_text(json.dumps(document))
     return files
 
 
@@ -300,31 +234,6 @@ def test_observations_are_fitted_and_the_file_is_read(vinefab, grid, plain, obse
         "(measured: 6 contacts on 2 photos"
         in vinefab("grow", plain, "--map", grid, "--contacts", file)[1]
     )
-
-
-def test_what_cannot_be_fitted_is_one_clear_line(vinefab, observed, tmp_path):
-    one = observed[0]
-    foreign = tmp_path / "notes.toml"
-    foreign.write_text("mine")
-    for arguments, words in (
-        ((one, "--fit", tmp_path / "a.toml", "--map", "x.geojson"), "there is no option --map"),
-        ((one, "--fit", tmp_path / "a.json"), "ending in .toml"),
-        ((one, one, "--fit", tmp_path / "a.toml"), "each observation once"),
-        ((tmp_path / "no.json", "--fit", tmp_path / "a.toml"), "there is no such file"),
-        (
-            (one, "--fit", tmp_path / "a.toml", "--angle-error-deg", -1),
-            "--angle-error-deg is -1.0; allowed: 0.1 to 30 deg",
-        ),
-        ((one, "--fit", foreign), "not written by vinefab"),
-        ((one,), "MAP is missing"),
-        ((one, "--angle-error-deg", 3), "there is no option --angle-error-deg"),
-    ):
-        code, _, complaint = vinefab("observe", *arguments)
-        assert code == 2
-        assert words in complaint
-        assert len(complaint.splitlines()) == 1
-    assert foreign.read_text() == "mine"
-    assert not (tmp_path / "a.toml").exists()
 
 
 def test_the_library_fits_and_reads_the_same(observed, plain, grid, tmp_path):

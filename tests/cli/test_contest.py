@@ -17,6 +17,3 @@ def test_a_comparison_makes_a_table_and_a_figure(vinefab, run_file, tmp_path):
     assert "difference to random" in words
     assert "paired by seed" in words
     assert "1 seed: no interval" in words
-    code, _, complaint = vinefab(*arguments, "--optimizer", "pso:inertai=1")
-    assert code == 2
-    assert "did you mean 'inertia'" in complaint

@@ -29,12 +29,6 @@ def test_history_is_in_the_json_only_when_asked_for(vinefab, tree):
     assert {branch["id"]: branch["points_mm"] for branch in steps[-1]["branches"]} == final
 
 
-def test_history_without_json_is_refused(vinefab, tree):
-    code, _, complaint = vinefab(*tree, "--history", "5")
-    assert code == 2
-    assert "--json" in complaint
-
-
 @pytest.mark.parametrize(("name", "start"), [("a.svg", b"<svg"), ("a.GIF", b"GIF89a")])
 def test_animation_is_written_and_may_be_written_again(vinefab, tree, tmp_path, name, start):
     path = tmp_path / name
@@ -43,27 +37,6 @@ def test_animation_is_written_and_may_be_written_again(vinefab, tree, tmp_path, 
         assert (code, complaint) == (0, "")
         assert str(path) in words
     assert path.read_bytes().startswith(start)
-
-
-@pytest.mark.parametrize(
-    ("option", "value"), [("--animate", "a.mp4"), ("--frames", 0), ("--frames", 100000)]
-)
-def test_animations_that_cannot_be_made_are_refused_before_the_growth(
-    vinefab, tree, tmp_path, option, value
-):
-    path = tmp_path / (value if option == "--animate" else "a.svg")
-    more = () if option == "--animate" else (option, value)
-    code, _, complaint = vinefab(*tree, "--animate", path, *more)
-    assert code == 2
-    assert option in complaint
-    assert not path.exists()
-
-
-def test_foreign_files_are_kept(vinefab, tree, tmp_path):
-    path = tmp_path / "mine.gif"
-    path.write_bytes(b"GIF89a of somebody else")
-    assert vinefab(*tree, "--animate", path)[0] == 2
-    assert path.read_bytes() == b"GIF89a of somebody else"
 
 
 def test_labels_are_drawn_on_request(vinefab, tree, tmp_path):

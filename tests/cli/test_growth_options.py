@@ -62,38 +62,6 @@ def test_a_design_of_no_run_is_compared_as_the_other_was_trained(vinefab, grid, 
     assert "plain minus plain_vine" in words
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--growth", "body"), "--growth is 'body'; allowed: NAME=VALUE"),
-        (("--growth", "bodi=inflated"), "did you mean 'body'"),
-        (("--growth", "body=fat"), "body is 'fat'"),
-        (("--growth", "pressure_stop=perhaps"), "pressure_stop is 'perhaps'"),
-        (("--growth", "head_on_half_angle_deg=1,2,3"), "a number, or a range [low, high]"),
-        (("--growth", "storage_kpa=1,2"), "storage_kpa is [1, 2]"),
-        (("--growth", "body=inflated", "--growth", "body=centerline"), "body once"),
-        (("--growth", "body=inflated", "--body", "centerline"), "--body is 'centerline'"),
-    ],
-)
-def test_what_is_no_growth_option_is_one_line(vinefab, grid, plain, arguments, words):
-    for command in ("grow", "score"):
-        code, _, complaint = vinefab(command, plain, "--map", grid, *arguments)
-        assert code == 2
-        assert words in complaint
-        assert len(complaint.splitlines()) == 1
-
-
-@pytest.mark.parametrize("command", ["grow", "score", "check", "compare", "report"])
-def test_a_broken_origin_names_its_file_and_key(vinefab, grid, plain, tmp_path, command):
-    plain.write_text(plain.read_text() + "[origin.growth]\npressure_stop = 3\n")
-    more = {"compare": ("plain_vine",), "report": ("--out", tmp_path / "page.html")}
-    code, _, complaint = vinefab(command, plain, *more.get(command, ()), "--map", grid)
-    assert code == 2
-    wanted = f"{plain}: origin.growth.pressure_stop is 3; allowed: a valid boolean"
-    assert complaint.strip().removeprefix("error: ").endswith(wanted)
-    assert len(complaint.splitlines()) == 1
-
-
 def test_a_check_has_growth_options_only_on_a_map(vinefab, grid, plain):
     code, _, complaint = vinefab("check", plain, "--growth", "body=inflated")
     assert code == 2

@@ -141,27 +141,3 @@ def test_a_joint_that_cannot_be_cut_is_named():
                        build=vf.Build.standard(2).changed(compensation="inflation"))  # fmt: skip
     with pytest.raises(vf.BadInputError, match=r"level 2.*Change the angle or the number"):
         vf.inflate(design, alone=True, progress=False)
-
-
-@pytest.mark.parametrize(
-    ("extra", "named"),
-    [
-        (("--across", 7), "--across"),
-        (("--across", 400), "--across"),
-        (("--out", "shape.pdf"), "--out"),
-        (("--mesh", "shape.glb"), "--mesh"),
-        (("--recipe", "moon"), "moon"),
-    ],
-)
-def test_bad_input_is_one_line(vinefab, extra, named):
-    code, _, errors = vinefab("inflate", "plain_vine", *extra)
-    assert code == 2
-    (line,) = errors.splitlines()
-    assert line.startswith("error:")
-    assert named in line
-
-
-def test_more_triangles_than_memory_holds_are_refused(vinefab):
-    code, _, errors = vinefab("inflate", "grid_explorer", "--across", 32)
-    assert code == 2
-    assert "--across is 32; allowed: 4 to 22 for grid_explorer" in errors

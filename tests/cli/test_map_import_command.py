@@ -33,15 +33,6 @@ def test_parts_that_do_not_hang_together_are_printed(vinefab, tmp_path):
         assert said in words
 
 
-def test_a_reading_that_is_unknown_is_one_line(vinefab, tmp_path):
-    source, out = write_passages(tmp_path / "cave.geojson", 3), tmp_path / "a.geojson"
-    code, _, complaint = vinefab("map", "import", source, "--drawn", "rooms", "--out", out)
-    assert code == 2
-    assert "drawn is 'rooms'; allowed: one of obstacles, free" in complaint
-    assert complaint.count("\n") == 1
-    assert not out.exists()
-
-
 def test_a_map_says_how_it_was_made_once_and_in_few_digits(vinefab, tmp_path):
     source = write_passages(tmp_path / "cave.geojson", 4)
     made, scaled = tmp_path / "a.geojson", ("--scale-mm-per-unit", "1.23456789")

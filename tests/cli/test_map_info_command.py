@@ -21,16 +21,6 @@ def test_info_of_a_map(vinefab, grid, tmp_path):
     assert picture.read_bytes().startswith(b"<?xml")
 
 
-def test_info_has_help_with_an_example_and_refuses_what_is_wrong(vinefab, grid):
-    code, words, _ = vinefab("map", "info", "--help")
-    assert code == 0
-    assert "vinefab map info " in words.split("Example:")[1]
-    code, _, complaint = vinefab("map", "info", grid, "--width-mm", -3)
-    assert code == 2
-    assert "--width-mm" in complaint
-    assert vinefab("map", "info", "no.geojson")[0] == 2
-
-
 def test_json_on_standard_output_stands_alone(vinefab, grid):
     code, output, words = vinefab("map", "info", grid, "--json", "-", "--passages", 2)
     assert code == 0

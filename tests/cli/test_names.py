@@ -27,24 +27,6 @@ def test_names_lead_to_files_of_the_current_folder(vinefab):
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.parametrize(
-    ("words", "near"),
-    [
-        ("grow mien --map table", "mine"),
-        ("grow mine.tml --map table", "mine.toml"),
-        ("grow mine --map tabel", "table.geojson"),
-        ("grow mine --map tabel.geojson", "table.geojson"),
-        ("optimize serach --out run", "search"),
-        ("check plain_vin", "plain_vine"),
-    ],
-)
-def test_a_name_that_is_nowhere_suggests_the_nearest(vinefab, words, near):
-    code, _, complaint = vinefab(*words.split())
-    assert (code, complaint.count("\n")) == (2, 1)
-    assert f"did you mean {near!r}?" in complaint
-
-
-@pytest.mark.usefixtures("here")
 def test_a_shipped_name_means_the_shipped_file_and_a_line_names_the_other(vinefab):
     shipped = vf.Design.read("plain_vine")
     text = Path("mine.toml").read_text()

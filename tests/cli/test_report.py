@@ -1,8 +1,6 @@
 import json
 import re
 
-import pytest
-
 from vinefab.cli.main import main
 
 SMALL = ("--set", "columns=3", "--set", "rows=3", "--set", "size_mm=300")
@@ -23,25 +21,6 @@ def test_report_over_an_environment_repeats_itself(vinefab, tmp_path):
         # the digest in its mark is that of the page with its path
         pages.append(re.sub(r" \[[0-9a-f]{16}\]", "", out.read_text().replace(str(out), "OUT")))
     assert pages[0] == pages[1]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        ((), "--environment"),
-        (("--environment", "gird"), "did you mean 'grid'"),
-        (("--environment", "grid", "--count", 0), "--count is 0"),
-        (("--environment", "grid", "--set", "sise=3"), "grid.sise"),
-    ],
-)
-def test_bad_questions_are_named_before_anything_is_written(
-    vinefab, tmp_path, arguments, complaint
-):
-    out = tmp_path / "report.html"
-    code, _, said = vinefab("report", "plain_vine", *arguments, "--out", out)
-    assert code == 2
-    assert complaint in said
-    assert not out.exists()
 
 
 def test_an_interrupted_report_leaves_nothing(monkeypatch, grid, tmp_path):

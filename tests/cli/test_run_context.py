@@ -221,14 +221,6 @@ def test_targets_of_a_map_file_are_remembered_and_its_own_come_first(
     assert [one["name"] for one in found["targets"]] == ["other"]
 
 
-@pytest.mark.parametrize("text", ["task = 3", "maps = [3]", "task_parameters = 2", "run = []"])
-def test_a_context_that_cannot_be_used_is_one_line(vinefab, plain, grid, text):
-    plain.write_text(plain.read_text() + f"[origin]\n{text}\n")
-    code, _, complaint = vinefab("score", plain, "--map", grid)
-    assert (code, complaint.count("\n")) == (2, 1)
-    assert f"origin.{text.split()[0]}" in complaint
-
-
 def test_a_task_that_is_not_installed_is_said(vinefab, plain, grid):
     plain.write_text(plain.read_text() + '[origin]\nrun = "ab"\ntask = "my_task"\n')
     found, line = scored(vinefab, plain, "--map", grid)
@@ -245,17 +237,6 @@ def test_the_recipe_of_a_run_lies_in_its_folder(vinefab, best, tmp_path, file):
     code, _, complaint = vinefab("check", best)
     assert (code, complaint.count("\n")) == (2, 1)
     assert "origin.recipe.file" in complaint
-
-
-@pytest.mark.parametrize("text", ['recipe = "mine"', "recipe = { name = 3 }", "recipe = {}"])
-def test_an_origin_without_name_file_and_digest_is_refused(vinefab, tmp_path, text):
-    design = tmp_path / "plain.toml"
-    design.write_text(
-        f'schema = "vinefab/design-1"\nname = "plain"\n[trunk]\nlength = 300.0\n[origin]\n{text}\n'
-    )
-    code, _, complaint = vinefab("check", design)
-    assert (code, complaint.count("\n")) == (2, 1)
-    assert "origin.recipe" in complaint
 
 
 def test_a_winner_written_from_the_record_has_its_recipe_too(vinefab, best, tmp_path):

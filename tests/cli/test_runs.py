@@ -59,20 +59,3 @@ def test_a_record_alone_gives_the_files_again(vinefab, ended, tmp_path):
     assert (again / "map_grid_1.svg").exists()
     assert "tiny: the best design found" in (again / "index.html").read_text()
     assert str(again / "best.toml") in words.replace("\n", "")
-
-
-def test_a_folder_without_records_is_named(vinefab, tmp_path):
-    code, _, complaint = vinefab("runs", tmp_path)
-    assert code == 2
-    assert "a folder with a run.sqlite in it or below" in complaint
-    assert vinefab("runs", tmp_path / "none")[0] == 2
-
-
-def test_no_record_is_begun_for_a_run_that_cannot_go(vinefab, tmp_path):
-    text = 'schema = "vinefab/run-1"\n[optimizer]\nname = "cmaes"\npopulation = 3\n'
-    (tmp_path / "few.toml").write_text(text)
-    out = tmp_path / "out"
-    code, _, complaint = vinefab("optimize", tmp_path / "few.toml", "--out", out)
-    assert code == 2
-    assert "optimizer.population is 3; allowed: at least 4" in complaint
-    assert not (out / "run.sqlite").exists()

@@ -58,32 +58,3 @@ def test_a_drawing_is_imported_with_a_place_to_start(vinefab, tmp_path):
     x, y = Map.read(out).bounds.centroid.coords[0]
     assert vinefab("map", "import", drawing, "--start", f"{x},{y},30", *given)[0] == 0
     assert Map.read(out).starts[0].pose.heading_deg == pytest.approx(30.0)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("map", "start", "{grid}", "--out", "x.geojson"), "--start is missing; for example: "),
-        (("map", "start", "{grid}", "--start", "leftt", "--out", "x.geojson"), "mean 'left'?"),
-        (("score", "plain_vine", "--maps", "{grid}", "--start", "-5,5,0"), "outside the bounds"),
-        (("score", "plain_vine", "--maps", "{grid}", "--start", "area 900,0 999,9"), "free space"),
-        (
-            ("grow", "plain_vine", "--map", "{grid}", "--start", "left", "--pose", "9,9,0"),
-            "together with start",
-        ),
-        (("check", "plain_vine", "--start", "left side"), "together with maps (--map)"),
-        (
-            ("map", "grid", "--start", "left, inset 20, clear 900", "--out", "x.geojson"),
-            "at least 900 mm from walls",
-        ),
-    ],
-)
-def test_a_start_that_cannot_be_used_is_one_line_and_exit_code_2(
-    vinefab, grid, tmp_path, monkeypatch, arguments, words
-):
-    monkeypatch.chdir(tmp_path)
-    code, _, complaint = vinefab(*(text.format(grid=grid) for text in arguments))
-    assert code == 2
-    assert words in complaint
-    assert complaint.count("\n") == 1
-    assert not (tmp_path / "x.geojson").exists()

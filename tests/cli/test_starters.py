@@ -12,11 +12,10 @@ from vinefab.app.files import _NEXT_STEPS as NEXT_STEPS
 from vinefab.app.verbs import OLDER, VERBS
 from vinefab.cli.commands import each_named
 from vinefab.cli.main import main
-from vinefab.core.version import __version__
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
-from vinefab.model.files.starters import CALLED_AS_FILES, shipped_examples, starter_map
+from vinefab.model.files.starters import shipped_examples, starter_map
 from vinefab.model.map import Map
 from vinefab.search.settings import read_run
 
@@ -62,13 +61,6 @@ def test_a_new_file_is_read_whatever_its_name(kind, stem, tmp_path):
     READERS[kind](path)
 
 
-@pytest.mark.parametrize("kind", CALLED_AS_FILES)
-def test_a_profile_that_cannot_be_called_as_its_file_is_refused(kind, tmp_path, capsys):
-    assert main(["new", kind, "my film.toml"]) == 2
-    assert f"for a {kind} a file name of letters" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_laser_of_ones_own_lies_beside_its_recipe(tmp_path, monkeypatch, capsys):
     assert main(["new", "machine", "small.toml", "-q"]) == 0
     small = tmp_path / "small.toml"
@@ -99,47 +91,6 @@ def test_the_starter_map_has_room_for_the_starter_design(capsys):
     assert main(["grow", "three_level_tree", "--map", "table.geojson"]) == 0
     assert "grown" in capsys.readouterr().out
     assert len(starter_map("table").obstacles) == 3
-
-
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (["thing", "a.toml"], "kind"),
-        (["design", "a.json"], "file"),
-        (["map", "a.toml"], "file"),
-        (["map", "a.geojson", "--from", "table"], "--original"),
-    ],
-)
-def test_a_wrong_kind_or_suffix_is_one_line(arguments, named, capsys):
-    assert main(["new", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith(f"error: {named} is ")
-    assert error.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("kind", "reader", "said"),
-    [
-        ("run", "check", "this is a run file: vinefab optimize takes it"),
-        ("machine", "check", "this is a laser: a recipe names it"),
-        ("map", "check", "but JSON, as maps are (--map)"),
-        ("design", "optimize", "this is a design: vinefab grow, check, fabricate"),
-    ],
-)
-def test_a_file_of_another_kind_is_named(kind, reader, said, tmp_path, capsys):
-    file = tmp_path / f"mine.{'geojson' if kind == 'map' else 'toml'}"
-    assert main(["new", kind, str(file), "-q"]) == 0
-    out = ["--out", "run"] if reader == "optimize" else []
-    assert main([reader, str(file), *out]) == 2
-    assert said in capsys.readouterr().err
-
-
-def test_a_file_of_another_version_says_so(tmp_path, capsys):
-    assert main(["new", "design", "mine.toml", "-q"]) == 0
-    mine = tmp_path / "mine.toml"
-    mine.write_text(mine.read_text().replace("vinefab/design-1", "vinefab/design-2"))
-    assert main(["check", "mine.toml"]) == 2
-    assert f"this is vinefab {__version__}, and another version" in capsys.readouterr().err
 
 
 def test_the_program_says_how_to_cite_it(capsys):

@@ -161,13 +161,6 @@ def test_required_values_are_the_same_on_both_doors():
         assert {one.name for one in Command.named(name).options if one.required} == needed
 
 
-@pytest.mark.parametrize("text", ["VF-C01", "VF-C01=6", "VF-C01.warning=", "VF-C01.warning=six"])
-def test_a_malformed_limit_is_refused(vinefab, text):
-    code, _, complaint = vinefab("check", "plain_vine", "--limit", text)
-    assert (code, complaint.count("\n")) == (2, 1)
-    assert f"--limits is {text!r}; allowed: RULE.NAME=NUMBER" in complaint
-
-
 def test_a_registered_part_is_everywhere_by_its_registration(vinefab, monkeypatch, tmp_path):
     monkeypatch.setitem(TASKS._parts, "farthest", TASKS["reach"])
     monkeypatch.setitem(OPTIMIZERS._parts, "walk", OPTIMIZERS["random"])

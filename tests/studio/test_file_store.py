@@ -95,18 +95,6 @@ def test_a_file_changed_elsewhere_is_left_alone_unless_forced(desk, folder):
     assert (folder / "mine.toml").read_text() == theirs.replace("77.0", "130.0")
 
 
-def test_of_two_tabs_that_save_one_file_the_second_is_asked(desk):
-    first, second = opened(desk), opened(desk)
-    answers = [
-        desk.save_design(
-            {"path": "mine.toml", "design": with_length(tab["design"], mm), "stamp": tab["stamp"]}
-        )
-        for tab, mm in ((first, 1.0), (second, 2.0))
-    ]
-    assert [answer["saved"] for answer in answers] == [True, False]
-    assert answers[1]["design"]["trunk"]["length"] == 1.0
-
-
 def test_tabs_that_save_at_once_never_overwrite_each_other(desk):
     file = opened(desk)
 

@@ -947,8 +947,6 @@ def test_few_tab_stops_lead_to_the_map(tab):
         ("head_on_half_angle_deg", 15, "number"),
         ("body", "centerline", "select"),
         ("pressure_stop", False, "flag"),
-        ("branch_contact", "stop", "select"),
-        ("body_width_ratio", 1.3, "number"),
     ],
 )
 def test_growth_options_are_seen_and_changed_in_one_place(tab, grid, key, value, kind):

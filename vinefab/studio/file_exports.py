@@ -2,12 +2,13 @@
 
 import os
 import shlex
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_bytes, write_folder
 from vinefab.core.errors import (
@@ -93,24 +94,26 @@ class MadeExport:
     findings: tuple[Mapping[str, Any], ...] = ()  # as in ``vinefab/checks-1``
 
 
-class Export(Protocol):
-    """One kind of export; its fields are what the user chooses."""
+class Export(ABC):
+    """One kind of export; its fields are the choices of the user."""
 
     verb: ClassVar[str]  # the function that its command calls, ``MODULE.NAME`` of `vinefab.app`
-    mark: ClassVar[str]  # the file by which its folder is known again; empty: it is one file
-    endings: ClassVar[tuple[str, ...]]  # of its name, if it is one file
-    uses_map: ClassVar[bool]
-    moves_start: ClassVar[bool]  # whether the page's start has to stand in the map
+    mark: ClassVar[str] = ""  # the file by which its folder is known again; empty: it is one file
+    endings: ClassVar[tuple[str, ...]] = ()  # of its name, if it is one file
+    uses_map: ClassVar[bool] = True
+    moves_start: ClassVar[bool] = False  # whether the page's start has to stand in the map
 
+    @abstractmethod
     def given(self, source: ExportSource) -> dict[str, Any]:
         """Return the arguments of the verb."""
 
+    @abstractmethod
     def make(self, source: ExportSource, progress: Progress) -> MadeExport:
-        """Return the files."""
+        """Return the files, or what forbids them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PackageExport:
+class PackageExport(Export):
     """The fabrication package."""
 
     zip: bool = False  # also as an archive
@@ -119,9 +122,7 @@ class PackageExport:
     copies: int = 1  # robots on the bed
     verb: ClassVar[str] = "making.fabricate"
     mark: ClassVar[str] = "job.json"
-    endings: ClassVar[tuple[str, ...]] = ()
     uses_map: ClassVar[bool] = False
-    moves_start: ClassVar[bool] = False
 
     def given(self, source: ExportSource) -> dict[str, Any]:
         """Return the arguments of the verb."""
@@ -160,7 +161,7 @@ class PackageExport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RigExport:
+class RigExport(Export):
     """Printable obstacles."""
 
     printer: str = DEFAULT_PRINTER
@@ -172,8 +173,6 @@ class RigExport:
     pictures: bool = True  # draw the plan and sheets; report.html
     verb: ClassVar[str] = "making.rig"
     mark: ClassVar[str] = "rig.json"
-    endings: ClassVar[tuple[str, ...]] = ()
-    uses_map: ClassVar[bool] = True
     moves_start: ClassVar[bool] = True
 
     def given(self, source: ExportSource) -> dict[str, Any]:
@@ -212,17 +211,14 @@ class RigExport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PictureExport:
+class PictureExport(Export):
     """The grown robot on its map, still or in motion."""
 
     animate: bool = False
     frames: int = 24  # of the moving picture
     label: bool = False  # write branch ids in the still one
     verb: ClassVar[str] = "predicting.grow"
-    mark: ClassVar[str] = ""
     endings: ClassVar[tuple[str, ...]] = (".svg", ".png", ".gif")
-    uses_map: ClassVar[bool] = True
-    moves_start: ClassVar[bool] = False
 
     def given(self, source: ExportSource) -> dict[str, Any]:
         """Return the arguments of the verb."""
@@ -263,7 +259,7 @@ class PictureExport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReportExport:
+class ReportExport(Export):
     """Predictions as one page."""
 
     poses: int = 3  # drawn per map
@@ -271,9 +267,7 @@ class ReportExport:
     environment: str = ""  # predict for unseen maps of it too; empty: for the open map alone
     count: int = 40  # how many of these
     verb: ClassVar[str] = "predicting.report"
-    mark: ClassVar[str] = ""
     endings: ClassVar[tuple[str, ...]] = (".html",)
-    uses_map: ClassVar[bool] = True
     moves_start: ClassVar[bool] = True
 
     def given(self, source: ExportSource) -> dict[str, Any]:

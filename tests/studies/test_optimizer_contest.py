@@ -58,13 +58,13 @@ def test_contenders_meet_the_same_maps_and_every_number_its_own() -> None:
 
 def test_a_comparison_goes_on_where_it_was_cut_off(tmp_path: Path) -> None:
     record, seen = tmp_path / "bouts.jsonl", []
-    whole = contest_rows(CONTEST, record, tell=lambda share, _: seen.append(share))
+    whole = contest_rows(CONTEST, record, progress=lambda share, _: seen.append(share))
     assert seen == [0.0, 0.25, 0.5, 0.75, 1.0]
     assert all(row.evaluations == 8 for row in whole)
     text = record.read_text()
     record.write_text(text[: text.rindex("{") + 30])  # killed while writing the last line
     seen.clear()
-    again = contest_rows(CONTEST, record, tell=lambda share, _: seen.append(share))
+    again = contest_rows(CONTEST, record, progress=lambda share, _: seen.append(share))
     assert seen == [0.75, 1.0]
     assert timeless(again) == timeless(whole)
     assert contest_rows(CONTEST, record) == again

@@ -486,7 +486,7 @@ def contest(
     )
     folder = as_path("out", out)
     with told("comparing", progress) as tell:
-        rows = contest_rows(plan, folder / "bouts.jsonl", jobs=workers, tell=tell, force=force)
+        rows = contest_rows(plan, folder / "bouts.jsonl", jobs=workers, progress=tell, force=force)
     document = comparison_json(plan, rows)
     write_page(folder / "comparison.json", document, force=force)
     write_page(folder / "comparison.svg", comparison_svg(plan, rows), force=force)
@@ -560,7 +560,7 @@ def reproduce(
     folder, size = as_path("out", out), QUICK_SIZE if quick else PAPER_SIZE
     with told("reproduce", progress) as tell:
         done = do_experiments(
-            names, folder, size, workers=workers, tell=tell,
+            names, folder, size, workers=workers, progress=tell,
             announce=lambda name: note(name, only_in_shell=True),
         )  # fmt: skip
     held, claims = done.held

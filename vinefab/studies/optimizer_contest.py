@@ -181,7 +181,7 @@ def contest_rows(
     record: Path,
     *,
     jobs: int = 1,
-    tell: Callable[[float, str], None] = lambda _, __: None,
+    progress: Callable[[float, str], None] = lambda _, __: None,
     force: bool = False,
 ) -> list[ContestRow]:
     """Do the runs that a record does not hold yet, and return all of them."""
@@ -199,7 +199,7 @@ def contest_rows(
             with located(sources[run.settings.name]):
                 _search(run.settings)
     total, begun = len(contest_runs), len(contest_runs) - len(todo)
-    tell(begun / max(1, total), f"{begun} of {total} runs")
+    progress(begun / max(1, total), f"{begun} of {total} runs")
     for done, row in enumerate(_rows_of(todo, jobs), start=begun + 1):
         with folder_to_fill(record.parent), record.open("a", encoding="utf-8") as stream:
             if stream.tell() == 0:
@@ -209,7 +209,7 @@ def contest_rows(
             stream.write(json.dumps(asdict(row)) + "\n")
         known[row.key] = row
         last = f"{row.problem} {row.contender} {row.unseen:.4f}"
-        tell(done / total, f"{done} of {total} runs, the last {last}")
+        progress(done / total, f"{done} of {total} runs, the last {last}")
     return [known[contest_run.key] for contest_run in contest_runs]
 
 

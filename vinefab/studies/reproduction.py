@@ -11,7 +11,7 @@ from vinefab.pages.html import page
 from vinefab.search.record.identity import package_versions
 from vinefab.studies import EXPERIMENTS
 from vinefab.studies.claims import CLAIM_HEADINGS, StudyResult, held, held_corrected
-from vinefab.studies.study_runs import QUICK_SIZE, JobStore, StudySize, StudyTell
+from vinefab.studies.study_runs import QUICK_SIZE, JobStore, Progress, StudySize
 
 STUDY_PAGE, NUMBERS = "reproduction.html", "reproduction.json"
 
@@ -40,14 +40,14 @@ def do_experiments(
     size: StudySize,
     *,
     workers: int = 1,
-    tell: StudyTell = lambda _, __: None,
+    progress: Progress = lambda _, __: None,
     announce: Callable[[str], None] = lambda _: None,
 ) -> Reproduction:
     """Do some experiments, and write all that the folder holds into one page and one JSON file."""
     wanted = [name for given in names for name in (EXPERIMENTS if given == ALL else [given])]
     for name in wanted:
         EXPERIMENTS[name]
-    with JobStore(folder, size, workers, tell) as store:
+    with JobStore(folder, size, workers, progress) as store:
         ensure_writable(folder / STUDY_PAGE)
         ensure_writable(folder / NUMBERS)
         here = set(store.finished()) | set(wanted)

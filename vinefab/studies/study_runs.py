@@ -294,17 +294,17 @@ _FINISHED_SCHEMA = "vinefab/reproduction-finished-1"
 
 _PART_SCHEMA = "vinefab/reproduction-part-1"
 
-StudyTell = Callable[[float, str], None]
+Progress = Callable[[float, str], None]
 
 
 class JobStore:
     """A folder of finished jobs, and processes to do more; closed at the end of its block."""
 
-    def __init__(self, folder: Path, size: StudySize, workers: int, tell: StudyTell) -> None:
+    def __init__(self, folder: Path, size: StudySize, workers: int, progress: Progress) -> None:
         self.folder = folder
         self.size = size
         self.workers = workers
-        self.tell = tell
+        self.progress = progress
         self.spent_s = 0.0
         self._pool: ProcessPoolExecutor | None = None
         _begin(folder, size)
@@ -349,7 +349,7 @@ class JobStore:
             known[key] = found
             text = json_text(_PART_SCHEMA, {"key": key, "result": found})
             write_text(self._path(key), text)
-            self.tell(number / len(todo), f"{words} {number} of {len(todo)}")
+            self.progress(number / len(todo), f"{words} {number} of {len(todo)}")
         self.spent_s += time.perf_counter() - began_s
         return [result for key in keys if (result := known[key]) is not None]
 
@@ -393,7 +393,7 @@ def _begin(folder: Path, size: StudySize) -> None:
         return
     if not is_ours(path):
         raise ForeignFileError(path)
-    ensure_writable(path, force=True)  # it is read only: changed values are told below
+    ensure_writable(path, force=True)  # it is read only: changed values are named below
     begun = _document(path, _SETTINGS_SCHEMA).get("settings", {})
     for key, value in now.items():
         if begun.get(key) != value:

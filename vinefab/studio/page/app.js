@@ -49,7 +49,7 @@ function createSignals() {
       listeners[name].push(fn);
     },
     /** @template {keyof H} N @param {N} name @param {H[N]} value */
-    tell(name, value) {
+    emit(name, value) {
       for (const fn of listeners[name] ?? []) fn(value);
     },
   };
@@ -87,7 +87,7 @@ function createApp(hello, connection, stored) {
       const asked = state ?? app.shown();
       const reply = await connection.ask(panel, ask, asked);
       answers[panel] = reply.answer;
-      found.tell(panel, reply);
+      found.emit(panel, reply);
       return reply.answer;
     },
     cancel: (panel) => connection?.cancel(panel),
@@ -97,7 +97,7 @@ function createApp(hello, connection, stored) {
       return connection.request(name, ask, store.get());
     },
     on: heard.on,
-    take: (message) => heard.tell(message.event, message),
+    take: (message) => heard.emit(message.event, message),
     onAnswer(panel, fn) {
       found.on(panel, ({ answer, state }) => fn(answer, state));
       const answer = /** @type {Partial<Answers>} */ (answers)[panel];
@@ -112,14 +112,14 @@ function createApp(hello, connection, stored) {
     /** Show another design without taking it, with the present one as a ghost; null ends it. */
     preview(design) {
       app.previewed = design;
-      heard.tell("preview", design);
+      heard.emit("preview", design);
     },
     onPreview: (fn) => heard.on("preview", fn),
-    highlight: (branches) => heard.tell("highlight", branches),
+    highlight: (branches) => heard.emit("highlight", branches),
     onHighlight: (fn) => heard.on("highlight", fn),
     setReference(reference) {
       app.reference = reference;
-      heard.tell("reference", null);
+      heard.emit("reference", null);
     },
     onReference: (fn) => heard.on("reference", fn),
   };

@@ -130,7 +130,7 @@ export function mount(root, app) {
   let changedAt = -Infinity;
   let stash = /** @type {{ now: Version, step: Version | null } | null} */ (null);
   let keptAt = "";
-  let told = /** @type {Version | null} */ (null);
+  let announced = /** @type {Version | null} */ (null);
 
   // ---- versions
 
@@ -176,7 +176,7 @@ export function mount(root, app) {
       const answer = await app.ask("before", { ground: false }, { state: { ...state, design: reference.design } });
       reference.answers = { ...reference.answers, live: answer };
       reference.conditions.live = CONDITIONS.live(state);
-      tell(true);
+      announce(true);
       show();
     } catch (error) {
       app.fail(error, "Comparison: ");
@@ -184,11 +184,11 @@ export function mount(root, app) {
   }, STILL_MS);
 
   /** Tell the other panels which version is compared with. @param {boolean} again */
-  function tell(again) {
+  function announce(again) {
     const reference = current();
     const shown = reference && reference !== now && reference.key !== now.key ? reference : null;
-    if (shown === told && !again) return;
-    told = shown;
+    if (shown === announced && !again) return;
+    announced = shown;
     app.setReference(shown);
   }
 
@@ -246,7 +246,7 @@ export function mount(root, app) {
     });
     const text = words(reference);
     if (rule.textContent !== text) Object.assign(rule, { textContent: text, title: text });
-    tell(false);
+    announce(false);
   }
 
   choice.addEventListener("change", () => {

@@ -112,13 +112,13 @@ function entry(kind, app, write) {
     },
     /** @param {CommandsAnswer} found */
     showCommand(found) {
-      const told = found.commands[kind.name];
+      const known = found.commands[kind.name];
       for (const option of options) option.line.hidden = option.when ? !option.when(found) : false;
-      line.hidden = !told?.command;
+      line.hidden = !known?.command;
       button.disabled = false;
-      command.text.textContent = told?.command ?? "";
-      note.dataset.kind = told?.error ? "error" : "info";
-      note.textContent = told?.error ?? kind.note ?? (told?.inputs?.length ? `Written beside it first, as no file has them as they are here: ${told.inputs.join(", ")}` : "");
+      command.text.textContent = known?.command ?? "";
+      note.dataset.kind = known?.error ? "error" : "info";
+      note.textContent = known?.error ?? kind.note ?? (known?.inputs?.length ? `Written beside it first, as no file has them as they are here: ${known.inputs.join(", ")}` : "");
     },
     /** @param {boolean} isBusy */
     setBusy(isBusy) {
@@ -178,7 +178,7 @@ export function mount(root, app) {
   /** @param {object} what */
   const ask = (what) => app.ask("export", { ...what, ...files() }, { state: app.store.get() });
 
-  const tell = paused(async () => {
+  const showCommands = paused(async () => {
     if (!app.live || !dialog.open || isBusy) return;
     const exports = Object.fromEntries(entries.map((one) => [one.name, one.asked()]));
     try {
@@ -220,7 +220,7 @@ export function mount(root, app) {
       one.result.replaceChildren(el("p", { class: "refused" }, text));
     } finally {
       setBusy(false);
-      tell();
+      showCommands();
     }
   }
 
@@ -232,10 +232,10 @@ export function mount(root, app) {
     for (const one of entries) one.showState(app.store.get());
     entries.at(-1)?.check("family", Boolean(app.answers.family));
     dialog.showModal();
-    tell();
+    showCommands();
   });
   close.addEventListener("click", () => dialog.close());
-  dialog.addEventListener("input", tell);
+  dialog.addEventListener("input", showCommands);
   open.disabled = !app.live;
   if (!app.live) open.title = "A snapshot cannot export: open it with vinefab studio";
 }

@@ -131,7 +131,7 @@ function heatView() {
   let cursor = /** @type {Place | null} */ (null);
 
   /** Tell the share at a place of the heat map. @param {Heat} map @param {Place} cell */
-  function tell({ columns, rows, low_mm, cell_mm, maps }, [column, row]) {
+  function describe({ columns, rows, low_mm, cell_mm, maps }, [column, row]) {
     here.textContent = "";
     if (column < 0 || row < 0 || column >= columns || row >= rows) return;
     const share = shares[row * columns + column];
@@ -147,7 +147,7 @@ function heatView() {
       Math.floor(((event.clientX - place.left) / place.width) * heat.columns),
       heat.rows - 1 - Math.floor(((event.clientY - place.top) / place.height) * heat.rows),
     ];
-    tell(heat, cursor);
+    describe(heat, cursor);
   });
   canvas.addEventListener("pointerleave", () => { here.textContent = ""; });
   canvas.addEventListener("keydown", (event) => {
@@ -161,7 +161,7 @@ function heatView() {
       Math.min(columns - 1, Math.max(0, column + stride * way[0])),
       Math.min(rows - 1, Math.max(0, row + stride * way[1])),
     ];
-    tell(heat, cursor);
+    describe(heat, cursor);
   });
 
   /** @param {Heat | null} found */
@@ -356,7 +356,7 @@ export function mount(root, app) {
     else asked = conditions(state);
     try {
       const found = await app.ask("family", options);
-      tell(found.compiling ? `${found.evaluated} of ${found.maps.length} maps so far: ${found.compiling}` : "");
+      setStatus(found.compiling ? `${found.evaluated} of ${found.maps.length} maps so far: ${found.compiling}` : "");
       // While another process compiles, more maps are asked for only as long as more come.
       const grew = found.evaluated !== evaluated;
       evaluated = found.evaluated;
@@ -364,13 +364,13 @@ export function mount(root, app) {
     } catch (error) {
       if (!quick && !isStopped(error)) asked = "";
       if (isStale(error)) return;
-      tell(isStopped(error) ? "stopped; any change goes on" : "");
+      setStatus(isStopped(error) ? "stopped; any change goes on" : "");
       app.fail(error, "Many maps: ");
     }
   }
 
   /** @param {string} text */
-  function tell(text, isRunning = false) {
+  function setStatus(text, isRunning = false) {
     status.textContent = text;
     stop.hidden = !isRunning;
     busy.hidden = !text;
@@ -389,7 +389,7 @@ export function mount(root, app) {
     atRest();
   }
 
-  app.onProgress("family", (share, text) => tell(`${text} (${number(100 * share, 0)} %)`, true));
+  app.onProgress("family", (share, text) => setStatus(`${text} (${number(100 * share, 0)} %)`, true));
   app.store.subscribe((state) => {
     showControls(state);
     markOpen();

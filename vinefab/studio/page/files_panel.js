@@ -271,7 +271,7 @@ function mountLive(root, app, name, mark) {
   // Unsaved work --------------------------------------------------------------------------------
 
   let isKept = false;
-  let told = "";
+  let reported = "";
 
   /** Keep unsaved work; with a key, in place of what was kept under it, in one step of the server. @param {string} [instead] */
   async function keep(instead) {
@@ -286,10 +286,10 @@ function mountLive(root, app, name, mark) {
         await app.request("drop_autosave", { key });
       }
     } catch (error) {
-      // Once is enough: it would be told again at every change.
+      // Once is enough: it would be reported again at every change.
       const problem = problemOf(error);
-      if (problem !== told && state === store.get()) app.fail(error);
-      told = problem;
+      if (problem !== reported && state === store.get()) app.fail(error);
+      reported = problem;
     }
   }
   const keepSoon = paused(() => keep(), KEEP_AFTER_MS);

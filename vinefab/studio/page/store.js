@@ -11,7 +11,7 @@ export function createStore(first) {
   const listeners = /** @type {Set<Follow>} */ (new Set());
 
   /** @param {StudioState} before */
-  function tell(before) {
+  function notify(before) {
     for (const listener of listeners) listener(state, before);
   }
 
@@ -23,7 +23,7 @@ export function createStore(first) {
     const before = state;
     group = null;
     state = step.state;
-    tell(before);
+    notify(before);
   }
 
   return {
@@ -50,7 +50,7 @@ export function createStore(first) {
       group = options.group ?? null;
       future = [];
       state = next;
-      tell(before);
+      notify(before);
     },
 
     /** End a group: the next change is a new step. */

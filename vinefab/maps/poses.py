@@ -178,7 +178,17 @@ def roomiest_start(free: Polygon, radius: LineString) -> Start:
     points, ring = shapely.get_coordinates(shapely.get_rings(free), return_index=True)
     same = ring[1:] == ring[:-1]
     away = points - np.array([x, y])
-    lengths = [_free_length(away[:-1][same], away[1:][same], float(angle)) for angle in angles]
+    first, last = away[:-1][same], away[1:][same]
+    lengths = []  # at each angle, to the first wall
+    for angle in angles.tolist():
+        cosine, sine = math.cos(angle), math.sin(angle)
+        side_first = cosine * first[:, 1] - sine * first[:, 0]
+        side_last = cosine * last[:, 1] - sine * last[:, 0]
+        crossed = (side_first > 0.0) != (side_last > 0.0)
+        share = side_first[crossed] / (side_first[crossed] - side_last[crossed])
+        hits = first[crossed] + share[:, None] * (last[crossed] - first[crossed])
+        ahead = hits @ np.array([cosine, sine])
+        lengths.append(float(ahead[ahead > 0.0].min()))
     longest = int(np.argmax(np.round(lengths, 6)))
     return Start(
         pose=Pose(x_mm=x, y_mm=y, heading_rad=float(angles[longest])),
@@ -186,15 +196,3 @@ def roomiest_start(free: Polygon, radius: LineString) -> Start:
         spread_y_mm=round(0.25 * clearance_mm, 3),
         spread_heading_rad=_START_SPREAD_RAD,
     )
-
-
-def _free_length(first: Floats, last: Floats, angle: float) -> float:
-    """Return the distance from the origin at an angle to the first wall."""
-    cosine, sine = math.cos(angle), math.sin(angle)
-    side_first = cosine * first[:, 1] - sine * first[:, 0]
-    side_last = cosine * last[:, 1] - sine * last[:, 0]
-    crossed = (side_first > 0.0) != (side_last > 0.0)
-    share = side_first[crossed] / (side_first[crossed] - side_last[crossed])
-    hits = first[crossed] + share[:, None] * (last[crossed] - first[crossed])
-    ahead = hits @ np.array([cosine, sine])
-    return float(ahead[ahead > 0.0].min())

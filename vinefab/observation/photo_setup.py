@@ -17,8 +17,7 @@ from vinefab.core.bounded import bounded
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
 from vinefab.core.table import TablePart, validated
 from vinefab.core.validation import Floats, number, whole
-from vinefab.maps.importers.svg_document import Node, after, read_nodes, transform
-from vinefab.maps.importers.svg_drawing import svg_outlines
+from vinefab.maps.importers.svg_drawing import Node, after, read_nodes, svg_outlines, transform
 from vinefab.model.corner_marker import CornerMarker
 from vinefab.model.files.shipped import read_text
 from vinefab.observation.film import FilmColour

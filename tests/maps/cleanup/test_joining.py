@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import Polygon
 
-from vinefab.maps.cleanup.drawn_shapes import Changes, SourceFrame
-from vinefab.maps.cleanup.joining import Line, chained, join, walls_along
+from vinefab.maps.cleanup.drawn_shapes import Changes, Line, SourceFrame, chained, join, walls_along
 
 
 def line(*points, where="line"):

@@ -2,8 +2,8 @@ import pytest
 import shapely
 from shapely import Polygon, box
 
+from vinefab.maps.cleanup.assemble import merged, painted, repeats, solids
 from vinefab.maps.cleanup.drawn_shapes import Changes, SourceFrame
-from vinefab.maps.cleanup.nesting import merged, painted, repeats, solids
 
 
 def square(middle, half):

@@ -114,6 +114,57 @@ def test_no_number_breaks_a_generator(name: str, bad: float) -> None:
         ENVIRONMENTS[name].make(-1, options())
 
 
+BAD_OPTIONS = [
+    ("cave", "chambers", {"chambers": 0}),
+    ("cave", "loops", {"loops": 1.5}),
+    ("cave", "roughness", {"roughness": -0.1}),
+    ("cave", "passage_width_max_mm", {"passage_width_max_mm": 5.0}),
+    ("cave", "chamber_radius_min_mm", {"chamber_radius_min_mm": 0.0}),
+    ("cave", "margin_mm", {"margin_mm": 0.0}),
+    ("cave", "size_mm", {"size_mm": 150.0}),
+    ("cave", "size_mm", {"size_mm": float("inf")}),
+    ("cave", "start_clearance_mm", {"start_clearance_mm": 400.0}),
+    ("corridors", "room_min_mm", {"room_min_mm": 60.0}),
+    ("corridors", "room_max_mm", {"room_max_mm": 120.0}),
+    ("corridors", "hall_width_mm", {"hall_width_mm": 30.0}),
+    ("corridors", "room_min_mm", {"door_mm": 60.0, "hall_width_mm": 80.0}),
+    ("corridors", "start_clearance_mm", {"start_clearance_mm": 20.0}),
+    ("corridors", "room_min_mm", {"width_mm": 5000.0, "height_mm": 5000.0}),
+    ("grid", "size_mm", {"size_mm": -5.0}),
+    ("grid", "size_mm", {"size_mm": float("nan")}),
+    ("grid", "columns", {"columns": 0}),
+    ("grid", "corners_max", {"corners_min": 6, "corners_max": 5}),
+    ("grid", "corners_min", {"corners_min": 2}),
+    ("grid", "radius_max", {"radius_max": 0.6}),
+    ("grid", "radius_max", {"radius_min": 0.4}),
+    ("grid", "gap_mm", {"gap_mm": 21.0}),
+    ("grid", "jitter", {"jitter": 1.5}),
+    ("grid", "start_clearance_mm", {"start_clearance_mm": 260.0}),
+    ("grid", "start_clearance_mm", {"starts": 20}),
+    ("grid", "start_spread_heading_deg", {"start_spread_heading_deg": 181.0}),
+    ("pegs", "lattice", {"lattice": "triangular"}),
+    ("pegs", "diameter_mm", {"diameter_mm": 40.0}),
+    ("pegs", "jitter_mm", {"jitter_mm": 14.0}),
+    ("pegs", "edge_mm", {"edge_mm": 5.0}),
+    ("pegs", "sides", {"sides": 2}),
+    ("pegs", "filled", {"filled": 1.1}),
+    ("pegs", "start_clearance_mm", {"starts": 11}),
+    ("rubble", "cover", {"cover": 0.9}),
+    ("rubble", "slab_max_mm", {"slab_max_mm": 10.0}),
+    ("rubble", "slab_max_mm", {"slab_max_mm": 300.0}),
+    ("rubble", "thickness_max", {"thickness_max": 0.1}),
+    ("rubble", "direction_spread_deg", {"direction_spread_deg": 91.0}),
+    ("rubble", "passage_mm", {"passage_mm": 0.0}),
+]
+
+
+@pytest.mark.parametrize(("name", "key", "values"), BAD_OPTIONS)
+def test_bad_options_name_the_option(name: str, key: str, values: dict[str, Any]) -> None:
+    with pytest.raises(BadInputError) as caught:
+        ENVIRONMENTS[name].options(**values)
+    assert caught.value.key == key
+
+
 KNOWN = {
     "cave": "af8cfba1180e98f3",
     "corridors": "5f743be5c5231da3",

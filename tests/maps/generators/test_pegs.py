@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import shapely
 
-from vinefab.core.errors import BadInputError
 from vinefab.maps.generators.pegs import PegsOptions, pegs_map
 
 
@@ -55,21 +54,3 @@ def test_pegs_are_regular_polygons_of_their_diameter() -> None:
     corners = np.array(peg.exterior.coords)[:-1]
     assert np.hypot(*(corners - corners.mean(axis=0)).T) == pytest.approx(10.0, abs=1e-3)
     assert peg.area == pytest.approx(1.5 * np.sqrt(3) * 100, rel=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("key", "values"),
-    [
-        ("lattice", {"lattice": "triangular"}),
-        ("diameter_mm", {"diameter_mm": 40.0}),
-        ("jitter_mm", {"jitter_mm": 14.0}),
-        ("edge_mm", {"edge_mm": 5.0}),
-        ("sides", {"sides": 2}),
-        ("filled", {"filled": 1.1}),
-        ("start_clearance_mm", {"starts": 11}),
-    ],
-)
-def test_bad_options_name_the_option(key: str, values: dict[str, Any]) -> None:
-    with pytest.raises(BadInputError) as caught:
-        PegsOptions(**values)
-    assert caught.value.key == key

@@ -103,23 +103,6 @@ def test_too_dense_rubble_is_refused_soon() -> None:
         rubble_map(0, RubbleOptions(cover=0.7, slab_min_mm=1.0, slab_max_mm=2.0))
 
 
-@pytest.mark.parametrize(
-    ("key", "values"),
-    [
-        ("cover", {"cover": 0.9}),
-        ("slab_max_mm", {"slab_max_mm": 10.0}),
-        ("slab_max_mm", {"slab_max_mm": 300.0}),
-        ("thickness_max", {"thickness_max": 0.1}),
-        ("direction_spread_deg", {"direction_spread_deg": 91.0}),
-        ("passage_mm", {"passage_mm": 0.0}),
-    ],
-)
-def test_bad_options_name_the_option(key: str, values: dict[str, Any]) -> None:
-    with pytest.raises(BadInputError) as caught:
-        RubbleOptions(**values)
-    assert caught.value.key == key
-
-
 SHARE = st.floats(0.0, 1.0)
 
 

@@ -1,11 +1,8 @@
-import math
-
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vinefab.maps.importers.source_drawing import Arc, Bezier, Straight, bulge_arc, run_flat
+from vinefab.maps.importers.source_drawing import Arc, Bezier, Straight, run_flat
 
 
 def distance_to_chords(points, chords):
@@ -13,24 +10,6 @@ def distance_to_chords(points, chords):
     lengths = np.maximum((along**2).sum(axis=1), 1e-300)
     share = (((points[:, None] - first) * along).sum(axis=2) / lengths).clip(0.0, 1.0)
     return np.hypot(*np.moveaxis(points[:, None] - first - share[..., None] * along, 2, 0)).min(1)
-
-
-@given(
-    st.floats(-1.5, 1.5).filter(lambda bulge: abs(bulge) > 1e-3),
-    st.floats(0.0, 6.0),
-    st.floats(0.1, 1e4),
-)
-def test_a_bulge_is_the_arc_with_that_height(bulge, turn, chord):
-    start = np.array([3.0, -2.0])
-    end = start + chord * np.array([math.cos(turn), math.sin(turn)])
-    points = bulge_arc(start, end, bulge).flat(1e-4 * chord)
-    np.testing.assert_allclose(points[[0, -1]], [start, end], atol=1e-9 * chord)
-    # A positive bulge runs counter-clockwise, so the arc lies right of the chord.
-    right = np.array([math.sin(turn), -math.cos(turn)])
-    heights = (points - start) @ right
-    assert heights[np.argmax(np.abs(heights))] == pytest.approx(
-        0.5 * bulge * chord, abs=2e-4 * chord
-    )
 
 
 @given(st.floats(0.0, 6.0), st.floats(-6.28, 6.28), st.floats(0.1, 3.0), st.floats(1e-4, 0.1))

@@ -1,51 +1,516 @@
-"""Maps from drawings of other programs: close, repair, nest and enclose outlines."""
+"""Maps from drawings of other programs: nested outlines, or united areas, enclosed and merged.
+
+`shapely.build_area` does not replace the nesting: it takes every outline in an outline for a hole,
+also one in the overlap of two or one that touches its parent, which cannot be told from a notch
+and stays solid (and counted); and in one fill it joins overlapping islands by even-odd.
+"""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts load at their first use
 import shapely
 from numpy.typing import NDArray
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import LARGEST_MM, Floats, number, positive
+from vinefab.core.plain_text import counted
+from vinefab.core.validation import LARGEST_MM, Floats, Ints, number, positive
 from vinefab.maps.cleanup.drawn_shapes import (
     Changes,
     DrawnShape,
+    Line,
+    Role,
     SourceFrame,
     as_areas,
-    polygons_of,
-    ring_polygons,
-    without_repeats,
-)
-from vinefab.maps.cleanup.free_areas import enclosed_by, free_areas, plainly_free
-from vinefab.maps.cleanup.joining import (
-    Line,
     closing_gap_mm,
     join,
     open_places,
+    polygons_of,
     refuse_open,
+    ring_polygons,
     walls_along,
-)
-from vinefab.maps.cleanup.nesting import (
-    Enclosed,
-    SolidRegion,
-    contained,
-    different_parts,
-    enclose,
-    painted,
+    without_repeats,
 )
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.poses import roomiest_start
-from vinefab.model.map import Map, Start
+from vinefab.model.map import Map, Pose, Start
+
+_Geometries = NDArray[np.object_]
+
+_MOST_NAMED = 20
+_OVERLAP = "T********"
+_SHARED_EDGE = "F***1****"
+
+
+def repeats(outlines: list[Polygon], near_mm: float) -> NDArray[np.bool_]:
+    """Return for every outline whether it repeats an earlier one."""
+    every = shapely.get_exterior_ring(np.array(outlines, dtype=np.object_))
+    # Thousands of equal ones are found at once, not pair by pair.
+    first: dict[bytes, int] = {}
+    for index, ring in enumerate(shapely.to_wkb(every)):
+        first.setdefault(ring, index)
+    again = np.ones(len(every), dtype=np.bool_)
+    again[list(first.values())] = False
+    rings = every[~again]
+    boxes = shapely.bounds(rings).reshape(-1, 4)
+    low = np.asarray(shapely.points(boxes[:, :2]), dtype=np.object_)
+    later, earlier = shapely.STRtree(low).query(low, predicate="dwithin", distance=2 * near_mm)
+    alike = (earlier < later) & (np.abs(boxes[later] - boxes[earlier]) <= near_mm).all(axis=1)
+    later, earlier = later[alike], earlier[alike]
+    alike = shapely.hausdorff_distance(rings[later], rings[earlier]) <= near_mm
+    repeated = np.zeros(len(rings), dtype=np.bool_)
+    repeated[later[alike]] = True
+    again[~again] = repeated
+    return again
+
+
+def solids(outlines: list[Polygon], changes: Changes) -> list[Polygon]:
+    """Return the solid polygons of nested outlines by the even-odd rule.
+
+    An outline in an even number of others encloses solid matter. One in an odd number of others
+    is a hole, but only if it touches none of them and they are nested; otherwise it is ambiguous
+    and counts as solid.
+    """
+    nest = _Nest.of(np.array(outlines, dtype=np.object_))
+    holes = np.flatnonzero(nest.is_hole)
+    changes.add("nested_outlines_made_holes", len(holes))
+    changes.add("nested_outlines_left_solid", int(nest.unclear.sum()))
+    inner: dict[int, list[Polygon]] = {}
+    for hole in holes:
+        inner.setdefault(int(nest.parent[hole]), []).append(outlines[hole])
+    return [
+        Polygon(outlines[index].exterior, [hole.exterior for hole in inner[index]])
+        if index in inner
+        else outlines[index]
+        for index in np.flatnonzero(~nest.is_hole & ~nest.unclear).tolist()
+    ]
+
+
+def painted(rings: list[Polygon]) -> BaseGeometry:
+    """Return the area of the rings of one fill: solid, hole, island, from the outside in.
+
+    Unlike outlines in `solids`, rings of one fill are meant as holes and islands, so those that
+    touch or overlap on the same level are united.
+    """
+    if len(rings) == 1:
+        return rings[0]
+    rings = [ring for ring, again in zip(rings, repeats(rings, 0.0), strict=True) if not again]
+    items = np.array(rings, dtype=np.object_)
+    around, inside = shapely.STRtree(items).query(items, predicate="covers")
+    depth = np.bincount(inside[around != inside], minlength=len(items))
+    area = shapely.union_all(items[depth == 0])
+    for level in range(1, int(depth.max(initial=0)) + 1):
+        layer = shapely.union_all(items[depth == level])
+        area = area.difference(layer) if level % 2 else area.union(layer)
+    return area
+
+
+@dataclass(frozen=True, slots=True)
+class _Nest:
+    """Which outline lies in which."""
+
+    parent: Ints  # shape (n,), the smallest outline around each, -1 for none
+    depth: Ints  # shape (n,), number of outlines around each
+    unclear: NDArray[np.bool_]  # shape (n,), whether it is ambiguous: hole or solid
+
+    @property
+    def is_hole(self) -> NDArray[np.bool_]:
+        return np.asarray((self.depth % 2 == 1) & ~self.unclear)
+
+    @classmethod
+    def of(cls, outlines: _Geometries) -> "_Nest":
+        count = len(outlines)
+        around, inside = shapely.STRtree(outlines).query(outlines, predicate="intersects")
+        around, inside = around[around != inside], inside[around != inside]
+        shapely.prepare(outlines)
+        proper = shapely.contains_properly(outlines[around], outlines[inside])
+        depth = np.bincount(inside[proper], minlength=count)
+        areas = shapely.area(outlines)
+        parent = np.full(count, -1, dtype=np.int64)
+        order = np.argsort(-areas[around[proper]], kind="stable")
+        # The last of several assignments stays: that of the smallest outline around.
+        parent[inside[proper][order]] = around[proper][order]
+        nested = around[proper] * count + inside[proper]
+        rest = (around < inside) & ~np.isin(around * count + inside, nested)
+        rest &= ~np.isin(inside * count + around, nested)
+        first, second = around[rest], inside[rest]
+        mixed = np.zeros(count, dtype=np.bool_)
+        # Also at a shared corner: the inner outline may be a hole or a notch.
+        mixed[first] = mixed[second] = True
+        unclear = np.zeros(len(parent), dtype=np.bool_)
+        for index in np.argsort(depth, kind="stable").tolist():
+            if depth[index] == 0:
+                continue
+            outer = int(parent[index])
+            broken = depth[outer] != depth[index] - 1
+            unclear[index] = broken or unclear[outer] or (depth[index] % 2 == 1 and mixed[index])
+        return cls(parent, depth, unclear)
+
+
+def merged(polygons: list[Polygon], gap_mm: float, changes: Changes) -> list[Polygon]:
+    """Return polygons of which no two overlap, share an edge or leave a narrower gap.
+
+    Isolated polygons are returned unchanged.
+    """
+    if not polygons:
+        return []
+    items = np.array(polygons, dtype=np.object_)
+    one, other = shapely.STRtree(items).query(items, predicate="dwithin", distance=gap_mm)
+    one, other = one[one < other], other[one < other]
+    apart = shapely.distance(items[one], items[other]) > 0.0
+    joined = apart.copy()
+    for pattern in (_OVERLAP, _SHARED_EDGE):
+        joined |= shapely.relate_pattern(items[one], items[other], pattern)
+    one, other, apart = one[joined], other[joined], apart[joined]
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(one)), (one, other)), shape=(len(items), len(items))
+    )
+    count, group = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    result: list[Polygon] = []
+    gaps = np.bincount(group[one[apart]], minlength=count)
+    order = np.argsort(group, kind="stable")
+    for group_index, members in enumerate(np.split(order, np.cumsum(np.bincount(group))[:-1])):
+        if len(members) == 1:
+            result.append(items[members[0]])
+            continue
+        whole = shapely.union_all(items[members])
+        if gap_mm > 0.0 and gaps[group_index]:
+            # Closing: growing and shrinking by the same amount fills gaps and keeps the rest.
+            grown = shapely.buffer(whole, 0.55 * gap_mm, join_style="mitre")
+            closed = shapely.buffer(grown, -0.55 * gap_mm, join_style="mitre")
+            filling = polygons_of(shapely.difference(closed, whole), (0.01 * gap_mm) ** 2)
+            whole = shapely.union_all([whole, *filling])
+        result += polygons_of(whole)
+        changes.add("overlapping_obstacles_merged", len(members))
+    changes.add("gaps_between_obstacles_closed", int(gaps.sum()))
+    return result
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolidRegion:
+    """A closed part of a drawing."""
+
+    polygon: Polygon  # without holes unless filled
+    where: str  # its name in messages
+    role: Role | None = None  # as the source names it
+    filled: bool = False  # whether its inside is solid wherever it lies
+    wall: bool = False  # whether it was made from a line
+
+    @property
+    def shell(self) -> Polygon:
+        """What its outer ring encloses."""
+        holed = shapely.get_num_interior_rings(self.polygon) > 0
+        return Polygon(self.polygon.exterior) if holed else self.polygon
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Enclosed:
+    """The geometry of a map."""
+
+    bounds: Polygon  # without holes
+    obstacles: list[Polygon]  # none overlaps another
+    how: str  # which bounds were chosen, as text
+
+
+def enclose(
+    parts: list[SolidRegion],
+    mode: str,
+    margin_mm: float,
+    join_mm: float,
+    changes: Changes,
+    advice: str = "",
+) -> Enclosed:
+    """Choose the bounds of a drawing and turn the rest into obstacles.
+
+    Parameters
+    ----------
+    mode
+        ``outline``, ``largest``, ``wall`` or ``box``, see `AssembleOptions`. Bounds named by the
+        source and walls made from lines take precedence.
+    advice
+        What else helps where the largest outline does not contain all others.
+    """
+    parts = different_parts(parts, join_mm, changes)
+    named = [part for part in parts if part.role == "bounds"]
+    if len(named) > 1:
+        raise BadInputError("bounds", counted(len(named), "outline"), "exactly one")
+    if mode == "box" and not named:
+        x_min, y_min, x_max, y_max = shapely.total_bounds([part.polygon for part in parts])
+        box = shapely.box(
+            x_min - margin_mm, y_min - margin_mm, x_max + margin_mm, y_max + margin_mm
+        )
+        return Enclosed(
+            bounds=box,
+            obstacles=merged(_solid_polygons(parts, changes), join_mm, changes),
+            how=f"a rectangle around everything, {margin_mm:.6g} mm beyond it",
+        )
+    outer = named[0] if named else max(parts, key=lambda part: float(part.shell.area))
+    wall = not named and (mode == "wall" or outer.wall)
+    rest = [part for part in parts if part is not outer]
+    if named or mode == "largest":
+        shapely.prepare(outer.shell)
+        inside = [
+            part for part in rest if shapely.relate_pattern(outer.shell, part.polygon, "T********")
+        ]
+        changes.add("outlines_outside_left_out", len(rest) - len(inside))
+        reaching = [part for part in inside if not shapely.covers(outer.shell, part.polygon)]
+        if reaching:
+            cut = np.array([part.polygon for part in reaching[:_MOST_NAMED]], dtype=np.object_)
+            outside_mm2 = shapely.area(shapely.difference(cut, outer.shell))
+            shares = outside_mm2 / np.maximum(shapely.area(cut), 1e-300)
+            changes.counts["reaching_over_bounds"] = [
+                f"{part.where}: {100.0 * share:.3g} % of it outside"
+                for part, share in zip(reaching[:_MOST_NAMED], shares.tolist(), strict=True)
+            ]
+        rest = inside
+    elif (found := _first_outside(outer.shell, rest, join_mm)) is not None:
+        part, beyond = found
+        spot = shapely.get_coordinates(shapely.point_on_surface(beyond))[0]
+        box = outer.shell.bounds
+        low, high = (changes.frame.place(corner) for corner in (box[:2], box[2:]))
+        raise BadInputError(
+            f"{part.where} at {changes.frame.place(spot)}",
+            f"outside of the largest outline ({low} to {high})",
+            f"drawings whose largest outline contains all others; {changes.layer_advice}"
+            "--bounds largest to cut off what is outside, --bounds box to put a rectangle around"
+            f"{advice}",
+        )
+    rest += (
+        [outer]
+        if wall
+        else [
+            SolidRegion(polygon=Polygon(ring), where=outer.where)
+            for ring in outer.polygon.interiors
+        ]
+    )
+    obstacles = merged(_solid_polygons(rest, changes), join_mm, changes)
+    how = f"{'the outer face of a wall' if wall else 'the largest outline'}, {outer.where}"
+    if named:
+        how = f"{outer.where}, which the source calls bounds"
+    return Enclosed(bounds=outer.shell, obstacles=_cut(obstacles, outer.shell, changes), how=how)
+
+
+def different_parts(
+    parts: list[SolidRegion], join_mm: float, changes: Changes
+) -> list[SolidRegion]:
+    """Return parts without duplicates; of an outline and an equal fill the fill stays."""
+    filled = _different_fills([part for part in parts if part.filled], join_mm, changes)
+    rings = [Polygon(ring) for part in filled for ring in shapely.get_rings(part.polygon)]
+    outlines = [part for part in parts if not part.filled]
+    all_rings = [*rings, *(part.polygon for part in outlines)]
+    kept = repeats(all_rings, join_mm)[len(rings) :]
+    changes.add("repeated_outlines_removed", int(kept.sum()))
+    return filled + [part for part, again in zip(outlines, kept, strict=True) if not again]
+
+
+def _different_fills(
+    filled: list[SolidRegion], join_mm: float, changes: Changes
+) -> list[SolidRegion]:
+    """Return fills without duplicates, holes compared too."""
+    again = repeats([part.shell for part in filled], join_mm)
+    found: list[SolidRegion] = []
+    for part, alike in zip(filled, again, strict=True):
+        if alike and any(
+            len(part.polygon.interiors) == len(other.polygon.interiors)
+            and shapely.hausdorff_distance(part.polygon.boundary, other.polygon.boundary) <= join_mm
+            for other in found
+        ):
+            changes.add("repeated_outlines_removed")
+        else:
+            found.append(part)
+    return found
+
+
+def contained(parts: list[SolidRegion], join_mm: float) -> bool:
+    """Return whether the largest part contains all others."""
+    outer = max(parts, key=lambda part: float(part.shell.area))
+    rest = [part for part in parts if part is not outer]
+    return _first_outside(outer.shell, rest, join_mm) is None
+
+
+def _first_outside(
+    shell: Polygon, rest: list[SolidRegion], join_mm: float
+) -> tuple[SolidRegion, BaseGeometry] | None:
+    """Return the first part that reaches out of the bounds by more than a gap, and how."""
+    shapely.prepare(shell)
+    polygons = np.array([part.polygon for part in rest], dtype=np.object_)
+    for index in np.flatnonzero(~shapely.covers(shell, polygons)):
+        beyond = shapely.difference(rest[index].polygon, shell)
+        corners = shapely.points(shapely.get_coordinates(beyond))
+        if float(np.max(shapely.distance(corners, shell), initial=0.0)) > join_mm:
+            return rest[index], beyond
+    return None
+
+
+def _solid_polygons(parts: list[SolidRegion], changes: Changes) -> list[Polygon]:
+    """Return the solid polygons of parts; they may overlap."""
+    given = [part.polygon for part in parts if part.filled or part.role == "obstacle"]
+    nested = solids([part.polygon for part in parts if not (part.filled or part.role)], changes)
+    return [*given, *nested]
+
+
+def _cut(obstacles: list[Polygon], bounds: Polygon, changes: Changes) -> list[Polygon]:
+    """Return obstacles clipped to the bounds."""
+    if not obstacles:
+        return []
+    shapely.prepare(bounds)
+    over = ~shapely.covers(bounds, obstacles)
+    changes.add("obstacles_cut_at_bounds", int(over.sum()))
+    result = [item for item, cut in zip(obstacles, over, strict=True) if not cut]
+    for index in np.flatnonzero(over).tolist():
+        result += polygons_of(shapely.intersection(obstacles[index], bounds))
+    return result
+
+
+_MOST_HOLES_SHARE = 0.2
+"""Of what its outline encloses: a union with more holes may as well be walls around rooms."""
+_MOST_SINGLE_SHARE = 0.5
+"""Of the union: an area that is more of it may as well be bounds, with obstacles half outside."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeAreas:
+    """The union of drawn areas."""
+
+    parts: list[Polygon]  # separate ones, the largest first
+    united: int  # number of areas that it was made of
+
+    @property
+    def connected_share(self) -> float:
+        """Area of the largest part over that of all."""
+        return float(self.parts[0].area / math.fsum(part.area for part in self.parts))
+
+
+def free_areas(parts: list[SolidRegion], join_mm: float, changes: Changes) -> FreeAreas:
+    """Return the union of drawn areas, without what the drawing calls obstacles.
+
+    Filled areas are free wherever they lie, outlines by the even-odd rule among themselves; but
+    an outline in the inside of one filled area is an obstacle. Gaps up to ``join_mm`` between two
+    areas are closed.
+    """
+    named = [part for part in parts if part.role == "bounds"]
+    if named:
+        raise BadInputError(
+            "drawn", "free", f"obstacles, as the source calls {named[0].where} bounds"
+        )
+    fills = [part.polygon for part in parts if part.filled and part.role is None]
+    rocks = [part.polygon for part in parts if part.role == "obstacle"]
+    outlines = _nested(parts, changes)
+    tree = shapely.STRtree(outlines)
+    in_fill = set(tree.query(fills, predicate="contains_properly")[1].tolist()) if fills else set()
+    # Outlines that lie inside of a filled area, and the others.
+    inner = [item for index, item in enumerate(outlines) if index in in_fill]
+    outer = [item for index, item in enumerate(outlines) if index not in in_fill]
+    changes.add("outlines_in_areas_made_obstacles", len(inner))
+    areas = np.array([*fills, *outer], dtype=np.object_)
+    if len(areas) == 0:
+        raise BadInputError("drawing", "no areas", "at least one filled area or closed outline")
+    patches = _patches(areas, join_mm) if join_mm > 0.0 else []
+    changes.add("gaps_between_areas_closed", len(patches))
+    union = shapely.union_all([*areas, *patches])
+    if rocks or inner:
+        union = shapely.difference(union, shapely.union_all([*rocks, *inner]))
+    found = sorted(polygons_of(union), key=lambda part: -part.area)
+    if not found:
+        raise BadInputError("drawing", "no free space", "free space between the obstacles")
+    return FreeAreas(parts=found, united=len(areas))
+
+
+def _nested(parts: list[SolidRegion], changes: Changes) -> list[Polygon]:
+    """Return what unfilled outlines enclose by the even-odd rule."""
+    outlines = [part for part in parts if not part.filled and part.role is None]
+    if not outlines:
+        return []
+    outlines = different_parts(outlines, 0.0, changes)
+    own = Changes(changes.frame)
+    found = solids([part.polygon for part in outlines], own)
+    changes.add("nested_outlines_made_holes", _count(own, "nested_outlines_made_holes"))
+    changes.add("nested_outlines_left_free", _count(own, "nested_outlines_left_solid"))
+    return found
+
+
+def _count(changes: Changes, name: str) -> int:
+    number = changes.counts.get(name, 0)
+    return number if isinstance(number, int) else 0
+
+
+def _patches(areas: NDArray[np.object_], join_mm: float) -> list[BaseGeometry]:
+    """Return what fills the gaps between areas that are near, but apart."""
+    shapely.prepare(areas)
+    tree = shapely.STRtree(areas)
+    one, other = tree.query(areas, predicate="dwithin", distance=join_mm)
+    one, other = one[one < other], other[one < other]
+    apart = ~shapely.intersects(areas[one], areas[other])
+    patches = []
+    for first, second in zip(areas[one[apart]], areas[other[apart]], strict=True):
+        # Of each the part around the other's box is enough.
+        reach_mm = np.array([-2.0, -2.0, 2.0, 2.0]) * join_mm
+        near = [
+            shapely.intersection(item, shapely.box(*(np.array(beside.bounds) + reach_mm)))
+            for item, beside in ((first, second), (second, first))
+        ]
+        patches.append(shapely.intersection(*shapely.buffer(near, 0.55 * join_mm)))
+    return patches
+
+
+def plainly_free(found: FreeAreas, areas: list[SolidRegion]) -> bool:
+    """Return whether areas that no outline contains can only be free space.
+
+    All are filled and hang together, none lies in another one, none is most of the whole (as
+    bounds with an obstacle half outside would be), and the union has few holes (walls around
+    rooms have many).
+    """
+    whole = found.parts[0]
+    if len(found.parts) > 1 or not all(area.filled for area in areas):
+        return False
+    polygons = np.array([area.polygon for area in areas], dtype=np.object_)
+    if shapely.area(polygons).max() > _MOST_SINGLE_SHARE * whole.area:
+        return False
+    if whole.area < (1.0 - _MOST_HOLES_SHARE) * Polygon(whole.exterior).area:
+        return False
+    inside = shapely.STRtree(polygons).query(polygons, predicate="covers")
+    return bool(inside.shape[1] == len(polygons))
+
+
+def enclosed_by(
+    found: FreeAreas, start: Pose | None, sliver_mm2: float, changes: Changes
+) -> Enclosed:
+    """Return the geometry of a map of one part: that with the start, or the largest."""
+    parts = found.parts
+    kept = parts[0]
+    if start is not None:
+        spot = shapely.points(start.x_mm, start.y_mm)
+        kept = next((part for part in parts if part.intersects(spot)), kept)
+    changes.add("areas_united", found.united)
+    if len(parts) > 1:
+        whole_mm2 = math.fsum(part.area for part in parts)
+        others = [part for part in parts if part is not kept][:_MOST_NAMED]
+        spots = shapely.get_coordinates(shapely.point_on_surface(others))
+        gaps_mm = shapely.distance(kept, others)
+        changes.counts["separate_parts"] = len(parts)
+        changes.counts["connected_share"] = round(kept.area / whole_mm2, 4)
+        changes.counts["parts_left_out"] = [
+            f"{part.area:.4g} mm2 at {changes.frame.place(spot)}, {gap:.4g} mm away"
+            for part, spot, gap in zip(others, spots, gaps_mm, strict=True)
+        ]
+    holes = [Polygon(ring) for ring in kept.interiors]
+    large = [hole for hole in holes if hole.area > sliver_mm2]
+    changes.add("pinholes_left_free", len(holes) - len(large))
+    which = "" if len(parts) == 1 else ", its largest part" if kept is parts[0] else ", one part"
+    areas = f"{found.united} united area{'s' * (found.united != 1)}"
+    return Enclosed(
+        bounds=Polygon(kept.exterior), obstacles=large, how=f"the outline of {areas}{which}"
+    )
+
 
 BOUNDS = ("outline", "largest", "wall", "box")
 DRAWN = ("obstacles", "free")
 _GRID_MM = 1e-6
 _LEAST_CLEARANCE_MM = 2e-3
-_MOST_NAMED = 20
 _MANY_OBSTACLES = 2000
 _LEAST_CONNECTED_SHARE = 0.5
 """Of drawn areas: what is less connected is not called free space, even as advice."""
@@ -320,23 +785,18 @@ def _free_regions(world: Map) -> list[Polygon]:
     # Ten times faster than Map.free_space for scattered obstacles.
     obstacles = np.array(world.obstacles, dtype=np.object_)
     if len(obstacles) > _MANY_OBSTACLES:
-        if _scattered(world.bounds, obstacles):
+        shapely.prepare(world.bounds)
+        if (
+            not shapely.get_num_interior_rings(obstacles).any()
+            and shapely.contains_properly(world.bounds, obstacles).all()
+            and shapely.STRtree(obstacles).query(obstacles, predicate="intersects").shape[1]
+            == len(obstacles)
+        ):
             return [shapely.polygons(world.bounds.exterior, shapely.get_exterior_ring(obstacles))]
         # Corners lie on the grid already; geometries that remember it take six times as long.
         obstacles = shapely.set_precision(obstacles, 0.0)
     solid = shapely.disjoint_subset_union_all(obstacles)
     return polygons_of(shapely.difference(world.bounds, solid))
-
-
-def _scattered(bounds: Polygon, obstacles: NDArray[np.object_]) -> bool:
-    """Return whether obstacles have no holes and touch neither each other nor the bounds."""
-    if shapely.get_num_interior_rings(obstacles).any():
-        return False
-    shapely.prepare(bounds)
-    if not shapely.contains_properly(bounds, obstacles).all():
-        return False
-    met = shapely.STRtree(obstacles).query(obstacles, predicate="intersects")
-    return bool(met.shape[1] == len(obstacles))
 
 
 def _start(world: Map, options: AssembleOptions) -> tuple[Start, dict[str, object]]:

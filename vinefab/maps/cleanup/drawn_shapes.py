@@ -1,16 +1,18 @@
-"""Shapes of a drawing before it is a map: their frame, what was changed, and ring repair."""
+"""Shapes of a drawing before it is a map: their frame, repair of rings, joining of loose lines."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Generic, Literal, TypeVar
 
 import numpy as np
+import scipy  # its parts load at their first use
 import shapely
-from shapely import Polygon
+from numpy.typing import NDArray
+from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import LARGEST_MM, Floats, positive
+from vinefab.core.validation import LARGEST_MM, Floats, Ints, positive
 from vinefab.model.start import refuse_jagged
 
 Role = Literal["bounds", "obstacle"]
@@ -213,3 +215,303 @@ def polygons_of(geometry: BaseGeometry, least_mm2: float = 0.0) -> list[Polygon]
     """Return the polygons in a geometry that have more than some area."""
     parts = shapely.get_parts(geometry)
     return [part for part in parts if isinstance(part, Polygon) and part.area > least_mm2]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """A drawn line."""
+
+    points_mm: Floats  # shape (n, 2), n at least 2
+    where: str  # its name in messages
+
+    @property
+    def closed(self) -> bool:
+        """Whether it is a ring."""
+        return len(self.points_mm) >= 4 and bool((self.points_mm[0] == self.points_mm[-1]).all())
+
+    @property
+    def length_mm(self) -> float:
+        """Length along it."""
+        return float(np.hypot(*np.diff(self.points_mm, axis=0).T).sum())
+
+
+def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
+    """Return lines joined end to end where exactly two ends meet.
+
+    Ends within `SAME_POINT_MM` meet. Of the loose ends, pairs within ``join_mm`` are joined, the
+    nearest first: where their lines meet if that is within ``join_mm`` too, else halfway.
+    """
+    found: dict[bytes, Line] = {}
+    for line in lines:
+        cells = np.round(line.points_mm / (2.0 * SAME_POINT_MM)) + 0.0
+        found.setdefault(min(cells.tobytes(), cells[::-1].tobytes()), line)
+    changes.add("repeated_lines_removed", len(lines) - len(found))
+    return _chains(_bridged(_chains(list(found.values())), join_mm, changes))
+
+
+def _end_nodes(lines: list[Line], same_mm: float) -> Ints:
+    """Return which node each line begins and ends at, shape (n, 2); near ends share a node."""
+    ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
+    pairs = scipy.spatial.cKDTree(ends).query_pairs(same_mm, output_type="ndarray")
+    graph = scipy.sparse.coo_array((np.ones(len(pairs)), pairs.T), shape=(len(ends), len(ends)))
+    return np.asarray(
+        scipy.sparse.csgraph.connected_components(graph, directed=False)[1], dtype=np.int64
+    ).reshape(-1, 2)
+
+
+def _chains(lines: list[Line]) -> list[Line]:
+    """Return maximal chains through nodes at which exactly two ends meet.
+
+    Ends are numbered 2 x line, + 1 at its last point. `shapely.line_merge` finds the same chains,
+    but leaves open where they begin, which way they run, their order and their lines.
+    """
+    if not lines:
+        return []
+    node_of = _end_nodes(lines, SAME_POINT_MM).ravel().tolist()
+    at: dict[int, list[int]] = {}
+    for index, node in enumerate(node_of):
+        at.setdefault(node, []).append(index)
+    used = np.zeros(len(lines), dtype=np.bool_)
+    chains = []
+    # Chains with ends first; the rest are rings, which begin with their first line.
+    starts = [end for ends in at.values() if len(ends) != 2 for end in ends]
+    for first in [*starts, *range(0, 2 * len(lines), 2)]:
+        end, parts = first, list[Floats]()
+        while not used[end // 2]:
+            used[end // 2] = True
+            points = lines[end // 2].points_mm
+            parts.append((points if end % 2 == 0 else points[::-1])[1 if parts else 0 :])
+            far = end ^ 1
+            meeting = at[node_of[far]]
+            if len(meeting) != 2:
+                break
+            end = meeting[0] if meeting[1] == far else meeting[1]
+        if parts:
+            points = np.concatenate(parts)
+            if len(points) >= 4 and node_of[far] == node_of[first]:
+                points[-1] = points[0]
+            chains.append(Line(points_mm=points, where=lines[first // 2].where))
+    return chains
+
+
+def _line_strings(points: list[Floats]) -> NDArray[np.object_]:
+    owner = np.repeat(np.arange(len(points)), [len(own) for own in points])
+    return np.asarray(shapely.linestrings(np.concatenate(points), indices=owner))
+
+
+def _named(parts: list[Floats], lines: list[Line]) -> list[Line]:
+    """Return parts of lines, each called as the line that its first segment comes from."""
+    begins = shapely.points(np.array([own[:2].mean(axis=0) for own in parts]).reshape(-1, 2))
+    tree = shapely.STRtree(_line_strings([line.points_mm for line in lines]))
+    nearest = np.asarray(tree.nearest(begins)).tolist()
+    return [
+        Line(points_mm=own, where=lines[index].where)
+        for own, index in zip(parts, nearest, strict=True)
+    ]
+
+
+def _bridged(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
+    """Return lines with their loose ends moved together in pairs, the nearest first."""
+    loose = _loose_ends(lines)
+    spots = np.array([_end(lines, end) for end in loose]).reshape(-1, 2)
+    if len(spots) < 2:
+        return lines
+    pairs = scipy.spatial.cKDTree(spots).query_pairs(join_mm, output_type="ndarray")
+    gaps = np.hypot(*(spots[pairs[:, 0]] - spots[pairs[:, 1]]).T)
+    points = [line.points_mm.copy() for line in lines]
+    taken: set[int] = set()
+    for order in np.argsort(gaps, kind="stable").tolist():
+        one, other = (int(index) for index in pairs[order])
+        own = lines[loose[one] // 2]
+        folds = loose[one] // 2 == loose[other] // 2 and (
+            len(own.points_mm) < 4 or own.length_mm < 3.0 * gaps[order]
+        )  # a short line onto itself
+        if folds or taken & {one, other}:
+            continue
+        taken |= {one, other}
+        corner = _corner(_leg(lines, loose[one]), _leg(lines, loose[other]), join_mm)
+        for end in (loose[one], loose[other]):
+            points[end // 2][-1 if end % 2 else 0] = corner
+        changes.add("gaps_joined")
+        changes.most("largest_gap_joined_mm", float(gaps[order]))
+    return [Line(points_mm=new, where=line.where) for new, line in zip(points, lines, strict=True)]
+
+
+def _leg(lines: list[Line], end: int) -> Floats:
+    """Return an end and the point before it, shape (2, 2)."""
+    points = lines[end // 2].points_mm
+    return points[[-1, -2]] if end % 2 else points[:2]
+
+
+def _corner(one: Floats, other: Floats, join_mm: float) -> Floats:
+    """Return where two ends are joined: where their lines meet, or halfway between them."""
+    middle = 0.5 * (one[0] + other[0])
+    along, across = one[0] - one[1], other[0] - other[1]
+    turn = float(along[0] * across[1] - along[1] * across[0])
+    if turn == 0.0:
+        return np.asarray(middle)
+    away = other[0] - one[0]
+    share = float(away[0] * across[1] - away[1] * across[0]) / turn
+    meeting = one[0] + share * along
+    far = max(float(np.hypot(*(meeting - leg[0]))) for leg in (one, other))
+    return np.asarray(meeting if far <= join_mm else middle)
+
+
+def _loose_ends(lines: list[Line]) -> list[int]:
+    """Return the ends that meet no other end; ends are numbered 2 x line, + 1 at its last point."""
+    if not lines:
+        return []
+    nodes = _end_nodes(lines, SAME_POINT_MM).ravel()
+    alone = np.bincount(nodes)[nodes] == 1
+    return [int(end) for end in np.flatnonzero(alone)]
+
+
+def _end(lines: list[Line], end: int) -> Floats:
+    return np.asarray(lines[end // 2].points_mm[-1 if end % 2 else 0])
+
+
+_BEYOND = 1e-3
+_MOST_NAMED = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Joined:
+    """Loose lines after joining."""
+
+    rings: list[Line]  # closed lines
+    open: list[Line]  # lines that enclose nothing
+
+
+def join(lines: list[Line], join_mm: float, changes: Changes) -> Joined:
+    """Join loose lines into rings.
+
+    Lines are chained end to end, see `chained`. Chains that stay open are cut at their crossings:
+    ends that stop just short of a line are extended onto it, parts that reach beyond a crossing
+    are trimmed, and the faces between them give the rings.
+    """
+    chains = chained(lines, join_mm, changes)
+    rings = [line for line in chains if line.closed]
+    rest = [line for line in chains if not line.closed]
+    if len(rest) == 0:
+        return Joined(rings=rings, open=[])
+    more, left = _cut_at_crossings(rest, join_mm, changes)
+    return Joined(rings=rings + more, open=left)
+
+
+def _cut_at_crossings(
+    lines: list[Line], join_mm: float, changes: Changes
+) -> tuple[list[Line], list[Line]]:
+    points = [line.points_mm for line in lines]
+    strings = _line_strings(points)
+    tree = shapely.STRtree(strings)
+    loose = np.array(_loose_ends(lines), dtype=np.int64)
+    spots = shapely.points(np.array([_end(lines, end) for end in loose]).reshape(-1, 2))
+    found, line = tree.query(spots, predicate="dwithin", distance=join_mm)
+    # Only ends that are near a line other than their own.
+    for end in np.unique(loose[found[line != loose[found] // 2]]).tolist():
+        own, last = end // 2, end % 2 == 1
+        spot = lines[own].points_mm[-1 if last else 0]
+        near = tree.query(shapely.points(spot), predicate="dwithin", distance=join_mm)
+        near = near[near != own]
+        if len(near) == 0:
+            continue
+        target = strings[near[np.argmin(shapely.distance(strings[near], shapely.points(spot)))]]
+        onto = shapely.get_coordinates(shapely.shortest_line(shapely.points(spot), target))[1]
+        gap_mm = float(np.hypot(*(onto - spot)))
+        # A point computed on a line may miss it in the last bit; going beyond surely crosses it.
+        ahead = (onto - spot) / gap_mm if gap_mm else _direction(lines[own].points_mm, last=last)
+        beyond = onto + _BEYOND * join_mm * ahead
+        points[own] = np.insert(points[own], len(points[own]) if last else 0, beyond, axis=0)
+        changes.add("ends_led_onto_lines")
+        changes.most("largest_gap_joined_mm", gap_mm)
+    extended = [
+        Line(points_mm=new, where=line.where) for new, line in zip(points, lines, strict=True)
+    ]
+    noded = shapely.union_all(_line_strings([line.points_mm for line in extended]))
+    faces, cuts, dangles, _ = shapely.polygonize_full(shapely.get_parts(noded))
+    parts = shapely.get_parts(shapely.line_merge(shapely.union_all(np.array([cuts, dangles]))))
+    long = shapely.length(parts) > join_mm * (1.0 + 2.0 * _BEYOND)
+    trimmed = [part for part in parts[~long] if part.length > 2.0 * _BEYOND * join_mm]
+    changes.add("overshoots_trimmed", len(trimmed))
+    rings = shapely.get_rings(shapely.get_parts(faces))
+    enclosing, left = (
+        _named([shapely.get_coordinates(part) for part in found], lines)
+        for found in (rings, parts[long])
+    )
+    return enclosing, left
+
+
+def _direction(points: Floats, *, last: bool) -> Floats:
+    along = points[-1] - points[-2] if last else points[0] - points[1]
+    return np.asarray(along / max(float(np.hypot(*along)), 1e-300))
+
+
+def refuse_open(
+    lines: list[Line], join_mm: float, changes: Changes, closing_mm: float | None
+) -> BadInputError:
+    """Return the error that names the open lines, their ends and the options that help."""
+    count = len(lines)
+    named = "; ".join(open_places(lines[:_MOST_NAMED], changes))
+    more = f"; and {count - _MOST_NAMED} more" if count > _MOST_NAMED else ""
+    here = "" if closing_mm is None else f"; here {closing_mm:.4g} would do"
+    return BadInputError(
+        f"{'an open line' if count == 1 else f'{count} open lines'}: {named}{more}",
+        "not closed",
+        f"outlines whose ends meet within --join-mm ({join_mm:.4g}{here}); "
+        f"{changes.layer_advice}or --wall-mm W to make lines walls, or --open drop to leave "
+        "them out",
+    )
+
+
+def closing_gap_mm(
+    lines: list[Line], left: list[Line], most_mm: float, changes: Changes
+) -> float | None:
+    """Return a width of gaps that, when joined, leaves no line open; None if none was found.
+
+    Parameters
+    ----------
+    lines, left
+        All loose lines, and those that stayed open.
+    most_mm
+        The widest gap that may be joined.
+    """
+    ends = np.array([line.points_mm[[0, -1]] for line in left]).reshape(-1, 2)
+    gap_mm = float(np.max(scipy.spatial.cKDTree(ends).query(ends, k=[2])[0]))
+    # Printed with four digits, so that what is typed is at least the gap.
+    typed_mm = float(f"{gap_mm * (1.0 + 1e-3):.4g}")
+    if typed_mm > most_mm:
+        return None
+    return None if join(lines, typed_mm, Changes(changes.frame)).open else typed_mm
+
+
+def open_places(lines: list[Line], changes: Changes) -> list[str]:
+    """Return the name and the ends of each line, in the coordinates of the source."""
+    return [
+        f"{line.where} from {changes.frame.place(line.points_mm[0])} "
+        f"to {changes.frame.place(line.points_mm[-1])}"
+        for line in lines
+    ]
+
+
+def walls_along(
+    lines: list[Line], wall_mm: float, join_mm: float, changes: Changes
+) -> list[Polygon]:
+    """Return lines as walls of some thickness; walls that meet are one polygon.
+
+    Walls end flat where a line ends; where three or more meet they fill the corner.
+    """
+    chains = chained(lines, join_mm, changes)
+    loose = set(_loose_ends(chains))
+    meeting = [end not in loose and not chains[end // 2].closed for end in range(2 * len(chains))]
+    walls: list[BaseGeometry] = []
+    for index, line in enumerate(chains):
+        points = line.points_mm.copy()
+        if meeting[2 * index]:
+            points[0] = points[0] + 0.5 * wall_mm * _direction(points, last=False)
+        if meeting[2 * index + 1]:
+            points[-1] = points[-1] + 0.5 * wall_mm * _direction(points, last=True)
+        middle = shapely.LinearRing(points) if line.closed else LineString(points)
+        wall = shapely.buffer(middle, 0.5 * wall_mm, cap_style="flat", join_style="mitre")
+        walls.append(wall)
+    changes.add("lines_made_walls", len(chains))
+    return polygons_of(shapely.union_all(walls))

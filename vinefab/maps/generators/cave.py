@@ -54,27 +54,18 @@ def links(rng: np.random.Generator, points: Floats, extra: float) -> list[tuple[
         closer = (distance[new] < gap) & np.isfinite(gap)
         nearest[closer], gap[closer] = new, distance[new][closer]
         gap[new] = np.inf
-    possible = [pair for pair in _gabriel(distance) if pair not in tree]
+    one, other = np.triu_indices(len(distance), 1)
+    detour = distance[one] ** 2 + distance[other] ** 2
+    detour[np.arange(len(one)), one] = detour[np.arange(len(one)), other] = np.inf
+    clear = detour.min(axis=1) >= distance[one, other] ** 2
+    pairs = zip(one[clear].tolist(), other[clear].tolist(), strict=True)
+    possible = [pair for pair in pairs if pair not in tree]
     chosen = rng.random(len(possible)) < extra
     return sorted(tree) + [pair for pair, take in zip(possible, chosen, strict=True) if take]
 
 
-def _gabriel(distance: Floats) -> list[tuple[int, int]]:
-    square = distance**2
-    one, other = np.triu_indices(len(distance), 1)
-    detour = square[one] + square[other]
-    detour[np.arange(len(one)), one] = detour[np.arange(len(one)), other] = np.inf
-    clear = detour.min(axis=1) >= square[one, other]
-    return list(zip(one[clear].tolist(), other[clear].tolist(), strict=True))
-
-
 _DISC_POINTS = 20
-
-
-def chamber(middle_mm: Floats, radii_mm: Floats) -> Polygon:
-    """Return a closed outline with a radius for each of evenly spaced directions."""
-    angles = np.arange(len(radii_mm)) * 2.0 * math.pi / len(radii_mm)
-    return Polygon(middle_mm + radii_mm[:, None] * directions(angles))
+_CHAMBER_POINTS = 48
 
 
 def passage(path_mm: Floats, widths_mm: Floats) -> BaseGeometry:
@@ -247,18 +238,17 @@ def _cave(rng: np.random.Generator, options: CaveOptions, start: Start) -> Polyg
     entrance = start_zone(start).buffer(options.start_clearance_mm + 2.0 * options.detail_mm)
     to_mouth = entry + np.linspace(0.0, 1.0, 8)[:, None] * (mouth - entry)
     parts = [entrance, passage(to_mouth, _widths(rng, options, 8))]
-    parts += [_chamber(rng, options, middle) for middle in middles]
+    angles = np.arange(_CHAMBER_POINTS) * 2.0 * math.pi / _CHAMBER_POINTS
+    for middle in middles:
+        radius_mm = rng.uniform(options.chamber_radius_min_mm, options.chamber_radius_max_mm)
+        uneven = 1.0 + 0.5 * options.roughness * _waves(rng, _CHAMBER_POINTS, 1.0)
+        parts.append(Polygon(middle + (radius_mm * uneven)[:, None] * directions(angles)))
     for one, other in links(rng, middles, options.loops):
         path = _winding(rng, options, middles[one], middles[other])
         parts.append(passage(path, _widths(rng, options, len(path))))
     near, far = options.margin_mm, options.size_mm - options.margin_mm
     room = shapely.box(near, near, far, far)
     return _carved(parts, room, options.detail_mm, (0.5 * options.passage_width_min_mm) ** 2)
-
-
-def _chamber(rng: np.random.Generator, options: CaveOptions, middle_mm: Floats) -> Polygon:
-    radius_mm = rng.uniform(options.chamber_radius_min_mm, options.chamber_radius_max_mm)
-    return chamber(middle_mm, radius_mm * (1.0 + 0.5 * options.roughness * _waves(rng, 48, 1.0)))
 
 
 def _widths(rng: np.random.Generator, options: CaveOptions, count: int) -> Floats:

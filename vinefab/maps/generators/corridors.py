@@ -156,7 +156,9 @@ def _wall_place(
     pieces = [(first, last)]
     across = 1 - axis
     area = limits.keep_out
-    if area is not None and _overlap(part.span(across), area.span(across)) > 0.0:
+    if area is not None and min(part[across + 2], area[across + 2]) > max(
+        part[across], area[across]
+    ):
         near, far = area.span(axis)
         for begin in walls_at_mm:
             # Without the open interval in which the wall would stand in the area.
@@ -170,10 +172,6 @@ def _wall_place(
     place = rng.random() * lengths.sum()
     index = min(int(np.searchsorted(np.cumsum(lengths), place)), len(pieces) - 1)
     return round(pieces[index][0] + float(place - lengths[:index].sum()), COORDINATE_DECIMALS)
-
-
-def _overlap(one: tuple[float, float], other: tuple[float, float]) -> float:
-    return min(one[1], other[1]) - max(one[0], other[0])
 
 
 _SLACK_MM = 1e-3

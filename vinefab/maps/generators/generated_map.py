@@ -71,15 +71,13 @@ def canonical(geometry: BaseGeometry) -> tuple[Polygon, ...]:
     are sorted by theirs. Libraries of geometry leave all of this open.
     """
     parts = [part for part in shapely.get_parts(geometry) if isinstance(part, Polygon)]
-    rings = [_rings(part) for part in parts if part.area > 0.0]
+    rings = []
+    for part in (part for part in parts if part.area > 0.0):
+        outer = _ring(shapely.get_coordinates(part.exterior), clockwise=False)
+        holes = [_ring(shapely.get_coordinates(ring), clockwise=True) for ring in part.interiors]
+        rings.append([outer, *sorted(holes, key=lambda ring: ring.tolist())])
     rings.sort(key=lambda own: own[0].tolist())
     return tuple(Polygon(own[0], own[1:]) for own in rings)
-
-
-def _rings(polygon: Polygon) -> list[Floats]:
-    outer = _ring(shapely.get_coordinates(polygon.exterior), clockwise=False)
-    holes = [_ring(shapely.get_coordinates(ring), clockwise=True) for ring in polygon.interiors]
-    return [outer, *sorted(holes, key=lambda ring: ring.tolist())]
 
 
 def _ring(closed_mm: Floats, *, clockwise: bool) -> Floats:

@@ -23,7 +23,7 @@ from vinefab.maps.generators.generated_map import (
     rounded_points,
     start_zones,
 )
-from vinefab.model.map import Map, Start
+from vinefab.model.map import Map
 
 _STREAM = 1501
 
@@ -111,19 +111,6 @@ def pegs_map(seed: int, options: PegsOptions | None = None) -> Map:
     options = options or PegsOptions()
     check_seed(seed)
     starts = options.lower_starts(options.size_mm[0])
-    return generated_map(
-        "pegs",
-        seed,
-        options,
-        bounds=box(*options.size_mm),
-        obstacles=_pegs(child(seed, _STREAM), options, starts),
-        starts=starts,
-    )
-
-
-def _pegs(
-    rng: np.random.Generator, options: PegsOptions, starts: tuple[Start, ...]
-) -> tuple[Polygon, ...]:
     rows = []
     for row in range(options.rows):
         odd = options.lattice == "hexagonal" and row % 2 == 1
@@ -131,7 +118,7 @@ def _pegs(
         rows.append(np.column_stack([x_mm, np.full(len(x_mm), row * options.row_pitch_mm)]))
     holes_mm = options.edge_mm + np.concatenate(rows)
     # Drawn for every hole, used or not, so that more pegs do not move the others.
-    order, far, way = rng.random((3, len(holes_mm)))
+    order, far, way = child(seed, _STREAM).random((3, len(holes_mm)))
     angle_rad = 2.0 * math.pi * way
     off_mm = (options.jitter_mm * np.sqrt(far))[:, None] * directions(angle_rad)
     middles_mm = holes_mm + off_mm
@@ -144,4 +131,11 @@ def _pegs(
     angles_rad = 2.0 * math.pi * (np.arange(options.sides) + 0.5) / options.sides
     peg_mm = 0.5 * options.diameter_mm * directions(angles_rad)
     corners_mm = rounded_points(middles_mm[chosen, None] + peg_mm)
-    return tuple(Polygon(corners) for corners in corners_mm)
+    return generated_map(
+        "pegs",
+        seed,
+        options,
+        bounds=box(*options.size_mm),
+        obstacles=[Polygon(corners) for corners in corners_mm],
+        starts=starts,
+    )

@@ -192,39 +192,31 @@ class Pile:
             gaps_mm[host + _SIDES] = np.inf
         if (gaps_mm < self.rules.passage_mm - 1e-9).any():
             return False
-        if not self._clear_of_slabs(polygon, host):
+        middle_mm = slab_mm.mean(axis=0)
+        radius_mm = _radius(slab_mm - middle_mm)
+        away_mm = np.hypot(*(self._middles_mm[: self._count] - middle_mm).T)
+        near = away_mm < self._radii_mm[: self._count] + radius_mm + self.rules.passage_mm
+        if host >= 0:
+            near[host] = False
+        if (shapely.distance(self.polygons[near], polygon) < self.rules.passage_mm).any():
             return False
         if shapely.distance(polygon, self.rules.keep_out) < self.rules.keep_out_mm:
             return False
-        if host >= 0 and not self._overlaps(polygon, host):
-            return False
+        if host >= 0:
+            # Neither a mere touch nor most of the slab.
+            shared_mm2 = shapely.intersection(polygon, self._polygons[host]).area
+            if not 0.1 * _BITE**2 * polygon.area < shared_mm2 < 0.5 * polygon.area:
+                return False
         if self._count == len(self._polygons):
             self._polygons = np.concatenate([self._polygons, np.empty(self._count, dtype=object)])
             self._middles_mm = np.concatenate([self._middles_mm, np.zeros((self._count, 2))])
             self._radii_mm = np.concatenate([self._radii_mm, np.zeros(self._count)])
         self._polygons[self._count] = polygon
-        self._middles_mm[self._count] = slab_mm.mean(axis=0)
-        self._radii_mm[self._count] = _radius(slab_mm - slab_mm.mean(axis=0))
+        self._middles_mm[self._count] = middle_mm
+        self._radii_mm[self._count] = radius_mm
         self._corners_mm.append(slab_mm)
         self._count += 1
         return True
-
-    def _clear_of_slabs(self, polygon: Polygon, host: int) -> bool:
-        corners = shapely.get_coordinates(polygon)[:-1]
-        middle_mm = corners.mean(axis=0)
-        reach_mm = _radius(corners - middle_mm) + self.rules.passage_mm
-        away_mm = np.hypot(*(self._middles_mm[: self._count] - middle_mm).T)
-        near = away_mm < self._radii_mm[: self._count] + reach_mm
-        if host >= 0:
-            near[host] = False
-        distances_mm = shapely.distance(self.polygons[near], polygon)
-        return bool((distances_mm >= self.rules.passage_mm).all())
-
-    def _overlaps(self, polygon: Polygon, host: int) -> bool:
-        """Return whether the overlap with a host is neither a mere touch nor most of the slab."""
-        shared_mm2 = shapely.intersection(polygon, self._polygons[host]).area
-        least_mm2, most_mm2 = 0.1 * _BITE**2 * polygon.area, 0.5 * polygon.area
-        return bool(least_mm2 < shared_mm2 < most_mm2)
 
 
 def _radius(slab_mm: Floats) -> float:

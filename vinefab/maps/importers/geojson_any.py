@@ -22,7 +22,7 @@ from vinefab.maps.importers.source_drawing import (
     drawing_map,
 )
 from vinefab.model.files.map_geojson import feature_key, geojson_document
-from vinefab.model.map import Map, Start
+from vinefab.model.map import Map
 
 
 def _scaled_map(world: Map, factor: float) -> Map:
@@ -30,28 +30,27 @@ def _scaled_map(world: Map, factor: float) -> Map:
     positive("scale", factor, 1e6, "new over old")
     if factor == 1.0:
         return world
+
+    def scaled(polygon: Polygon) -> Polygon:
+        return shapely.transform(polygon, lambda points: points * factor)
+
+    starts = tuple(
+        replace(
+            start,
+            pose=replace(start.pose, x_mm=start.pose.x_mm * factor, y_mm=start.pose.y_mm * factor),
+            spread_x_mm=start.spread_x_mm * factor,
+            spread_y_mm=start.spread_y_mm * factor,
+            area=start.area and shapely.transform(start.area, lambda points: points * factor),
+            clearance_mm=start.clearance_mm * (1.0 if start.area is None else factor),
+        )
+        for start in world.starts
+    )
     return replace(
         world,
-        bounds=_scaled(world.bounds, factor),
-        obstacles=tuple(_scaled(obstacle, factor) for obstacle in world.obstacles),
-        starts=tuple(_scaled_start(start, factor) for start in world.starts),
+        bounds=scaled(world.bounds),
+        obstacles=tuple(map(scaled, world.obstacles)),
+        starts=starts,
         facts={**world.facts, "scaled_by": factor},
-    )
-
-
-def _scaled(polygon: Polygon, factor: float) -> Polygon:
-    return shapely.transform(polygon, lambda points: points * factor)
-
-
-def _scaled_start(start: Start, factor: float) -> Start:
-    pose = start.pose
-    return replace(
-        start,
-        pose=replace(pose, x_mm=pose.x_mm * factor, y_mm=pose.y_mm * factor),
-        spread_x_mm=start.spread_x_mm * factor,
-        spread_y_mm=start.spread_y_mm * factor,
-        area=start.area and shapely.transform(start.area, lambda points: points * factor),
-        clearance_mm=start.clearance_mm * (1.0 if start.area is None else factor),
     )
 
 
@@ -193,20 +192,16 @@ def _ring(key: str, points: object) -> Ring | None:
     """Return a ring, None without positions."""
     positions = _list(key, points)
     for number, point in enumerate(positions, start=1):
-        if not _is_position(point):
+        if not (
+            isinstance(point, list)
+            and len(point) >= 2
+            and all(type(value) in (int, float) and abs(value) < 1e300 for value in point[:2])
+        ):
             raise BadInputError(f"{key} position {number}", point, "[x, y], finite numbers")
     if not positions:
         return None
     array = np.array([point[:2] for point in positions], dtype=np.float64)
     return Ring(pieces=(Straight(array),))
-
-
-def _is_position(point: object) -> bool:
-    return (
-        isinstance(point, list)
-        and len(point) >= 2
-        and all(type(value) in (int, float) and abs(value) < 1e300 for value in point[:2])
-    )
 
 
 def _list(key: str, value: object) -> list[Any]:

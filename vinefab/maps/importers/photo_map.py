@@ -15,8 +15,7 @@ from vinefab.core.errors import BadInputError, located
 from vinefab.core.plain_text import visible
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats
-from vinefab.maps.cleanup.cell_walls import Mask
-from vinefab.maps.cleanup.raster import GridPlacement, raster_map
+from vinefab.maps.cleanup.raster import GridPlacement, Mask, raster_map
 from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 from vinefab.model.corner_marker import MARKER_SIDE_CELLS
 from vinefab.model.map import Map
@@ -164,11 +163,18 @@ class _Scene:
                 "(35 mm), or taken so obliquely that its perspective does",
             )
         area = _area_mm(photo, camera, control, chosen)
-        _ensure_near(area, chosen)
+        left, low, right, top = area
+        if chosen.marker_mm is not None and chosen.distance_mm is None:
+            size, most = max(right - left, top - low), _MOST_SIDES * chosen.marker_mm
+            if size > most:
+                allowed = (
+                    f"at most {most:g} mm by markers of {chosen.marker_mm:g} mm; larger markers, "
+                    "--crop, or the distance of two markers: --distance-mm"
+                )
+                raise BadInputError("size of the map", f"{size:.0f} mm", allowed)
         # Edges in a photo are known better than to a pixel; a scan keeps its own pixels.
         share = 1.0 if len(control.points_px) == 2 else 0.5
         pixel = 1.0 / most_pixels_per_mm(camera.homography, area)
-        left, low, right, top = area
         coarsest = float(np.sqrt((right - left) * (top - low) / _MOST_CELLS))
         step = float(f"{max(share * pixel, coarsest):.4g}")
         pixel = max(step, float(f"{pixel:.4g}"))
@@ -313,20 +319,6 @@ def _ensure_trusted(seen: Mapping[int, FoundMarker], chosen: PhotoOptions) -> No
             found = f"{100.0 * one.misfit:.0f} % unlike its picture (measured)"
             allowed = f"at most {100.0 * _MOST_MISFIT:.0f} %: flat, evenly lit, without glare"
             raise BadInputError(f"marker {name}", found, allowed)
-
-
-def _ensure_near(area_mm: AreaMm, chosen: PhotoOptions) -> None:
-    """Refuse a map that is too large for its markers."""
-    if chosen.marker_mm is None or chosen.distance_mm is not None:
-        return
-    left, low, right, top = area_mm
-    size, most = max(right - left, top - low), _MOST_SIDES * chosen.marker_mm
-    if size > most:
-        allowed = (
-            f"at most {most:g} mm by markers of {chosen.marker_mm:g} mm; larger markers, --crop, "
-            "or the distance of two markers: --distance-mm"
-        )
-        raise BadInputError("size of the map", f"{size:.0f} mm", allowed)
 
 
 def _placing_mm(

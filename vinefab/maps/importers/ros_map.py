@@ -16,11 +16,11 @@ from vinefab.core.errors import BadInputError, UnreadableFileError, located
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import visible
 from vinefab.core.validation import number, positive
-from vinefab.maps.cleanup.cell_walls import Mask
 from vinefab.maps.cleanup.raster import (
     LARGEST_CELL_MM,
     LEAST_CELL_MM,
     GridPlacement,
+    Mask,
     raster_map,
 )
 from vinefab.maps.importers.import_options import ImportOptions

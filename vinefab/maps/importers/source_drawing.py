@@ -79,7 +79,10 @@ class Arc:
         """Return points on the arc whose chords stay within a tolerance."""
         # For a sheared ellipse the longer radius is at most the root of the sum of squares.
         radius = math.hypot(*self.first, *self.second)
-        count = _steps(abs(self.turn_rad) / _chord_rad(radius, tolerance))
+        chord_rad = math.tau
+        if radius > tolerance:
+            chord_rad = 2.0 * math.acos(1.0 - tolerance / radius)
+        count = _steps(abs(self.turn_rad) / chord_rad)
         count = max(count, math.ceil(abs(self.turn_rad) / (0.5 * math.pi) - 1e-9))
         points = self.at(self.start_rad + self.turn_rad * np.linspace(0.0, 1.0, count + 1))
         if abs(abs(self.turn_rad) - math.tau) < 1e-12:
@@ -109,32 +112,8 @@ class Bezier:
         return np.asarray(points, dtype=np.float64)
 
 
-def _chord_rad(radius: float, tolerance: float) -> float:
-    """Return the angle of a chord whose middle is a tolerance off the arc."""
-    if radius <= tolerance:
-        return math.tau
-    return 2.0 * math.acos(1.0 - tolerance / radius)
-
-
 def _steps(wanted: float) -> int:
     return max(1, min(math.ceil(wanted - 1e-9), _MOST_CURVE_POINTS)) if math.isfinite(wanted) else 1
-
-
-def bulge_arc(start: Floats, end: Floats, bulge: float) -> CurvePiece:
-    """Return the arc between two points of a DXF polyline."""
-    chord = end - start
-    if bulge == 0.0 or not chord.any():
-        return Straight(np.array([start, end]))
-    # The arc's middle lies beside the chord's, to the left for a short counter-clockwise arc.
-    aside = 0.25 * (1.0 / bulge - bulge)
-    middle = 0.5 * (start + end) + aside * np.array([-chord[1], chord[0]])
-    first = start - middle
-    return Arc(
-        middle=middle,
-        first=first,
-        second=np.array([-first[1], first[0]]),
-        turn_rad=4.0 * math.atan(bulge),
-    )
 
 
 def run_flat(pieces: tuple[CurvePiece, ...], tolerance: float) -> Floats:

@@ -120,21 +120,17 @@ class Demo:
         """Whether no design rule blocks the winner."""
         return not self.predicted.prepared.report.blocking
 
-    def _pieces(self) -> str:
-        """Return how many pieces the winner is cut in."""
-        partition = self.predicted.prepared.partition
-        if partition is None:
-            return "1"
-        least = "no fewer possible" if partition.proven_least else "fewer may be possible"
-        return f"{len(partition.pieces)}, {least}"
-
     def table(self) -> Rows:
         """Return the result as a table of names and values."""
         best, report = self.result.best, self.predicted.prepared.report
         reach = self.predicted.main.outcomes.spread(REACH)
+        partition, pieces = self.predicted.prepared.partition, "1"
+        if partition is not None:
+            least = "no fewer possible" if partition.proven_least else "fewer may be possible"
+            pieces = f"{len(partition.pieces)}, {least}"
         rows = (
             ("winner", f"{counted(best.branch_count, 'branch')} on {counted(best.depth, 'level')}"),
-            ("flat pieces to cut", self._pieces()),
+            ("flat pieces to cut", pieces),
             ("coverage score, training maps", f"{demo_interval_text(self.training)} (simulated)"),
             ("coverage score, unseen maps", f"{demo_interval_text(self.unseen)} (simulated)"),
             (
@@ -180,7 +176,13 @@ def run_demo(
     result = run_search(run, folder / "run", workers=settings.workers, progress=report_generation)
     progress(0.6, "testing the winner on unseen maps")
     announce(f"testing the winner on {counted(len(unseen), 'map')} that it never saw")
-    scores = _scores(result.best, run, unseen)
+    plan = ScorePlan(task=run.task.name, poses=_POSES, seed=run.search.seed)
+    best, vine = result.best, Design.read("plain_vine")
+    scores = {
+        "training": score_design_on_task(best, training_maps(run), plan, run.growth),
+        "unseen": score_design_on_task(best, unseen, plan, run.growth),
+        "baseline": score_design_on_task(vine, unseen, plan, run.growth),
+    }
     predicted = predict(
         result.best,
         read_profile(DEFAULT_RECIPE),
@@ -206,15 +208,6 @@ def demo_interval_text(score: Score) -> str:
         return "-"
     ends = (spread.low, spread.high)
     return Number(spread.mean, form=".3f", interval=ends, over=spread.over).text
-
-
-def _scores(best: Design, run: RunSettings, unseen: tuple[Map, ...]) -> dict[str, Score]:
-    plan = ScorePlan(task=run.task.name, poses=_POSES, seed=run.search.seed)
-    return {
-        "training": score_design_on_task(best, training_maps(run), plan, run.growth),
-        "unseen": score_design_on_task(best, unseen, plan, run.growth),
-        "baseline": score_design_on_task(Design.read("plain_vine"), unseen, plan, run.growth),
-    }
 
 
 def _write(folder: Path, demo: Demo, run: RunSettings, unseen: tuple[Map, ...]) -> tuple[str, ...]:

@@ -281,6 +281,12 @@ LINES = {
     "inflate grid_explorer --across 32": "--across is 32; allowed: 4 to 22 for grid_explorer",
     # predictions
     "grow plain --map grid.geojson --history 5": "--json",
+    "grow plain --map grid.geojson --json - --history 0": "--history is 0; allowed: a whole number",
+    "grow plain --map grid.geojson --json - --history 5000": "--history is 5000; allowed: a whole",
+    "grow plain --map grid.geojson --json - --history=-3,4": "--history is -3.0; allowed: 1e-06 to",
+    "grow plain --map grid.geojson --json - --history nan": "--history is nan; allowed: 1e-06 to",
+    "grow plain --map grid.geojson --json - --history 10;20": "--history is '10;20'; allowed: fin",
+    "grow plain --map grid.geojson --json - --history ''": "--history is ''; allowed: finite",
     "grow plain --map grid.geojson --animate a.mp4": "--animate",
     "grow plain --map grid.geojson --animate a.svg --frames 0": "--frames",
     "grow plain --map grid.geojson --animate a.svg --frames 100000": "--frames",

@@ -5,13 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vinefab.core.errors import BadInputError
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Pose
-from vinefab.prediction.deploy import deploy, fronts_from, history_content
+from vinefab.prediction.deploy import deploy, history_content
 
 WORLD = grid_map(5, GridOptions(size_mm=300.0, columns=4, rows=4))
 
@@ -132,12 +131,6 @@ def test_json_names_what_grows_on():
     assert content[0]["branches"][0]["stop"] is None
     assert "planned_mm" not in content[0]["branches"][0]
     assert all(branch["stop"] not in (None, "not_deployed") for branch in content[1]["branches"])
-
-
-@pytest.mark.parametrize("text", ["", "0", "-3,4", "ten", "10;20", "nan,", "5000", "1e9,"])
-def test_what_is_no_history_is_refused(text):
-    with pytest.raises(BadInputError, match="--history"):
-        fronts_from(text)
 
 
 @pytest.mark.parametrize("rule", [{"branch_contact": "stop"}, {"branch_contact": "pass"}])

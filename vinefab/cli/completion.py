@@ -20,7 +20,7 @@ from vinefab.cli.commands import (
     names_in,
     top_commands,
 )
-from vinefab.core.verbs import Option, registered
+from vinefab.core.verbs import registered
 
 SCRIPTS = {
     "bash": """_vinefab_complete() {
@@ -83,14 +83,7 @@ def _possible(before: list[str], half: str) -> list[str]:
         return [*(flag for one in options for flag in flags_of(one)), *HELP]
     places = [one for one in options if one.positional]
     stands = [word for word in typed if not word.startswith("-")]
-    return _at(places, len(stands))
-
-
-def _at(places: list[Option], count: int) -> list[str]:
-    """Return the names for the word at a place."""
-    if not places:
-        return []
-    return registered(places[min(count, len(places) - 1)])
+    return registered(places[min(len(stands), len(places) - 1)]) if places else []
 
 
 def shell_name() -> str:

@@ -674,7 +674,22 @@ def _aimed(
 
 def _robot_content(robot: AimedRobot, first: AimedRobot) -> dict[str, object]:
     """Return what stands in JSON of a design beside the row that is shown."""
-    found, best = robot.search, robot.best
+    found, best, team, together = robot.search, robot.best, robot.team, None
+    if team is not None:
+        names = ("count", "share", "low", "high", "search_bound", "search_share")
+        together = {
+            "covered": team.cover.words,
+            "candidates": team.candidates,
+            "poses": [_pose_content(pose_of(row)) for row in team.poses],
+            "robots": [
+                rounded(dict(zip(names, (*row, share), strict=True)), 5)
+                for row, share in zip(union_curve(team), team.choice.covered, strict=True)
+            ],
+            "least_share_of_best": {
+                "always": round(GREEDY_SHARE, 4),
+                "here": rounded(team.least_share, 5),
+            },
+        }
     return {
         "branches": robot.design.branch_count,
         "length_mm": round(branch_tree(robot.design).total_length_mm, 3),
@@ -698,30 +713,13 @@ def _robot_content(robot: AimedRobot, first: AimedRobot) -> dict[str, object]:
             "heading_deg": [round(deg(value), 2) for value in robot.turned.headings_rad],
             "mean": rounded(robot.turned.scores.mean(axis=1).tolist(), 5),
         },
-        "together": None if robot.team is None else _team_content(robot.team),
+        "together": together,
     }
 
 
 def _gain_content(gain: tuple[float, float, float] | None) -> dict[str, object] | None:
     names = ("mean", "low", "high")
     return None if gain is None else rounded(dict(zip(names, gain, strict=True)), 5)
-
-
-def _team_content(team: RobotSet) -> dict[str, object]:
-    names = ("count", "share", "low", "high", "search_bound", "search_share")
-    return {
-        "covered": team.cover.words,
-        "candidates": team.candidates,
-        "poses": [_pose_content(pose_of(row)) for row in team.poses],
-        "robots": [
-            rounded(dict(zip(names, (*row, share), strict=True)), 5)
-            for row, share in zip(union_curve(team), team.choice.covered, strict=True)
-        ],
-        "least_share_of_best": {
-            "always": round(GREEDY_SHARE, 4),
-            "here": rounded(team.least_share, 5),
-        },
-    }
 
 
 def _pose_content(pose: Pose) -> dict[str, object]:
@@ -777,16 +775,8 @@ def landscape_panel(
     if bar:
         words = f"expected {found.task.name} score (simulated)"
         panel.bar = (words, low, high, HEAT_COLOURS)
-    _draw_arrows(panel, places, landscape.best_headings_rad[known], scores, size_mm)
-    _draw_best(panel, found, robot)
-    return panel
-
-
-def _draw_arrows(
-    panel: Panel, places: Floats, headings: Floats, scores: Floats, size_mm: float
-) -> None:
-    """Draw the best headings at some places, the best places first."""
-    taken = list[int]()
+    # The best headings at some places, the best places first.
+    headings, taken = landscape.best_headings_rad[known], list[int]()
     for index in np.argsort(-scores, kind="stable").tolist():
         if len(taken) == MOST_ARROWS:
             break
@@ -798,6 +788,8 @@ def _draw_arrows(
     for index in taken:
         towards = np.array([np.cos(headings[index]), np.sin(headings[index])])
         panel.arrow(places[index], places[index] + reach_mm * towards, ink, 4.0, 4.0)
+    _draw_best(panel, found, robot)
+    return panel
 
 
 def _draw_best(panel: Panel, found: AimResult, robot: AimedRobot) -> None:

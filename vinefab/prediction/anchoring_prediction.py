@@ -169,15 +169,6 @@ ANCHORING_NOTE = (
 )
 
 
-def _engaged_text(found: AnchoringPrediction) -> str:
-    if not found.has_pouches:
-        return "Without pouches none is engaged: ideal case only"
-    return (
-        f"{found.engaged_percent:.1f} % of the leaves are engaged; {found.nothing_percent:.1f} % "
-        "of the deployments hold nothing"
-    )
-
-
 def anchoring_blocks(anchoring: Sequence[AnchoringPrediction]) -> Iterator[Data | Section]:
     """Yield anchoring by friction: engaged leaves, some of them idle, and the ideal case."""
     percents = ("engaged_percent", "nothing_percent", "limited_percent")
@@ -204,10 +195,17 @@ def anchoring_blocks(anchoring: Sequence[AnchoringPrediction]) -> Iterator[Data 
         }
     )
     number = partial(Number, form=".2f")
+    engaged = [
+        f"{found.engaged_percent:.1f} % of the leaves are engaged; {found.nothing_percent:.1f} % "
+        "of the deployments hold nothing"
+        if found.has_pouches
+        else "Without pouches none is engaged: ideal case only"
+        for found in anchoring
+    ]
     tables = [
         Rows(
             caption=f"Amplification on {found.label}, {found.leaves} leaves: median over maps "
-            f"(90 % of the maps). {_engaged_text(found)} (simulated paths, assumed friction)",
+            f"(90 % of the maps). {words} (simulated paths, assumed friction)",
             headings=("what holds", *(f"friction {held.friction:g}" for held in found.held)),
             rows=(
                 *(
@@ -222,7 +220,7 @@ def anchoring_blocks(anchoring: Sequence[AnchoringPrediction]) -> Iterator[Data 
                  *(held.ideal.text() for held in found.held)),
             ),
         )
-        for found in anchoring
+        for found, words in zip(anchoring, engaged, strict=True)
     ]  # fmt: skip
     tables += [
         Rows(

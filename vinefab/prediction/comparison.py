@@ -225,20 +225,12 @@ class DesignComparison(Result):
         )
         yield paired_difference_table(self.differences)
         yield side_by_side_table(outcomes)
-        yield self._targets()
-        yield Data({"standing": "simulated", "growth": self.plan.options.content,
-                    "measure": measure.key, "maps": some.map_count})  # fmt: skip
-        yield Data(lambda: {"designs": {name: spreads_content(o) for name, o in outcomes.items()}})
-        yield from self._sections()
-
-    def _targets(self) -> Rows:
-        """Return which of the maps' targets each design touches; empty without any."""
         found = {
             name: touched
             for name, result in zip(self.names, self.results, strict=True)
             if (touched := touched_targets(result.aimed())) is not None
         }
-        return Rows(
+        yield Rows(
             caption="Targets (simulated; tolerances assumed)",
             headings=("design", "touched"),
             rows=tuple((name, touched.headline) for name, touched in found.items()),
@@ -246,6 +238,10 @@ class DesignComparison(Result):
             keys=("", ""),
             data=tuple({"design": name, "of": one.content} for name, one in found.items()),
         )
+        yield Data({"standing": "simulated", "growth": self.plan.options.content,
+                    "measure": measure.key, "maps": some.map_count})  # fmt: skip
+        yield Data(lambda: {"designs": {name: spreads_content(o) for name, o in outcomes.items()}})
+        yield from self._sections()
 
     def _sections(self) -> Iterator[Section]:
         """Yield charts of every measure, designs over contacts and on the same map."""

@@ -137,32 +137,6 @@ def _first_part(chain_mm: Floats, length_mm: float) -> Floats:
     return np.array([*chain_mm[:inside], tip_mm])
 
 
-def fronts_from(text: str) -> int | tuple[float, ...]:
-    """Return what ``--history`` asks for: a number of equal steps, or front lengths in mm.
-
-    A whole number alone is a number of steps; with a comma or a decimal point it is a length.
-
-    Examples
-    --------
-    >>> fronts_from("10"), fronts_from("120,240"), fronts_from("120,")
-    (10, (120.0, 240.0), (120.0,))
-    """
-    if text.strip().isdecimal():
-        return whole("--history", int(text), 1, MOST_FRAMES)
-    try:
-        lengths = tuple(float(part) for part in text.split(",") if part.strip())
-    except ValueError as error:
-        raise BadInputError("--history", text, "L1,L2,... in mm, or a number of steps") from error
-    if not 1 <= len(lengths) <= MOST_FRAMES:
-        raise BadInputError("--history", text, f"1 to {MOST_FRAMES} lengths")
-    return tuple(positive("--history", length) for length in lengths)
-
-
-def frames_of(history: History, wanted: int | tuple[float, ...]) -> tuple[DeploymentFrame, ...]:
-    """Return the frames that `fronts_from` read."""
-    return history.even_steps(wanted) if isinstance(wanted, int) else history.frames(wanted)
-
-
 def history_content(frames: Sequence[DeploymentFrame]) -> list[dict[str, object]]:
     """Return frames as they stand in ``vinefab/deployment-1``.
 
@@ -385,7 +359,11 @@ class DeployedDesign(Result):
         """Return every branch with its points as JSON: ``vinefab/deployment-1``."""
         names = (self.design.name, self.world.name)
         fronts = self.fronts
-        shapes = None if fronts is None else history_content(frames_of(self.history, fronts))
+        shapes = None
+        if fronts is not None:
+            grown = self.history
+            frames = grown.even_steps(fronts) if isinstance(fronts, int) else grown.frames(fronts)
+            shapes = history_content(frames)
         targets = self.targets
         more = {} if targets is None else document(targets.view())
         return deployment_text(self.deployment, *names, self.metrics, shapes, more)

@@ -152,12 +152,20 @@ def propose_fix(  # noqa: PLR0913  options by keyword
         for found, report in _rounds(design, profile, limits, grown, progress, stage):
             after = report
             if not report.blocking:
-                proposed = _named(design, found)
+                changes = design_changes(design, found.design)
+                origin = {
+                    "mended_from": design.name,
+                    "changes": [change.text for change in changes],
+                    "change": round(found.cost, 6),
+                    **RunContext.of(design).kept,
+                }
+                name = f"{design.name[:90]}_mended"
+                proposed = found.design.changed(name=name, origin=origin)
                 return ProposedFix(
                     before=before,
                     design=proposed,
                     after=replace(report, design=proposed.name),
-                    changes=design_changes(design, found.design),
+                    changes=changes,
                     keep=keep,
                 )
     targets = FixTargets.of(design, profile, limits, margin=MARGINS[0])
@@ -214,14 +222,6 @@ def _rounds(
             margin = next(margins, 0.0)
             if margin == 0.0:
                 return
-
-
-def _named(design: Design, found: FixedDesign) -> Design:
-    """Return a fixed design with a name and an origin of its own."""
-    changes = [change.text for change in design_changes(design, found.design)]
-    origin = {"mended_from": design.name, "changes": changes, "change": round(found.cost, 6)}
-    name = f"{design.name[:90]}_mended"
-    return found.design.changed(name=name, origin={**origin, **RunContext.of(design).kept})
 
 
 def _rules(report: CheckReport) -> str:

@@ -52,7 +52,6 @@ from vinefab.pages.panel import (
     ROCK_EDGE,
     Ink,
     Page,
-    Panel,
     Shape,
     page_of_rows,
     plan_panel,
@@ -145,7 +144,10 @@ class DeployedPattern:
         if not ring.is_valid:
             triangles = robot.positions_mm[robot.sheet.mesh.triangles][:, :, :2]
             seen = shapely.union_all(shapely.polygons(triangles))
-            overlap_mm2 = max(0.0, _signed_area_mm2(ring) - seen.area)
+            # Of a ring that crosses itself, what it goes around twice counts twice.
+            x, y = shapely.get_coordinates(ring.exterior).T
+            around_mm2 = float((x[:-1] * y[1:] - x[1:] * y[:-1]).sum() / 2.0)
+            overlap_mm2 = max(0.0, around_mm2 - seen.area)
         designed = flat_layout(design)
         return cls(
             pattern=pattern,
@@ -181,12 +183,6 @@ class DeployedPattern:
             Fact(f"tips off, {self.how}", mean, f"{key}.mean_mm", f"mean of {leaves} (simulated)"),
             Fact("the farthest", largest, f"{key}.largest_mm", "simulated"),
         )
-
-
-def _signed_area_mm2(ring: shapely.Polygon) -> float:
-    """Return the area within a counter-clockwise ring; what it goes around twice counts twice."""
-    x, y = shapely.get_coordinates(ring.exterior).T
-    return float((x[:-1] * y[1:] - x[1:] * y[:-1]).sum() / 2.0)
 
 
 def _solvable_words(joint: PatternJoint) -> str:
@@ -531,28 +527,24 @@ def inflation_sheet(found: InflatedDesign) -> Page:
             f"tips off {_off_words(shape)} (simulated)"
         )
         panel.legend_shown = False
-        _draw(panel, shape, outline)
+        panel.add(Shape([outline], _CUT, closed=True), 1.0, "flat, as cut")
+        panel.polygons([shape.seen], _BODY, rank=2.0, label="deployed")
+        designed = shape.designed
+        ends = np.stack([designed.start_mm, designed.end_mm], axis=1)
+        panel.lines(list(ends), _DESIGNED, rank=3.0, label="designed")
+        leaves = designed.is_leaf
+        tips = np.stack([designed.end_mm[leaves], shape.robot.ends_mm[leaves]], axis=1)
+        panel.lines(list(tips), _OFF, rank=4.0, label="tip: from designed to deployed")
+        panel.marks(tips[:, 1], "o", 3.0, Ink(fill=ALERT), rank=4.5)
+        worst = int(np.argmax(shape.tip_errors_mm))
+        panel.write_labels(
+            tips[worst : worst + 1, 1], [f"{shape.largest_mm:.1f} mm"], [ALERT], size_pt=7.5,
+            lines=[*ends, *tips, *map(shapely.get_coordinates, shapely.get_rings(shape.seen))],
+        )  # fmt: skip
         panels.append(panel)
     # A plan that is wider than high stands above the other one.
     rows = [[panel] for panel in panels] if x1 - x0 > 1.3 * (y1 - y0) else [panels]
     return page_of_rows(rows, legend=panels[0].legend)
-
-
-def _draw(panel: Panel, shape: DeployedPattern, outline: Floats) -> None:
-    panel.add(Shape([outline], _CUT, closed=True), 1.0, "flat, as cut")
-    panel.polygons([shape.seen], _BODY, rank=2.0, label="deployed")
-    designed = shape.designed
-    ends = np.stack([designed.start_mm, designed.end_mm], axis=1)
-    panel.lines(list(ends), _DESIGNED, rank=3.0, label="designed")
-    leaves = designed.is_leaf
-    tips = np.stack([designed.end_mm[leaves], shape.robot.ends_mm[leaves]], axis=1)
-    panel.lines(list(tips), _OFF, rank=4.0, label="tip: from designed to deployed")
-    panel.marks(tips[:, 1], "o", 3.0, Ink(fill=ALERT), rank=4.5)
-    worst = int(np.argmax(shape.tip_errors_mm))
-    panel.write_labels(
-        tips[worst : worst + 1, 1], [f"{shape.largest_mm:.1f} mm"], [ALERT], size_pt=7.5,
-        lines=[*ends, *tips, *map(shapely.get_coordinates, shapely.get_rings(shape.seen))],
-    )  # fmt: skip
 
 
 # --- The closed surface of an inflated pattern, and files that viewers of 3-D shapes read (mm) ----

@@ -605,7 +605,9 @@ def search_poses(
         left = budget - JUDGED_DRAWS if start else budget
         landscape, pose = _search_from(scored, region, errors, left, start)
         (judged,) = scored(pose[None], draws)
-        if start == 0 or _clearly_better(judged, scores):
+        gains = judged - scores if start else judged
+        # Clearly better: by more than two errors of the difference.
+        if not start or gains.mean() > 2.0 * gains.std() / math.sqrt(len(gains)):
             best, scores = pose, judged
     return PoseSearch(
         landscape=landscape,
@@ -629,12 +631,6 @@ def _budgets(deployments: int) -> list[int]:
         found.append(budget)
         budget, following = following, budget + following
     return found
-
-
-def _clearly_better(scores: Floats, than: Floats) -> bool:
-    """Tell whether a pose is better than another, by more than two errors of the difference."""
-    gains = scores - than
-    return float(gains.mean()) > 2.0 * float(gains.std()) / math.sqrt(len(gains))
 
 
 _Scored = Callable[[Floats, PoseDraws], Floats]

@@ -5,15 +5,47 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vinefab.core.rng import child
+from vinefab.core.statistics import PAIRED_TAILS, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.view import document
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.model.design import Build, Design
-from vinefab.prediction.family_deployments import PreparedFamily, deploy_family, unseen_maps
-from vinefab.prediction.measures import COVERAGE, GROWN, REACH, SEEN, STUCK
+from vinefab.model.map import Pose, Start
+from vinefab.model.tree import branch_tree
+from vinefab.prediction.family_deployments import (
+    MapFamily,
+    PredictionPlan,
+    PreparedFamily,
+    deploy_family,
+    unseen_maps,
+)
+from vinefab.prediction.measures import (
+    COVERAGE,
+    GROWN,
+    LOOSE_PRESSURE,
+    REACH,
+    SEEN,
+    STUCK,
+    MeanValue,
+)
 from vinefab.prediction.prediction_width import (
+    ANGLE_TOLERANCE_DEG,
+    QUICK_MEASURES,
+    ROBOTS,
+    Effect,
+    PredictionVariant,
+    Scatter,
+    Tolerance,
+    VariantEvaluator,
     contact_range,
+    made_tree,
     pressure_range,
+    scaled_tree,
+    sensitivity,
+    sensitivity_blocks,
+    tolerance,
+    tolerance_blocks,
     width_blocks,
 )
 
@@ -115,3 +147,150 @@ def test_pressures_are_those_of_growth_to_every_tip(explorer, prepared, few_pose
     key = "growth_pressure_loose_kpa"
     np.testing.assert_array_equal(stopped.values[key], whole.values[key])
     assert stopped.spread(GROWN).mean < whole.spread(GROWN).mean
+
+
+# --- Sensitivity and tolerances -------------------------------------------------------------------
+
+
+def test_sensitivity_without_a_wall_in_reach_is_none(straight):
+    design, family = straight
+    effects = sensitivity(
+        VariantEvaluator(
+            design, PreparedFamily.of(family, PredictionPlan(poses=1)), PredictionPlan(poses=1)
+        )
+    )
+    for effect in effects:
+        changes = [effect.changes[measure.key].mean for measure in QUICK_MEASURES]
+        if effect.knob == "lengths":
+            scale = 25.0 / (2.0 * 20.0 / np.pi)
+            assert changes[-1] == pytest.approx(scale * 0.771 * 0.1 * effect.step / 100.0)
+        else:
+            assert changes == pytest.approx([0.0] * len(QUICK_MEASURES), abs=0.05)
+
+
+PLAN = PredictionPlan(poses=2, seed=3)
+
+
+def test_sensitivity_leaves_out_poses_that_are_not_free(straight):
+    design, family = straight
+    near = Start(pose=Pose(x_mm=50.0, y_mm=8.0, heading_rad=0.0))
+    world = replace(family.worlds[0], starts=(near,))
+    prepared = PreparedFamily.of(MapFamily(label="edge", worlds=(world,)), PredictionPlan(poses=1))
+    counts = {
+        effect.step: effect.count
+        for effect in sensitivity(VariantEvaluator(design, prepared, PredictionPlan(poses=1)))
+        if effect.knob == "position"
+    }
+    assert (counts[-20.0], counts[-10.0], counts[-5.0], counts[20.0]) == (0, 0, 1, 1)
+
+
+def test_more_stops_with_a_wider_head_on_angle(result, explorer):
+    effects = sensitivity(VariantEvaluator(explorer, result.prepared, PLAN))
+    widest = [effect for effect in effects if effect.knob == "head-on half-angle"][-1]
+    assert widest.changes[GROWN.key].mean < 0.0
+    assert widest.changes[STUCK.key].mean > 0.0
+
+
+def test_one_map_is_varied_pose_by_pose(explorer, result):
+    prepared = PreparedFamily(
+        label="one", maps=result.prepared.maps[:1], poses=result.prepared.poses[:1]
+    )
+    for effect in sensitivity(VariantEvaluator(explorer, prepared, PLAN)):
+        for change in effect.changes.values():
+            assert (change.over, effect.count) == ("2 poses", 2)
+            assert not change.low > change.mean
+
+
+def test_made_trees_stay_within_the_tolerances(explorer):
+    tree = branch_tree(explorer)
+    made = made_tree(tree, child(1, 2))
+    off = made.length_mm / tree.length_mm - 1.0
+    turned_deg = np.degrees(made.offset_rad - tree.offset_rad)
+    assert 0.006 < np.abs(off).max() <= 0.01
+    assert 1.0 < np.abs(turned_deg).max() <= ANGLE_TOLERANCE_DEG
+    assert turned_deg[0] == 0.0
+
+
+def test_scaled_designs_keep_their_widths(explorer):
+    longer = scaled_tree(explorer, 1.1)
+    assert branch_tree(longer).length_mm == pytest.approx(1.1 * branch_tree(explorer).length_mm)
+    assert longer.build == explorer.build
+
+
+def test_changes_are_means_over_maps_with_their_interval(straight, monkeypatch):
+    design, family = straight
+    plan = PredictionPlan(poses=1)
+    worlds = family.worlds * 8
+    prepared = PreparedFamily.of(MapFamily(label="l", worlds=worlds), plan)
+    evaluator = VariantEvaluator(design, prepared, plan)
+    differences = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 12.0])
+    changed = evaluator.exact + differences[:, None]
+    monkeypatch.setattr(evaluator, "grow", lambda *_: changed[None])
+    variant = PredictionVariant(
+        knob="k", step=1.0, unit="mm", design=design, options=plan.options, poses=prepared.poses
+    )
+    effect = evaluator.effect(variant)
+    change = effect.changes[SEEN.key]
+    assert (effect.count, change.over, change.mean) == (8, "8 maps", pytest.approx(5.0))
+    assert (change.low, change.high) == mean_interval(differences, tails=PAIRED_TAILS)
+    assert change.is_clear
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "clear"), [(0.1, 2.0, True), (-2.0, -0.1, True), (-0.1, 2.0, False)]
+)
+def test_a_change_is_clear_when_its_interval_leaves_out_0(low, high, clear):
+    change = MeanValue(mean=(low + high) / 2, low=low, high=high, over="6 maps")
+    assert change.is_clear == clear
+
+
+def test_scatter_of_fabrication_is_over_robots(straight):
+    design, family = straight
+    plan = PredictionPlan(poses=1)
+    evaluator = VariantEvaluator(design, PreparedFamily.of(family, plan), plan)
+    found = tolerance(evaluator, 5)
+    tree = branch_tree(design)
+    lengths_mm = np.array(
+        [made_tree(tree, child(5, 1703, robot)).length_mm[0] for robot in range(ROBOTS)]
+    )
+    # Y + f L of a straight vine, for the 25 mm tube, times its diameter over this one's.
+    scale = 25.0 / (2.0 * 20.0 / np.pi)
+    pressures_kpa = scale * (1.92 + 0.771e-3 * lengths_mm)
+    exact_kpa = scale * (1.92 + 0.771e-3 * 100.0)
+    ordered = np.sort(pressures_kpa)
+    scatter = found.scatter[-1]
+    assert (found.robots, found.launches, scatter.measure) == (40, 1, LOOSE_PRESSURE)
+    assert (found.length_percent, found.angle_deg) == (1.0, 2.0)
+    assert scatter.exact == pytest.approx(exact_kpa)
+    # Of 40 values, 5 % lie 1.95 steps from either end.
+    assert scatter.p05 == pytest.approx(ordered[1] + 0.95 * (ordered[2] - ordered[1]))
+    assert scatter.p95 == pytest.approx(ordered[-2] - 0.95 * (ordered[-2] - ordered[-3]))
+    off = np.sort(np.abs(pressures_kpa - exact_kpa))
+    assert scatter.typical == pytest.approx((off[19] + off[20]) / 2.0)
+
+
+def test_page_and_json_show_known_changes_and_scatter():
+    change = MeanValue(mean=1.25, low=0.5, high=2.0, over="6 maps")
+    weak = MeanValue(mean=-1.0, low=-3.0, high=1.0, over="6 maps")
+    effect = Effect(
+        knob="heading", step=-5.0, unit="deg", count=12, changes={SEEN.key: change, REACH.key: weak}
+    )
+    (section,) = sensitivity_blocks([effect], (SEEN, REACH))
+    assert section.tables[0].rows == (
+        ("heading", "-5 deg", "1.2 [0.5, 2.0; 6 maps]*", "-1.0 [-3.0, 1.0; 6 maps]", 12),
+    )
+    assert "the same 12 poses" in section.paragraphs[0]
+    (content,) = document([section])["sensitivity"]
+    assert (content["knob"], content["step"], content["poses"]) == ("heading", -5.0, 12)
+    assert content["changes"][SEEN.key] == {"mean": 1.2, "low": 0.5, "high": 2.0}
+    scatter = Scatter(measure=SEEN, exact=50.0, p05=48.0, p95=53.0, typical=1.5)
+    made = Tolerance(length_percent=1.0, angle_deg=2.0, robots=40, launches=6, scatter=(scatter,))
+    data, section = tolerance_blocks(made)
+    title = "free space seen by sensors"
+    assert [*map(str, section.tables[0].rows[0])] == [title, "%", "50.0", "48.0", "53.0", "1.5"]
+    assert "40 robots" in section.paragraphs[0]
+    assert "up to 1 % and its angle by up to 2 degrees" in section.paragraphs[0]
+    assert "6 poses" in section.paragraphs[0]
+    assert document([data])["tolerance"]["scatter"][SEEN.key] == {
+        "exact": 50.0, "p05": 48.0, "p95": 53.0, "typical": 1.5
+    }  # fmt: skip

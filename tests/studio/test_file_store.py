@@ -54,130 +54,130 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def desk(folder):
+def store(folder):
     return FileStore(folder)
 
 
-def opened(desk: FileStore, name: str = "mine.toml") -> dict:
-    return desk.open_design({"design": name})
+def opened(store: FileStore, name: str = "mine.toml") -> dict:
+    return store.open_design({"design": name})
 
 
 def with_length(content: dict, length_mm: float) -> dict:
     return {**content, "trunk": {"length": length_mm}}
 
 
-def test_a_design_is_opened_changed_and_saved_with_its_comments(desk, folder):
-    file = opened(desk)
+def test_a_design_is_opened_changed_and_saved_with_its_comments(store, folder):
+    file = opened(store)
     assert file["writable"]
     assert file["path"] == "mine.toml"
     assert file["text"] == MINE
-    answer = desk.save_design(
+    answer = store.save_design(
         {"path": "mine.toml", "design": with_length(file["design"], 130), "stamp": file["stamp"]}
     )
     assert answer["saved"]
     # The page shows the third rounded: that is no change.
     assert (folder / "mine.toml").read_text() == MINE.replace("120.0", "130.0")
-    assert opened(desk)["stamp"] == answer["stamp"]
+    assert opened(store)["stamp"] == answer["stamp"]
     again = {"path": "mine.toml", "design": with_length(file["design"], 9), **answer}
-    assert desk.save_design(again)["saved"]
+    assert store.save_design(again)["saved"]
 
 
-def test_a_file_changed_elsewhere_is_left_alone_unless_forced(desk, folder):
-    file = opened(desk)
+def test_a_file_changed_elsewhere_is_left_alone_unless_forced(store, folder):
+    file = opened(store)
     theirs = MINE.replace("120.0", "77.0").replace("# by hand", "# by another hand")
     (folder / "mine.toml").write_text(theirs)
     ask = {"path": "mine.toml", "design": with_length(file["design"], 130), "stamp": file["stamp"]}
-    answer = desk.save_design(ask)
+    answer = store.save_design(ask)
     assert (answer["saved"], answer["why"]) == (False, "changed")
     assert answer["design"]["trunk"]["length"] == 77.0
     assert (folder / "mine.toml").read_text() == theirs
-    assert desk.save_design({**ask, "force": True})["saved"]
+    assert store.save_design({**ask, "force": True})["saved"]
     assert (folder / "mine.toml").read_text() == theirs.replace("77.0", "130.0")
 
 
-def test_tabs_that_save_at_once_never_overwrite_each_other(desk):
-    file = opened(desk)
+def test_tabs_that_save_at_once_never_overwrite_each_other(store):
+    file = opened(store)
 
     def save(length_mm: float) -> dict:
         content = with_length(file["design"], length_mm)
-        return desk.save_design({"path": "mine.toml", "design": content, "stamp": file["stamp"]})
+        return store.save_design({"path": "mine.toml", "design": content, "stamp": file["stamp"]})
 
     with ThreadPoolExecutor(4) as threads:
         answers = list(threads.map(save, [1.0, 2.0, 3.0, 4.0]))
     won = [length for length, answer in zip([1, 2, 3, 4], answers, strict=True) if answer["saved"]]
-    assert [opened(desk)["design"]["trunk"]["length"]] == won
+    assert [opened(store)["design"]["trunk"]["length"]] == won
 
 
-def test_a_broken_version_on_disk_is_a_conflict_and_keeping_mine_keeps_the_comments(desk, folder):
-    file = opened(desk)
+def test_a_broken_version_on_disk_is_a_conflict_and_keeping_mine_keeps_the_comments(store, folder):
+    file = opened(store)
     (folder / "mine.toml").write_text("half a fi")
     ask = {"path": "mine.toml", "design": with_length(file["design"], 130), "stamp": file["stamp"]}
-    answer = desk.save_design(ask)
+    answer = store.save_design(ask)
     assert not answer["saved"]
     assert answer["design"] is None
     assert "not TOML" in answer["problem"]
-    forced = desk.save_design({**ask, "force": True})
+    forced = store.save_design({**ask, "force": True})
     assert "broken" in forced["note"]
     assert (folder / "mine.toml").read_text() == MINE.replace("120.0", "130.0")
     assert (folder / "mine.toml.old").read_text() == "half a fi"
 
 
 @pytest.mark.parametrize("text", ["my diary", map_text(generate("grid", 3)), 'schema = "x"'])
-def test_what_is_no_design_is_never_replaced(desk, folder, text):
+def test_what_is_no_design_is_never_replaced(store, folder, text):
     (folder / "diary.toml").write_text(text)
-    ask = {"path": "diary.toml", "design": opened(desk)["design"], "force": True}
+    ask = {"path": "diary.toml", "design": opened(store)["design"], "force": True}
     with pytest.raises(VinefabError, match="no design"):
-        desk.save_design(ask)
+        store.save_design(ask)
     assert (folder / "diary.toml").read_text() == text
 
 
-def test_a_saved_design_counts_as_changed_by_hand(desk, folder):
+def test_a_saved_design_counts_as_changed_by_hand(store, folder):
     write_text(folder / "mine.toml", f"# {GENERATOR}\n{MINE}", force=True)
-    file = opened(desk)
-    desk.save_design(
+    file = opened(store)
+    store.save_design(
         {"path": "mine.toml", "design": with_length(file["design"], 130), "stamp": file["stamp"]}
     )
     with pytest.raises(ForeignFileError, match="changed"):
         write_text(folder / "mine.toml", f"# {GENERATOR}\n{MINE}")
 
 
-def test_unsaved_work_can_be_read_by_the_user_alone(desk):
+def test_unsaved_work_can_be_read_by_the_user_alone(store):
     ask = {"key": "tab00001", "state": {"a": 1}, "file": None}
     for _ in range(2):
-        path = Path(desk.keep_autosave(ask)["kept"])
+        path = Path(store.keep_autosave(ask)["kept"])
         assert path.stat().st_mode & 0o777 == 0o600
         path.chmod(0o644)
 
 
 @pytest.mark.parametrize("text", ["Infinity", "NaN", "1e999", "9" * 30, '"\\ud800"', "[" * 900])
-def test_odd_recovery_files_are_refused_in_one_line(desk, text):
-    path = Path(desk.keep_autosave({"key": "tab00001", "state": {"a": 1}, "file": None})["kept"])
+def test_odd_recovery_files_are_refused_in_one_line(store, text):
+    path = Path(store.keep_autosave({"key": "tab00001", "state": {"a": 1}, "file": None})["kept"])
     path.write_text(path.read_text().replace('"a": 1', f'"a": {text}'))
     with pytest.raises(VinefabError, match="recovery-tab00001"):
-        desk.open_autosave({"key": "tab00001"})
-    assert desk.autosaves({}) == {"autosaves": []}
+        store.open_autosave({"key": "tab00001"})
+    assert store.autosaves({}) == {"autosaves": []}
 
 
-def test_a_file_that_went_is_written_again_with_its_comments(desk, folder):
-    file = opened(desk)
+def test_a_file_that_went_is_written_again_with_its_comments(store, folder):
+    file = opened(store)
     (folder / "mine.toml").unlink()
     ask = {"path": "mine.toml", "design": file["design"], "stamp": file["stamp"]}
-    assert desk.save_design(ask)["saved"]
+    assert store.save_design(ask)["saved"]
     assert (folder / "mine.toml").read_text() == MINE
 
 
-def test_save_as_takes_the_comments_along_and_asks_before_it_replaces(desk, folder):
-    shipped = opened(desk, "grid_explorer")
+def test_save_as_takes_the_comments_along_and_asks_before_it_replaces(store, folder):
+    shipped = opened(store, "grid_explorer")
     assert not shipped["writable"]
     assert shipped["path"] == "grid_explorer"
     ask = {"path": "copy.toml", "design": shipped["design"], "from": "grid_explorer"}
-    assert desk.save_design(ask)["saved"]
+    assert store.save_design(ask)["saved"]
     assert (folder / "copy.toml").read_text() == locate("design", "grid_explorer").read_text()
     (folder / "other.toml").write_text(MINE)
-    answer = desk.save_design({**ask, "path": "other.toml"})
+    answer = store.save_design({**ask, "path": "other.toml"})
     assert (answer["saved"], answer["why"]) == (False, "exists")
     assert (folder / "other.toml").read_text() == MINE
-    assert desk.save_design({**ask, "path": "new.toml", "from": None})["saved"]
+    assert store.save_design({**ask, "path": "new.toml", "from": None})["saved"]
     assert Design.read(folder / "new.toml") == Design.read("grid_explorer")
 
 
@@ -185,15 +185,15 @@ def test_shipped_and_own_designs_are_never_overwritten(folder, tmp_path):
     designs = tmp_path / "own" / "designs"
     designs.mkdir(parents=True)
     (designs / "kept.toml").write_text(MINE)
-    desk = FileStore(folder, [designs / "kept.toml"])
+    store = FileStore(folder, [designs / "kept.toml"])
     for path in (designs / "kept.toml", locate("design", "grid_explorer")):
-        file = opened(desk, str(path))
+        file = opened(store, str(path))
         assert not file["writable"]
         before = path.read_text()
         with pytest.raises(BadInputError, match="path is"):
-            desk.save_design({"path": str(path), "design": file["design"], "force": True})
+            store.save_design({"path": str(path), "design": file["design"], "force": True})
         assert path.read_text() == before
-    assert opened(desk, "kept")["design"]["name"] == "mine"
+    assert opened(store, "kept")["design"]["name"] == "mine"
 
 
 def outside_paths(folder, tmp_path) -> list[str]:
@@ -225,15 +225,15 @@ def outside_paths(folder, tmp_path) -> list[str]:
     ]
 
 
-def test_nothing_outside_the_folders_is_read_or_written(desk, folder, tmp_path):
-    design = opened(desk)["design"]
+def test_nothing_outside_the_folders_is_read_or_written(store, folder, tmp_path):
+    design = opened(store)["design"]
     for path in outside_paths(folder, tmp_path):
         for refused in (
-            lambda path=path: desk.open_design({"design": path}),
-            lambda path=path: desk.open_map({"path": path}),
-            lambda path=path: desk.open_recipe({"recipe": path}),
-            lambda path=path: desk.check_paths({"map": {"source": {"file": path}}}),
-            lambda path=path: desk.check_paths({"family": {"files": [path]}}),
+            lambda path=path: store.open_design({"design": path}),
+            lambda path=path: store.open_map({"path": path}),
+            lambda path=path: store.open_recipe({"recipe": path}),
+            lambda path=path: store.check_paths({"map": {"source": {"file": path}}}),
+            lambda path=path: store.check_paths({"family": {"files": [path]}}),
         ):
             with pytest.raises(VinefabError) as error:
                 refused()
@@ -241,15 +241,15 @@ def test_nothing_outside_the_folders_is_read_or_written(desk, folder, tmp_path):
             assert len(str(error.value)) < 2000
         if path != "~/x.toml":
             with pytest.raises(VinefabError):
-                desk.save_design({"path": path, "design": design, "force": True})
+                store.save_design({"path": path, "design": design, "force": True})
     with pytest.raises(BadInputError, match="recipe"):
-        desk.check_paths({"recipe": "../outside/secret.toml"})
+        store.check_paths({"recipe": "../outside/secret.toml"})
     assert (tmp_path / "outside" / "secret.toml").read_text() == MINE
     for wrong in (None, 7, ["mine.toml"], {"a": 1}):
         with pytest.raises(VinefabError):
-            desk.open_design({"design": wrong})
-    desk.check_paths({"design": {}, "map": None, "family": {"files": None}, "recipe": None})
-    desk.check_paths({"recipe": "co2_60w__stretchlon_200"})
+            store.open_design({"design": wrong})
+    store.check_paths({"design": {}, "map": None, "family": {"files": None}, "recipe": None})
+    store.check_paths({"recipe": "co2_60w__stretchlon_200"})
 
 
 def test_files_named_on_the_command_line_open_their_folders(folder, tmp_path):
@@ -257,22 +257,22 @@ def test_files_named_on_the_command_line_open_their_folders(folder, tmp_path):
     elsewhere.mkdir()
     (elsewhere / "robot.toml").write_text(MINE)
     (elsewhere / "grid.geojson").write_text("{}")
-    desk = FileStore(folder, [elsewhere / "robot.toml"])
-    assert opened(desk, str(elsewhere / "robot.toml"))["writable"]
-    desk.check_paths({"map": {"source": {"file": str(elsewhere / "grid.geojson")}}})
+    store = FileStore(folder, [elsewhere / "robot.toml"])
+    assert opened(store, str(elsewhere / "robot.toml"))["writable"]
+    store.check_paths({"map": {"source": {"file": str(elsewhere / "grid.geojson")}}})
 
 
-def test_a_path_that_was_checked_is_checked_again(desk, folder, tmp_path, monkeypatch):
+def test_a_path_that_was_checked_is_checked_again(store, folder, tmp_path, monkeypatch):
     state = {"family": {"files": ["a.geojson"]}}
     (folder / "a.geojson").write_text("{}")
-    desk.check_paths(state)
+    store.check_paths(state)
     (folder / "a.geojson").unlink()
     (folder / "a.geojson").symlink_to(tmp_path / "other.geojson")
     (tmp_path / "other.geojson").write_text("{}")
     later = time.monotonic() + 1.1
     monkeypatch.setattr("vinefab.studio.file_store.monotonic", lambda: later)
     with pytest.raises(BadInputError, match=r"family\.files"):
-        desk.check_paths(state)
+        store.check_paths(state)
 
 
 @pytest.mark.parametrize(
@@ -285,26 +285,26 @@ def test_a_path_that_was_checked_is_checked_again(desk, folder, tmp_path, monkey
         (b"a = " + b"[" * 1_000_000, "nested too deep"),
     ],
 )
-def test_what_is_no_design_is_refused_in_one_line(desk, folder, data, says):
+def test_what_is_no_design_is_refused_in_one_line(store, folder, data, says):
     (folder / "odd.toml").write_bytes(data)
     with pytest.raises(VinefabError, match=says) as error:
-        opened(desk, "odd.toml")
+        opened(store, "odd.toml")
     assert str(error.value).count("odd.toml") == 1
     assert "\n" not in str(error.value)
 
 
-def test_a_file_of_100_mb_is_refused_without_reading_it(desk, folder):
+def test_a_file_of_100_mb_is_refused_without_reading_it(store, folder):
     with (folder / "huge.toml").open("wb") as stream:
         stream.truncate(100_000_000)
     began = time.process_time()
     with pytest.raises(UnreadableFileError, match="is larger than"):
-        opened(desk, "huge.toml")
-    answer = desk.save_design({"path": "huge.toml", "design": opened(desk)["design"]})
+        opened(store, "huge.toml")
+    answer = store.save_design({"path": "huge.toml", "design": opened(store)["design"]})
     assert not answer["saved"]
     assert "is larger than" in answer["problem"]
     (folder / "huge.toml").rename(folder / "huge.geojson")
     with pytest.raises(UnreadableFileError, match="is larger than"):
-        desk.open_map({"path": "huge.geojson"})
+        store.open_map({"path": "huge.geojson"})
     assert time.process_time() - began < 0.5
 
 
@@ -316,13 +316,13 @@ def test_a_file_of_100_mb_is_refused_without_reading_it(desk, folder):
         ("folder.toml", CannotWriteError, "not a plain file"),
     ],
 )
-def test_places_that_cannot_be_written_are_refused(desk, folder, path, kind, says):
+def test_places_that_cannot_be_written_are_refused(store, folder, path, kind, says):
     (folder / "folder.toml").mkdir()
     with pytest.raises(kind, match=says):
-        desk.save_design({"path": path, "design": opened(desk)["design"]})
+        store.save_design({"path": path, "design": opened(store)["design"]})
 
 
-def test_choices_are_what_lies_in_the_folders_and_what_ships(desk, folder, tmp_path):
+def test_choices_are_what_lies_in_the_folders_and_what_ships(store, folder, tmp_path):
     (folder / "maps").mkdir()
     (folder / "maps" / "a.geojson").write_text(map_text(generate("grid", 3)))
     (folder / "run.toml").write_text('schema = "vinefab/run-1"\n')
@@ -331,7 +331,7 @@ def test_choices_are_what_lies_in_the_folders_and_what_ships(desk, folder, tmp_p
     recipe = locate("recipe", "co2_60w__stretchlon_200").read_text()
     (folder / "recipe.toml").write_text(recipe.replace('"co2_60w__stretchlon_200"', '"recipe"', 1))
     (folder / "up").symlink_to(tmp_path)
-    found = desk.choices({})
+    found = store.choices({})
     here = {"mine.toml": "folder"}
     assert {e["path"]: e["where"] for e in found["designs"] if e["where"] == "folder"} == here
     assert [entry["path"] for entry in found["maps"]] == ["maps/a.geojson"]
@@ -343,96 +343,96 @@ def test_choices_are_what_lies_in_the_folders_and_what_ships(desk, folder, tmp_p
     assert cave["options"]["size_mm"] > 0
     assert found["complete"]
     json.dumps(found)
-    assert desk.open_map({"path": "maps/a.geojson"})["source"] == {"file": "maps/a.geojson"}
-    assert desk.open_recipe({"recipe": "recipe.toml"})["recipe"] == "recipe.toml"
+    assert store.open_map({"path": "maps/a.geojson"})["source"] == {"file": "maps/a.geojson"}
+    assert store.open_recipe({"recipe": "recipe.toml"})["recipe"] == "recipe.toml"
 
 
-def test_choices_of_a_crowded_folder_are_bounded_and_say_so(desk, folder):
+def test_choices_of_a_crowded_folder_are_bounded_and_say_so(store, folder):
     for number in range(400):
         (folder / f"{number}.geojson").touch()
-    found = desk.choices({})
+    found = store.choices({})
     assert len(found["maps"]) == 300
     assert not found["complete"]
 
 
-def test_a_crowded_folder_is_looked_at_in_bounded_time(desk, folder, monkeypatch):
+def test_a_crowded_folder_is_looked_at_in_bounded_time(store, folder, monkeypatch):
     monkeypatch.setattr("vinefab.studio.file_store._MOST_LOOKED_AT", 50)
-    assert desk.choices({})["complete"]
+    assert store.choices({})["complete"]
     for number in range(60):
         (folder / f"d{number}").mkdir()
-    found = desk.choices({})
+    found = store.choices({})
     assert not found["complete"]
     (folder / "d1" / "deep" / "deeper" / "deepest").mkdir(parents=True)
     shutil.copy("mine.toml", folder / "d1" / "deep" / "deeper" / "a.toml")
     shutil.copy("mine.toml", folder / "d1" / "deep" / "deeper" / "deepest" / "b.toml")
     monkeypatch.setattr("vinefab.studio.file_store._MOST_LOOKED_AT", 5000)
-    paths = [entry["path"] for entry in desk.choices({})["designs"] if entry["where"] == "folder"]
+    paths = [entry["path"] for entry in store.choices({})["designs"] if entry["where"] == "folder"]
     assert paths == ["mine.toml", "d1/deep/deeper/a.toml"]
 
 
-def test_a_write_protected_file_is_left_alone_and_modes_stay(desk, folder):
-    file = opened(desk)
+def test_a_write_protected_file_is_left_alone_and_modes_stay(store, folder):
+    file = opened(store)
     ask = {"path": "mine.toml", "design": with_length(file["design"], 9), "stamp": file["stamp"]}
     (folder / "mine.toml").chmod(0o444)
-    assert not opened(desk)["writable"]
+    assert not opened(store)["writable"]
     with pytest.raises(CannotWriteError, match="write-protected"):
-        desk.save_design(ask)
+        store.save_design(ask)
     assert (folder / "mine.toml").read_text() == MINE
     (folder / "mine.toml").chmod(0o600)
-    assert desk.save_design(ask)["saved"]
+    assert store.save_design(ask)["saved"]
     assert (folder / "mine.toml").stat().st_mode & 0o777 == 0o600
 
 
-def test_unsaved_work_is_kept_listed_and_dropped(desk):
-    state = {"design": opened(desk)["design"], "locks": ["trunk.length"]}
+def test_unsaved_work_is_kept_listed_and_dropped(store):
+    state = {"design": opened(store)["design"], "locks": ["trunk.length"]}
     for number in range(MOST_AUTOSAVES + 5):
-        desk.keep_autosave(
+        store.keep_autosave(
             {"key": f"tab{number:05}", "state": state, "file": {"path": "mine.toml"}}
         )
-    listed = desk.autosaves({})["autosaves"]
+    listed = store.autosaves({})["autosaves"]
     assert len(listed) == MOST_AUTOSAVES == len(list(autosave_folder().iterdir()))
     assert listed[0]["key"] == "tab00024"
     assert listed[0]["name"] == "mine"
-    assert desk.open_autosave({"key": "tab00024"})["state"] == state
-    desk.drop_autosave({"key": "tab00024"})
+    assert store.open_autosave({"key": "tab00024"})["state"] == state
+    store.drop_autosave({"key": "tab00024"})
     (autosave_folder() / "recovery-tab00023.json").write_text("{")
-    assert len(desk.autosaves({})["autosaves"]) == MOST_AUTOSAVES - 2
+    assert len(store.autosaves({})["autosaves"]) == MOST_AUTOSAVES - 2
     for key in ("../../x", "", None, "a" * 41, "A" * 8):
         with pytest.raises(BadInputError):
-            desk.keep_autosave({"key": key, "state": state})
+            store.keep_autosave({"key": key, "state": state})
     with pytest.raises(BadInputError, match="at most"):
-        desk.keep_autosave({"key": "tab00001", "state": {"a": "x" * 5_000_000}})
+        store.keep_autosave({"key": "tab00001", "state": {"a": "x" * 5_000_000}})
 
 
-def test_work_taken_over_from_a_closed_tab_is_kept_once(desk):
-    state = {"design": opened(desk)["design"]}
-    desk.keep_autosave({"key": "closedtab", "state": state})
+def test_work_taken_over_from_a_closed_tab_is_kept_once(store):
+    state = {"design": opened(store)["design"]}
+    store.keep_autosave({"key": "closedtab", "state": state})
     ask = {"key": "thistab", "instead": "closedtab"}
     with pytest.raises(BadInputError, match="at most"):
-        desk.keep_autosave({**ask, "state": {"a": "x" * 5_000_000}})
-    assert [kept["key"] for kept in desk.autosaves({})["autosaves"]] == ["closedtab"]
-    desk.keep_autosave({**ask, "state": state})
-    assert [kept["key"] for kept in desk.autosaves({})["autosaves"]] == ["thistab"]
-    desk.keep_autosave({"key": "thistab", "instead": "thistab", "state": state})
-    assert [kept["key"] for kept in desk.autosaves({})["autosaves"]] == ["thistab"]
+        store.keep_autosave({**ask, "state": {"a": "x" * 5_000_000}})
+    assert [kept["key"] for kept in store.autosaves({})["autosaves"]] == ["closedtab"]
+    store.keep_autosave({**ask, "state": state})
+    assert [kept["key"] for kept in store.autosaves({})["autosaves"]] == ["thistab"]
+    store.keep_autosave({"key": "thistab", "instead": "thistab", "state": state})
+    assert [kept["key"] for kept in store.autosaves({})["autosaves"]] == ["thistab"]
 
 
-def test_a_save_drops_the_unsaved_work_and_a_refused_one_keeps_it(desk):
-    file = opened(desk)
-    desk.keep_autosave({"key": "thistab", "state": {"design": file["design"]}})
+def test_a_save_drops_the_unsaved_work_and_a_refused_one_keeps_it(store):
+    file = opened(store)
+    store.keep_autosave({"key": "thistab", "state": {"design": file["design"]}})
     ask = {"path": "mine.toml", "design": file["design"], "autosave": "thistab"}
-    assert not desk.save_design({**ask, "stamp": "old"})["saved"]
-    assert desk.autosaves({})["autosaves"]
-    assert desk.save_design({**ask, "stamp": file["stamp"]})["saved"]
-    assert not desk.autosaves({})["autosaves"]
+    assert not store.save_design({**ask, "stamp": "old"})["saved"]
+    assert store.autosaves({})["autosaves"]
+    assert store.save_design({**ask, "stamp": file["stamp"]})["saved"]
+    assert not store.autosaves({})["autosaves"]
 
 
-def watched(desk: FileStore, *changes) -> list[dict]:
-    """Make changes one after the other while the desk watches; return the events of each."""
+def watched(store: FileStore, *changes) -> list[dict]:
+    """Make changes one after the other while the store watches; return the events of each."""
     events: list[dict] = []
 
     async def scene() -> list[list[dict]]:
-        task = asyncio.create_task(desk.watch(events.append))
+        task = asyncio.create_task(store.watch(events.append))
         await asyncio.sleep(0.25)
         seen = []
         for change in changes:
@@ -459,14 +459,14 @@ def by_rename(path, text):
     beside.rename(path)
 
 
-def test_changes_from_outside_are_told_once_each(desk, folder):
-    file = opened(desk)
+def test_changes_from_outside_are_told_once_each(store, folder):
+    file = opened(store)
     path = folder / "mine.toml"
     grid = folder / "grid.geojson"
     grid.write_text(map_text(generate("grid", 3)))
-    desk.open_map({"path": "grid.geojson"})
+    store.open_map({"path": "grid.geojson"})
     in_place, renamed, broken, mended, on_the_map = watched(
-        desk,
+        store,
         lambda: path.write_text(MINE.replace("120.0", "121.0")),
         lambda: by_rename(path, MINE.replace("120.0", "122.0")),
         lambda: path.write_text("half a"),
@@ -481,8 +481,8 @@ def test_changes_from_outside_are_told_once_each(desk, folder):
     assert all(event["event"] == "file_changed" for event in in_place + on_the_map)
 
 
-def test_what_is_opened_while_watching_is_watched_and_own_saves_carry_their_stamp(desk, folder):
-    file = opened(desk)
+def test_what_is_opened_while_watching_is_watched_and_own_saves_carry_their_stamp(store, folder):
+    file = opened(store)
     other = folder / "sub" / "other.toml"
     other.parent.mkdir()
     other.write_text(MINE)
@@ -491,22 +491,22 @@ def test_what_is_opened_while_watching_is_watched_and_own_saves_carry_their_stam
     def save():
         content = with_length(file["design"], 5.0)
         ask = {"path": "mine.toml", "design": content, "stamp": file["stamp"]}
-        saved.update(desk.save_design(ask))
+        saved.update(store.save_design(ask))
 
     def open_and_change():
-        opened(desk, "sub/other.toml")
+        opened(store, "sub/other.toml")
         other.write_text(MINE.replace("120.0", "6.0"))
 
-    own, theirs = watched(desk, save, open_and_change)
+    own, theirs = watched(store, save, open_and_change)
     assert [event["stamp"] for event in own] == [saved["stamp"]]
     assert [event["design"]["trunk"]["length"] for event in theirs] == [6.0]
 
 
-def test_every_function_of_the_desk_takes_what_a_page_may_send(desk):
+def test_every_request_takes_what_a_page_may_send(store):
     for function in FILE_REQUESTS.values():
         for ask in ({}, {"path": 1, "design": [], "key": {}, "state": 3, "recipe": []}):
             with suppress(VinefabError):
-                json.dumps(function(desk, ask))
+                json.dumps(function(store, ask))
     assert design_content(Design.read("mine.toml"))["name"] == "mine"
 
 

@@ -477,7 +477,7 @@ def test_ctrl_c_ends_everything(tmp_path, start_studio, number):
         link.send(json.dumps({"panel": "rules", "seq": 2, "state": state}))
         large = with_branches(state, 11, 11, 11)
         link.send(json.dumps({"panel": "live", "seq": 3, "state": large}))
-        while not studio.family(running="spawn_main"):  # a lane runs
+        while not studio.family(running="spawn_main"):  # a process of a panel runs
             time.sleep(0.05)
         before = time.monotonic()
         assert studio.interrupt(number) == 0
@@ -493,12 +493,12 @@ def test_ctrl_c_before_a_page_came(tmp_path, start_studio):
         assert studio.said() == ""
 
 
-def test_a_lane_that_is_killed_starts_anew(tmp_path, start_studio):
+def test_a_process_that_is_killed_starts_anew(tmp_path, start_studio):
     with start_studio(tmp_path) as studio, tab(studio) as (link, state):
         link.send(json.dumps({"panel": "rules", "seq": 1, "state": state}))
-        while not (lanes := studio.family(running="spawn_main")):
+        while not (workers := studio.family(running="spawn_main")):
             time.sleep(0.01)
-        for process in lanes:
+        for process in workers:
             os.kill(process, signal.SIGKILL)
         got = replied(link)
         assert "ended unexpectedly" in got["error"]["message"]

@@ -43,17 +43,17 @@ def ask(**changes):
 
 
 @pytest.fixture
-def desk(tmp_path):
+def searches(tmp_path):
     made = SearchManager((tmp_path,), tmp_path)
     yield made
     made.close()
 
 
-def followed(desk, until, patience_s=90.0):
+def followed(searches, until, patience_s=90.0):
     """Return the events of a search up to the first that is wanted."""
     events, end_s = [], time.monotonic() + patience_s
     while time.monotonic() < end_s:
-        event = desk.poll()
+        event = searches.poll()
         if event is not None:
             json.dumps(event, allow_nan=False)  # plain values
             events.append(event)
@@ -101,47 +101,47 @@ def front_run(tmp_path):
 
 
 def test_a_search_that_was_stopped_and_resumed_ends_as_the_command_does(
-    desk, tmp_path, monkeypatch
+    searches, tmp_path, monkeypatch
 ):
     # Its page takes seconds to draw, and no more room in the suite.
     plain = SearchManager._arguments
     monkeypatch.setattr(SearchManager, "_arguments", lambda *given: [*plain(*given), "--no-page"])
-    begun = desk.start(ask(generations=800), StudioState.of(page()))
+    begun = searches.start(ask(generations=800), StudioState.of(page()))
     words = "vinefab optimize search_1/run.toml --out search_1 --workers 1 --quiet --no-page"
     assert (begun["folder"], begun["command"]) == ("search_1", words)
     with pytest.raises(BadInputError, match="one at a time"):
-        desk.start(ask(), StudioState.of(page()))
-    followed(desk, lambda event: event["generations"] > 0)
-    desk.stop()
-    stopped = followed(desk, is_over)[-1]
+        searches.start(ask(), StudioState.of(page()))
+    followed(searches, lambda event: event["generations"] > 0)
+    searches.stop()
+    stopped = followed(searches, is_over)[-1]
     assert stopped["state"] == "stopped"
     assert 0 < stopped["generations"] < 800
-    assert desk.runs()["runs"][0]["state"] == "unfinished"
+    assert searches.runs()["runs"][0]["state"] == "unfinished"
 
-    assert desk.resume({"folder": "search_1"})["command"] == f"{words} --resume"
-    events = followed(desk, is_over)
+    assert searches.resume({"folder": "search_1"})["command"] == f"{words} --resume"
+    events = followed(searches, is_over)
     assert events[-1]["state"] == "ended", events[-1]["line"]
     assert events[-1]["share"] == 1.0
     assert 0 < len(events[-1]["curve"]) <= 240
     assert [e["evaluations"] for e in events] == sorted(e["evaluations"] for e in events)
-    assert desk.runs()["runs"][0]["state"] == "ended"
+    assert searches.runs()["runs"][0]["state"] == "ended"
 
     page_run, same = tmp_path / "search_1", tmp_path / "same"
     command = ["optimize", str(page_run / RUN_FILE), "--out", str(same), "--no-page", "-q"]
     assert main(command) == 0
     assert (page_run / "best.toml").read_bytes() == (same / "best.toml").read_bytes()
     assert generations(page_run) == generations(same)
-    best = design_of(desk.load({"folder": "search_1", "point": "best"})["design"], "page")
+    best = design_of(searches.load({"folder": "search_1", "point": "best"})["design"], "page")
     assert best == Design.read(same / "best.toml")
     assert design_of(events[-1]["best"], "page") == best
 
 
-def test_what_the_command_refuses_is_its_line_and_leaves_no_folder(desk, tmp_path):
+def test_what_the_command_refuses_is_its_line_and_leaves_no_folder(searches, tmp_path):
     given = page("six_branch_anchor")
     # No start of the map has room for such a trunk: the run file is right, the run cannot be.
     given["design"]["build"]["widths_mm"] = [400.0, 20.0]
-    desk.start(ask(), StudioState.of(given))
-    event = followed(desk, is_over)[-1]
+    searches.start(ask(), StudioState.of(given))
+    event = followed(searches, is_over)[-1]
     assert event["state"] == "failed"
     assert "a trunk of 400 mm needs 127.3 mm, or build.widths_mm of at most 4" in event["line"]
     assert not (tmp_path / "search_1").exists()
@@ -175,12 +175,12 @@ def test_what_the_command_refuses_is_its_line_and_leaves_no_folder(desk, tmp_pat
         ({"folder": "a b"}, "name is 'a b'"),
     ],
 )
-def test_what_cannot_be_asked_is_one_line_and_leaves_nothing(desk, tmp_path, changes, words):
+def test_what_cannot_be_asked_is_one_line_and_leaves_nothing(searches, tmp_path, changes, words):
     (tmp_path / "taken").mkdir()
     (tmp_path / "taken" / "notes.txt").write_text("mine")
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(VinefabError, match=words) as caught:
-        desk.start(ask(**changes), StudioState.of(page()))
+        searches.start(ask(**changes), StudioState.of(page()))
     assert "\n" not in str(caught.value)
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -221,10 +221,10 @@ def test_a_proposal_says_what_a_search_leaves_out():
         assert value["range"][0] <= value["value"] <= value["range"][1]
 
 
-def test_points_of_a_front_are_loaded_as_they_are_in_its_files(desk, front_run):
+def test_points_of_a_front_are_loaded_as_they_are_in_its_files(searches, front_run):
     folder, members = front_run
-    (run,) = desk.runs()["runs"]
-    front = desk.front({"folder": "two"})["front"]
+    (run,) = searches.runs()["runs"]
+    front = searches.front({"folder": "two"})["front"]
     assert front["is_final"]
     assert run["best_score"] == read_archive(folder).score.composite["mean"]
     assert "fresh pose (simulated)" in run["best_words"]
@@ -232,17 +232,17 @@ def test_points_of_a_front_are_loaded_as_they_are_in_its_files(desk, front_run):
     assert [point["point"] for point in front["points"]] == [m.design.name for m in members]
     assert front["points"][0]["values"] == [members[0].fitness, members[0].further[0]]
     name = members[-1].design.name
-    found = desk.load({"folder": "two", "point": name})
+    found = searches.load({"folder": "two", "point": name})
     assert design_of(found["design"], "page") == Design.read(folder / "front" / f"{name}.toml")
     assert "simulated" in found["words"]
     file = folder / "front" / f"{name}.toml"
     file.unlink()
     file.symlink_to(locate("design", "plain_vine"))
     with pytest.raises(BadInputError, match="allowed: a path in"):
-        desk.load({"folder": "two", "point": name})
+        searches.load({"folder": "two", "point": name})
 
 
-def test_the_front_so_far_is_that_of_all_designs_and_its_points_are_loaded(desk, front_run):
+def test_the_front_so_far_is_that_of_all_designs_and_its_points_are_loaded(searches, front_run):
     folder, _ = front_run
     record = FollowedRecord(folder / "run.sqlite")
     record.look()
@@ -252,10 +252,10 @@ def test_the_front_so_far_is_that_of_all_designs_and_its_points_are_loaded(desk,
         assert not any(f >= fitness and mm < film_mm for f, mm in values)
     best = max(points, key=lambda point: point["values"][0])
     assert best["values"][0] == record.best
-    found = desk.load({"folder": "two", "point": best["point"]})["design"]
+    found = searches.load({"folder": "two", "point": best["point"]})["design"]
     assert found["trunk"] == record.best_content()["trunk"]
     (folder / "front.json").unlink()
-    assert desk.front({"folder": "two"})["front"] == record.front.plain()
+    assert searches.front({"folder": "two"})["front"] == record.front.plain()
 
 
 def test_a_front_of_three_aims_stays_bounded():
@@ -296,18 +296,18 @@ def test_a_front_of_three_aims_stays_bounded():
     ],
 )
 @pytest.mark.usefixtures("front_run")
-def test_what_cannot_be_loaded_is_one_line(desk, given, words):
+def test_what_cannot_be_loaded_is_one_line(searches, given, words):
     with pytest.raises(VinefabError, match=words):
-        desk.load(given)
+        searches.load(given)
 
 
 @pytest.mark.usefixtures("front_run")
 def test_a_run_of_the_command_line_is_resumed_with_its_own_file_and_seed(
-    desk, tmp_path, monkeypatch
+    searches, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(SearchManager, "_begin", lambda _self, arguments, *_: arguments)
     with pytest.raises(BadInputError, match="its run file"):
-        desk.resume({"folder": "two"})
+        searches.resume({"folder": "two"})
     (tmp_path / "other.toml").write_text('schema = "vinefab/run-1"\nname = "two"\n')
     (tmp_path / "runs.toml").write_text(
         """schema = "vinefab/run-1"
@@ -324,13 +324,13 @@ finalists_by = "training"
 """
     )
     command = ["optimize", "runs.toml", "--out", "two", "--workers", "1", "--quiet"]
-    assert desk.resume({"folder": "two"}) == [*command, "--seed", "3", "--resume"]
+    assert searches.resume({"folder": "two"}) == [*command, "--seed", "3", "--resume"]
     with pytest.raises(UnreadableFileError, match=r"run\.sqlite"):
-        desk.resume({"folder": "."})
+        searches.resume({"folder": "."})
 
 
 @pytest.mark.usefixtures("front_run")
-def test_the_page_takes_what_searches_answer(desk, page_types, monkeypatch):
+def test_the_page_takes_what_searches_answer(searches, page_types, monkeypatch):
     plain = SearchManager._arguments
     monkeypatch.setattr(SearchManager, "_arguments", lambda *given: [*plain(*given), "--no-page"])
     asks = {
@@ -341,19 +341,19 @@ def test_the_page_takes_what_searches_answer(desk, page_types, monkeypatch):
         "search_stop": {},
     }
     found = [
-        (f'RequestAnswers["{name}"]', SEARCH_REQUESTS[name](desk, page(), asks[name]))
+        (f'RequestAnswers["{name}"]', SEARCH_REQUESTS[name](searches, page(), asks[name]))
         for name in asks
     ]
-    events = [("SearchEvent", event) for event in followed(desk, is_over)]
-    page_types([*found, *events, ('RequestAnswers["search_runs"]', desk.runs())])
+    events = [("SearchEvent", event) for event in followed(searches, is_over)]
+    page_types([*found, *events, ('RequestAnswers["search_runs"]', searches.runs())])
 
 
-def test_what_is_new_is_told_once(desk):
+def test_what_is_new_is_told_once(searches):
     told, news = [], iter([{"event": "search", "share": 0.5}, None])
-    desk.poll = lambda: next(news, None)
+    searches.poll = lambda: next(news, None)
 
     async def watched():
-        task = asyncio.create_task(desk.watch(told.append))
+        task = asyncio.create_task(searches.watch(told.append))
         await asyncio.sleep(0.05)
         task.cancel()
 
@@ -361,11 +361,11 @@ def test_what_is_new_is_told_once(desk):
     assert told == [{"event": "search", "share": 0.5}]
 
 
-def test_the_page_reaches_every_function_by_name(desk):
-    proposed = SEARCH_REQUESTS["search_propose"](desk, page(), {})
+def test_the_page_reaches_every_function_by_name(searches):
+    proposed = SEARCH_REQUESTS["search_propose"](searches, page(), {})
     assert proposed["folder"] == "search_1"
-    assert SEARCH_REQUESTS["search_runs"](desk, None, {})["runs"] == []
+    assert SEARCH_REQUESTS["search_runs"](searches, None, {})["runs"] == []
     with pytest.raises(BadInputError, match="one that is running"):
-        SEARCH_REQUESTS["search_stop"](desk, None, {})
+        SEARCH_REQUESTS["search_stop"](searches, None, {})
     with pytest.raises(BadInputError, match="design is missing"):
-        SEARCH_REQUESTS["search_start"](desk, {}, {})
+        SEARCH_REQUESTS["search_start"](searches, {}, {})

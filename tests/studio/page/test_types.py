@@ -69,7 +69,7 @@ def request_asks(state):
 
 
 @pytest.fixture
-def workplace(tmp_path, monkeypatch):
+def workspace(tmp_path, monkeypatch):
     """A design that cannot be cut as it is, and a map with a target."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("VINEFAB_PROFILES", str(tmp_path / "own"))
@@ -82,18 +82,18 @@ def workplace(tmp_path, monkeypatch):
     return Workspace(LaunchOptions(design="mine.toml", map_file=tmp_path / "pegs.geojson"))
 
 
-def answers(workplace):
+def answers(workspace):
     """Yield what the server gives, with the type that the page takes it for."""
-    yield "Hello", workplace.hello()
-    state = {**workplace.state, "family": {"environment": "pegs", "count": 4, "seed": 20}}
+    yield "Hello", workspace.hello()
+    state = {**workspace.state, "family": {"environment": "pegs", "count": 4, "seed": 20}}
     for panel in PANELS:
         for ask in PANEL_ASKS.get(panel, [{}]):
             yield f'Answers["{panel}"]', answer_of(panel, state, ask, lambda *_: None)
     asks = request_asks(state)
     for name in [*FILE_REQUESTS, TIP, *SEARCH_REQUESTS]:
         for ask in [] if name in RUNS else asks.get(name, [{}]):
-            yield f'RequestAnswers["{name}"]', workplace.answer(name, state, ask)
+            yield f'RequestAnswers["{name}"]', workspace.answer(name, state, ask)
 
 
-def test_the_answers_of_the_server_are_those_that_the_page_takes(workplace, page_types):
-    page_types(answers(workplace))
+def test_the_answers_of_the_server_are_those_that_the_page_takes(workspace, page_types):
+    page_types(answers(workspace))

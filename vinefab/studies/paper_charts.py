@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 import matplotlib as mpl
 import numpy as np
@@ -37,6 +37,7 @@ from vinefab.pages.panel import (
     plan_panel,
 )
 from vinefab.pages.plan import draw_map, draw_pose
+from vinefab.studies.claims import ConfidenceInterval
 
 _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "vinefab",
@@ -97,28 +98,12 @@ def svg_bytes(figure: Figure) -> bytes:
 _NOT_XML = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f]|\xef\xbf[\xbe\xbf]")
 
 
-class ChartValue(Protocol):
-    """A number with an interval."""
-
-    @property
-    def value(self) -> float:
-        """The number."""
-
-    @property
-    def low(self) -> float:
-        """Lower end."""
-
-    @property
-    def high(self) -> float:
-        """Upper end."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bar:
     """One bar of a group."""
 
     label: str  # what the legend calls it; bars with the same label have the same colour
-    found: ChartValue  # its height, with its interval
+    found: ConfidenceInterval  # its height, with its interval
 
 
 def grouped_bars(
@@ -203,16 +188,8 @@ def densities(groups: Mapping[str, ArrayLike], label: str) -> Figure:
     return figure
 
 
-class IntervalRow(ChartValue, Protocol):
-    """A difference with an interval."""
-
-    @property
-    def held(self) -> bool:
-        """Whether all of it is above 0."""
-
-
 def forest(
-    panels: Mapping[str, Mapping[str, IntervalRow]], variants: Sequence[str], label: str
+    panels: Mapping[str, Mapping[str, ConfidenceInterval]], variants: Sequence[str], label: str
 ) -> Figure:
     """Return a forest plot: filled where a difference is above 0 with its whole interval."""
     with house_style():
@@ -220,7 +197,21 @@ def forest(
         figure = Figure(figsize=size, layout="constrained")
         places = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
         for axes, (title, results) in zip(places, panels.items(), strict=True):
-            _draw(axes, results, variants)
+            for row, variant in enumerate(variants):
+                if variant not in results:
+                    across = axes.get_yaxis_transform()
+                    axes.text(
+                        0.5, row, "not tested", transform=across, color=SOFT, fontsize=7,
+                        va="center",
+                    )  # fmt: skip
+                    continue
+                found = results[variant]
+                axes.plot([found.low, found.high], [row, row], color=INK, linewidth=1.2)
+                axes.plot([found.value], [row], **_mark(held=found.held))
+            axes.axvline(0.0, color=SOFT, linewidth=1.0)
+            axes.tick_params(axis="x", labelsize=8)
+            axes.tick_params(axis="y", length=0)
+            axes.spines[["top", "right", "left"]].set_visible(False)
             axes.set_title(title, fontsize=9, color=INK)
         places[0].set_yticks(range(len(variants)), variants, fontsize=8)
         places[0].set_ylim(len(variants) - 0.5, -0.5)
@@ -242,21 +233,6 @@ def _mark(*, held: bool) -> dict[str, Any]:
     colour = LEVEL_COLOURS[0]
     face = colour if held else "white"
     return {"marker": "o", "color": colour, "markerfacecolor": face, "linestyle": "none"}
-
-
-def _draw(axes: Axes, results: Mapping[str, IntervalRow], variants: Sequence[str]) -> None:
-    for row, variant in enumerate(variants):
-        if variant not in results:
-            across = axes.get_yaxis_transform()
-            axes.text(0.5, row, "not tested", transform=across, color=SOFT, fontsize=7, va="center")
-            continue
-        found = results[variant]
-        axes.plot([found.low, found.high], [row, row], color=INK, linewidth=1.2)
-        axes.plot([found.value], [row], **_mark(held=found.held))
-    axes.axvline(0.0, color=SOFT, linewidth=1.0)
-    axes.tick_params(axis="x", labelsize=8)
-    axes.tick_params(axis="y", length=0)
-    axes.spines[["top", "right", "left"]].set_visible(False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

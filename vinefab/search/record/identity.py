@@ -10,6 +10,7 @@ from vinefab.core.version import __version__
 from vinefab.model.map import Map
 from vinefab.model.start_place import start_record
 
+# As in records of before: searches no longer compute with cmaes, which fixes use.
 _PACKAGES = ("cmaes", "numba", "numpy", "pymoo", "pyswarms", "scipy", "shapely")
 
 _version = cache(version)  # to ask takes a millisecond

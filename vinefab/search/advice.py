@@ -435,7 +435,7 @@ class BestCheck:
                 break
             found[row] = FAILED
             failures += 1
-        # From what is recorded alone, so that a resumed run goes on alike.
+        # From what is recorded alone, so that a resumed run continues alike.
         self._failures += int((found == FAILED).sum())
         self._best = max(self._best, float(self._evaluator.fitness(composite, found, costs).max()))
         return found

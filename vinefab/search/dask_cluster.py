@@ -68,7 +68,7 @@ class HandingOut:
     start_s: float = 0.0  # assumed, until workers have started and loaded code; 0: they have
 
     def overhead_s(self, units: int) -> float:
-        """Return the time that a generation of so many work units takes beside the work."""
+        """Return the time that a generation of so many work units takes on top of the work."""
         return self.round_trip_s + (units - 1) * self.per_unit_s
 
 
@@ -83,7 +83,7 @@ MOST_WASTE = 0.05
 def least_unit_s(work_s: float, workers: int, costs: HandingOut) -> float:
     """Return the least work of a unit that is worth handing out.
 
-    Units are handed out one after the other and worked off beside each other. N workers are kept
+    Units are handed out one after the other and worked off in parallel. N workers are kept
     busy by units of work N c, if each costs c. With more workers than that leaves units for, n
     units of a work W take n c + W / n on n of them, which is least for units of work sqrt(W c).
     """
@@ -132,7 +132,7 @@ class Pace:
     costs: HandingOut
     work_s: float  # processor time per weight of points
     here_s: float | None = None  # time per weight in the threads; None: not measured yet
-    there_s: float | None = None  # time per weight on the cluster beside the overhead
+    there_s: float | None = None  # time per weight on the cluster without the overhead
 
     def units(self, weights: Floats) -> list[Ints]:
         """Return the rows of each work unit for the cluster."""
@@ -556,7 +556,7 @@ class DaskEvaluator:
                 n_workers=self.count,
                 threads_per_worker=1,
                 security=distributed.Security.temporary(),  # type: ignore[no-untyped-call]
-                # A fixed port would be taken, and a warning given, beside another cluster.
+                # A fixed port would be taken, and a warning given, where another cluster runs.
                 scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
                 local_directory=folder,
                 memory_limit=0,

@@ -29,7 +29,7 @@ from vinefab.tasks.targets import design_touches
 def minimized(
     x: Floats, scores: Mapping[str, Floats], space: Space, names: Sequence[str]
 ) -> Floats:
-    """Return what a front minimizes beside the score, shape (m, k).
+    """Return the further values that a front minimizes, shape (m, k).
 
     These are costs, and the scores of other tasks with the opposite sign; infinite where there is
     no valid design.

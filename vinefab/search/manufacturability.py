@@ -317,7 +317,7 @@ def _least(query: SpaceQuery) -> Iterator[BadInputError]:
     space = Space(settings.space, settings.build)
     corner = np.zeros(len(space))
     if int(space.batch(corner[None]).sizes[0]) > MOST_BRANCHES:
-        return  # refused elsewhere, with a message of its own
+        return  # refused elsewhere, with another message
     design = space.design(corner)
     full, _ = film_in_trunk(query, design)
     if full > (most := query.limit(PACKING)) * (1.0 + ROUNDING):

@@ -410,7 +410,7 @@ def chooses_on_fresh_maps(settings: RunSettings) -> bool:
 def fresh_maps(settings: RunSettings) -> tuple[Map, ...]:
     """Return maps by which the winner is chosen; none where that is done on the training maps.
 
-    Their seeds lie where nobody begins to count, so that they are neither training maps of another
+    Their seeds lie far from usual first seeds, so that they are neither training maps of another
     run nor maps that winners are tested on.
     """
     if not chooses_on_fresh_maps(settings):
@@ -470,7 +470,7 @@ def violations_of(
 
 
 def make_point_evaluator(workers: int | None, cluster: str | None) -> PointEvaluator:
-    """Return the point evaluator: threads, or the workers of a cluster with threads beside them."""
+    """Return the point evaluator: threads, or the workers of a cluster and threads."""
     if cluster is None:
         if workers == 0:
             raise BadInputError("--workers", 0, "1 or more; 0 only with --cluster")

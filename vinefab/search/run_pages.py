@@ -210,7 +210,7 @@ class SeedSummary:
 
     @property
     def content(self) -> dict[str, Any]:
-        """What stands in JSON beside the row."""
+        """The values in JSON that the row does not have."""
         best = self.ended[0] if self.ended else {"folder": None, "seed": None}
         return {
             "seeds": sorted(row["seed"] for row in self.ended),
@@ -317,9 +317,9 @@ _PATIENCE_S = 90
 
 
 class LivePage:
-    """The page of a run that is going on: rewritten now and then, and when it is stopped.
+    """The page of a running search: rewritten now and then, and when it is stopped.
 
-    Nothing but the page depends on it: where it cannot be written, the run goes on without.
+    Nothing but the page depends on it: where it cannot be written, the run continues without.
 
     Attributes
     ----------

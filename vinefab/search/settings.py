@@ -425,7 +425,7 @@ def read_run(name_or_path: str | PathLike[str]) -> RunSettings:
 
 
 def _beside(folder: Path, given: str) -> str:
-    """Return the path of a file beside the run file, or what was given if there is none."""
+    """Return the path of a file in the folder of the run file; else the name as it is."""
     return str(folder / given) if (folder / given).is_file() else given
 
 
@@ -489,7 +489,7 @@ def _settings(file: RunFile, path: Path) -> RunSettings:
 
 
 def _refuse_together(file: RunFile) -> None:
-    """Refuse keys of a run file that do not stand beside each other."""
+    """Refuse keys of a run file that contradict each other."""
     build, space = file.build, file.space
     if isinstance(space.most_branches, float):
         raise BadInputError("space.most_branches", space.most_branches, "a valid integer")
@@ -594,7 +594,7 @@ def keys_of_other_task(name: str) -> Iterator[None]:
 
 
 def run_task(settings: RunSettings) -> Task | None:
-    """Return the first of a run's registered tasks that has targets of its own, or just the first.
+    """Return the first of a run's registered tasks with its own targets, or just the first.
 
     None for a task of the user's own.
     """

@@ -178,7 +178,7 @@ def limit_excess(designs: DesignBatch, build_of: BuildOf, most: Mapping[str, flo
 def exceeded_limits(
     designs: DesignBatch, build_of: BuildOf, most: Mapping[str, float]
 ) -> Iterator[str]:
-    """Yield each limit that the first design exceeds, in words."""
+    """Yield a phrase for each limit that the first design exceeds."""
     for name, limit in most.items():
         cost, value = COSTS[name], float(COSTS[name].of(designs, build_of)[0])
         if value > limit:
@@ -186,7 +186,7 @@ def exceeded_limits(
 
 
 def cost_text(name: str, value: float) -> str:
-    """Return a cost with its unit, in words.
+    """Return a cost with its name and unit.
 
     Examples
     --------
@@ -597,7 +597,7 @@ class Space:
         return limit_excess(designs, self.build_of, self.most)
 
     def exceeded_limits(self, design: Design) -> list[str]:
-        """Return each of the space's limits that a design exceeds, in words."""
+        """Return a phrase for each of the space's limits that a design exceeds."""
         batch = DesignBatch.of(design)
         return list(exceeded_limits(batch, self.build_of, self.most))
 

@@ -3,7 +3,7 @@
 A normal distribution adapts its mean and covariance to the best points; a margin keeps integers
 from freezing (Hamano et al., CatCMA with margin, arXiv:2504.07884). It learns as the package cmaes
 does, whose public functions cannot serve here: islands ask for points until enough are valid, learn
-from all of them, and stop and go on between any two generations. Integers with two values are
+from all of them, and are resumed between any two generations. Integers with two values are
 treated like the others: the package's probabilities for categories became NaN in long runs.
 """
 

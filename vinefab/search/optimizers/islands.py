@@ -243,7 +243,7 @@ class Islands:
             for island in sorted(here, key=lambda i: i.rating, reverse=True)[_PARKED:]:
                 self._parked.remove(island)
 
-    # --- Which islands go on, and which begin ---------------------------------------------------
+    # --- Which islands climb, and which begin ---------------------------------------------------
 
     def _promoted(self) -> Island | None:
         """Return an island that climbs to its next rung, from as high as possible.
@@ -347,7 +347,7 @@ class Islands:
     # --- State ----------------------------------------------------------------------------------
 
     def state(self) -> Mapping[str, object]:
-        """Return all islands that may go on, and what is known of the others."""
+        """Return all islands that may climb, and ratings and structures of the others."""
         islands = [*self._active, *self._parked]
         state: dict[str, object] = {
             "begun": self._begun,

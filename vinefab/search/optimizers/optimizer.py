@@ -158,7 +158,7 @@ class FrontOptimizer(Protocol):
         ...
 
     def tell_costs(self, x: Floats, fitness: Floats, costs: Floats) -> None:
-        """Take what `tell` does, and what is to be minimized beside it, shape (m, k)."""
+        """Take what `tell` does, and further values to be minimized, shape (m, k)."""
         ...
 
 

@@ -524,7 +524,7 @@ LIMITED = "space."
 
 
 def size_words(design: Design) -> str:
-    """Return the size of a design in words."""
+    """Return the numbers of branches and levels of a design as a phrase."""
     return f"{counted(design.branch_count, 'branch')} on {counted(design.depth, 'level')}"
 
 
@@ -891,7 +891,7 @@ class RunArchive:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecordTail:
-    """What a record has from one generation on: for following a run that is going on.
+    """The part of a record from one generation on: for following a running search.
 
     Reading it does not keep the run waiting, and takes as long as what is new.
     """

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vinefab.observation.threshold_fit import fit_threshold
+from vinefab.observation.contact_fit import fit_threshold
 
 LEAST_SHARE = 0.9
 

@@ -23,8 +23,7 @@ from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
 from vinefab.observation.beside_prediction import distance_mm
-from vinefab.observation.observe_photo import observe_photo
-from vinefab.observation.photo_setup import PhotoSetup
+from vinefab.observation.observe_photo import PhotoSetup, observe_photo
 from vinefab.photos.photo import read_photo
 
 MOST_ERROR_MM = 2.0

@@ -23,8 +23,7 @@ from unkind_photo import Body, Unkind, grow_bent, photographed
 from vinefab import maps
 from vinefab.core.errors import VinefabError
 from vinefab.model.design import Build, Design, Level
-from vinefab.observation.observe_photo import observe_photo
-from vinefab.observation.photo_setup import PhotoSetup
+from vinefab.observation.observe_photo import PhotoSetup, observe_photo
 from vinefab.photos.photo import read_photo
 
 MOST_TIP_MM = 8.0

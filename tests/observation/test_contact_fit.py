@@ -15,8 +15,7 @@ from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.contacts import read_contacts
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
-from vinefab.observation.contact_fit import fit_files
-from vinefab.observation.threshold_fit import fit_threshold
+from vinefab.observation.contact_fit import fit_files, fit_threshold
 from vinefab.physics.anchoring import ASSUMED_FRICTION
 
 DESIGN = "three_level_tree"

@@ -8,7 +8,13 @@ import shapely
 
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Map
-from vinefab.observation.meetings import Replays, SeenBranch, apart_mm, seen_meetings, wall_order
+from vinefab.observation.observed_contacts import (
+    Replays,
+    SeenBranch,
+    apart_mm,
+    seen_meetings,
+    wall_order,
+)
 
 WORLD = Map(
     name="walls",

@@ -25,8 +25,7 @@ from vinefab.model.deployment import Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose, Start
 from vinefab.observation.beside_prediction import distance_mm
-from vinefab.observation.observe_photo import observe_photo
-from vinefab.observation.photo_setup import PhotoSetup
+from vinefab.observation.observe_photo import PhotoSetup, observe_photo
 from vinefab.photos.photo import read_photo
 from vinefab.rig.fixtures import marker_gap_mm
 from vinefab.rig.rig_options import RigOptions

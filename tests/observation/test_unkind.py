@@ -17,9 +17,8 @@ from unkind_photo import Body, Unkind, grow_bent, photographed
 
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose, Start
-from vinefab.observation.doubts import GOES_ON, NO_VERDICT
-from vinefab.observation.observe_photo import observe_photo
-from vinefab.observation.photo_setup import PhotoSetup
+from vinefab.observation.beside_prediction import GOES_ON, NO_VERDICT
+from vinefab.observation.observe_photo import PhotoSetup, observe_photo
 from vinefab.photos.photo import read_photo
 
 POSE = Pose(x_mm=100.0, y_mm=12.0, heading_rad=np.pi / 2)

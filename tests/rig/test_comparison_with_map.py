@@ -5,8 +5,7 @@ import pytest
 import shapely
 
 from vinefab.core.errors import BadInputError
-from vinefab.rig.build import build_rig
-from vinefab.rig.comparison_with_map import compare_with_map
+from vinefab.rig.build import build_rig, compare_with_map
 from vinefab.rig.rig_options import RigOptions
 
 

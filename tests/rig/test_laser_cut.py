@@ -10,7 +10,7 @@ from shapely import Point, Polygon, box
 
 from vinefab.model.job import Operation
 from vinefab.rig.build import LoosePiece, Peg, build_board
-from vinefab.rig.laser_cut import (
+from vinefab.rig.make import (
     SHEET_MARGIN_MM,
     board_jobs,
     lid_jobs,

@@ -19,23 +19,32 @@ from vinefab.core.errors import BadInputError
 from vinefab.maps.generators.corridors import CorridorsOptions, corridors_map
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.generators.rubble import RubbleOptions, rubble_map
-from vinefab.rig.build import build_board, build_rig
-from vinefab.rig.comparison_with_map import compare_with_map
+from vinefab.rig.build import build_board, build_rig, compare_with_map
 from vinefab.rig.make import RigRequest, make_rig
-from vinefab.rig.open_shell import (
+from vinefab.rig.part import Mesh
+from vinefab.rig.part_files import (
+    JERK_MM_S,
+    STL,
+    PartItem,
+    print_estimate,
+    printing_of,
+    read_back_problems,
+)
+from vinefab.rig.rig_options import Printer, RigOptions, read_printer
+from vinefab.rig.rig_plan import polygon_parts
+from vinefab.rig.solid import (
     CORBEL_STEP_MM,
     LEAST_ROOM_MM,
     RIB_SPAN_MM,
+    Course,
+    built_of,
     cavities_in,
+    manifold_of,
+    outlines_at,
+    plan_volume_mm3,
     shell_wall_mm,
     shell_walls,
 )
-from vinefab.rig.part import Mesh
-from vinefab.rig.part_files import STL, PartItem, read_back_problems
-from vinefab.rig.printing import JERK_MM_S, print_estimate, printing_of
-from vinefab.rig.rig_options import Printer, RigOptions, read_printer
-from vinefab.rig.rig_plan import polygon_parts
-from vinefab.rig.solid import Course, built_of, manifold_of, outlines_at, plan_volume_mm3
 
 PRINTER = Printer(name="bench", bed_width_mm=220, bed_depth_mm=220, height_mm=100)
 BOARD = RigOptions(style="board", most_parts=200)

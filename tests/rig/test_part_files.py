@@ -21,10 +21,10 @@ from vinefab.rig.part_files import (
     PartItem,
     part_files,
     part_problems,
+    printing_of,
     read_back_problems,
     stl_name,
 )
-from vinefab.rig.printing import printing_of
 from vinefab.rig.rig_options import Printer, RigOptions
 
 

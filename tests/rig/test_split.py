@@ -6,8 +6,7 @@ import shapely
 from shapely import LineString, Polygon, box
 
 from vinefab.rig.rig_options import RigOptions
-from vinefab.rig.rig_plan import polygon_parts
-from vinefab.rig.split import Edges, TileSeam, cuts_of, tabs_of
+from vinefab.rig.rig_plan import Edges, TileSeam, cuts_of, polygon_parts, tabs_of
 
 
 def test_length_of_a_line_in_solids_is_what_shapely_says():

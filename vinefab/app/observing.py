@@ -104,8 +104,7 @@ def observe(
     >>> seen.numbers["summary"]["shape_error_mm"]  # doctest: +SKIP
     """
     from vinefab.model.map import Map, Pose
-    from vinefab.observation.observe_photo import observe_photo
-    from vinefab.observation.photo_setup import PhotoSetup
+    from vinefab.observation.observe_photo import PhotoSetup, observe_photo
     from vinefab.photos.photo import read_photo
     from vinefab.prediction.deploy import as_grown, first_start
 

@@ -7,8 +7,8 @@ What other rooms use:
   ``found_markers.square_points``: those of markers that lie anywhere;
   ``measured_markers``: pixels, blur and noise of each.
 - ``photo_camera.fit_camera``: the `PhotoCamera` by control points, with its errors;
-  ``PhotoCamera.to_map`` and ``to_photo`` convert places, at any height.
-- ``rectify.rectified``: a `PlanView` of an area, at any height.
+  ``PhotoCamera.to_map`` and ``to_photo`` convert places, at any height;
+  ``rectified``: a `PlanView` of an area, at any height.
 
 ``maps`` imports maps from what this room gives, ``observation`` compares robots with it. OpenCV
 (extra ``vision``) is loaded only where it is needed.

@@ -50,10 +50,10 @@ from vinefab.pages.panel import (
 from vinefab.pages.plan import draw_start_range
 from vinefab.rig.build import LoosePiece
 from vinefab.rig.fixtures import Fixtures, MarkerPad, black_cells, outside_of, paper_crop_mm
-from vinefab.rig.open_shell import shell_words
 from vinefab.rig.part import Rig
-from vinefab.rig.printing import BASIS
+from vinefab.rig.part_files import BASIS
 from vinefab.rig.rig_json import RigRecord
+from vinefab.rig.solid import shell_words
 
 A4_MM = (210.0, 297.0)
 MARGIN_MM = 15.0

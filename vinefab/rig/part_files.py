@@ -7,9 +7,10 @@ that single precision takes back: the same parts give the same bytes.
 """
 
 import io
+import math
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from xml.etree import ElementTree as Tree
 from xml.sax.saxutils import escape, quoteattr
 
@@ -21,7 +22,270 @@ from vinefab.core.plain_text import agreeing, counted, one_line
 from vinefab.core.registry import Registry
 from vinefab.core.validation import Floats, Ints
 from vinefab.rig.part import Mesh, Rig, RigPart, mesh_problems
-from vinefab.rig.printing import Bed, Printing
+from vinefab.rig.rig_options import Printer, RigOptions
+from vinefab.rig.rig_plan import usable_mm
+
+BASIS = (
+    "computed from assumed settings: plastic = min(V, A s + f (V - A s)) with volume V, surface A, "
+    "shell s and infill f; time = lines of nozzle x layer over their speeds, of walls and of fill, "
+    "+ slowing at corners and ends of lines + travel + layers x the time per layer change "
+    "(compared with PrusaSlicer 2.5: docs/making.md); with a measured flow_mm3_s: plastic / flow "
+    "+ layers x the time per layer change"
+)
+"""The formulas, for reports."""
+
+JERK_MM_S = 8.0
+"""Change of velocity that a printer takes without slowing down (assumed)."""
+
+_HOPS, _HOPS_PER_RING, _HOP_MM, _RETRACT_S = 3.0, 1.0, 30.0, 0.1
+"""Travel moves per part and layer, more for each outline, their length and the time of drawing
+the filament back (fitted to PrusaSlicer 2.5)."""
+
+_CHORD, _LEAST_CHORD = 1.5, 0.1
+"""Mean length of lines in the inside: over area by perimeter, and at least over the width of the
+part (fitted to PrusaSlicer 2.5)."""
+
+_ROUND = 1.0 - 0.25 * math.pi
+_LEANING = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class UprightFaces:
+    """The sides of a part, as an estimate of its printing needs them."""
+
+    area_mm2: float
+    # upright edges between two sides: height, and the angle by which a line turns there
+    heights_mm: Floats
+    turns_rad: Floats
+    rings: float  # mean number of closed outlines in a layer
+
+
+def upright_faces(part: RigPart) -> UprightFaces:
+    """Return the sides of a part, from its triangles."""
+    corners = part.vertices_mm[part.faces]
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(doubled, axis=1)
+    upright = np.abs(doubled[:, 2]) < _LEANING * length
+    faces = part.faces[upright]
+    normals = doubled[upright, :2] / np.maximum(length[upright], 1e-12)[:, None]
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    owner = np.repeat(np.arange(len(faces)), 3)
+    order = np.lexsort(edges.T)
+    same = (edges[order][1:] == edges[order][:-1]).all(axis=1)
+    first = order[:-1][same]
+    one, other = normals[owner[first]], normals[owner[order[1:][same]]]
+    rise_mm = np.abs(np.diff(part.vertices_mm[edges[first], 2], axis=1)[:, 0])
+    cross, dot = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0], (one * other).sum(axis=1)
+    turns = np.abs(np.arctan2(cross, dot))
+    bent = (turns > _LEANING) & (rise_mm > 0.0)
+    # A convex outline turns by a whole circle in each layer, others by somewhat more.
+    rings = float((turns * rise_mm)[bent].sum()) / (2.0 * np.pi * max(part.size_mm[2], 1e-9))
+    return UprightFaces(
+        area_mm2=float(0.5 * length[upright].sum()),
+        heights_mm=rise_mm[bent],
+        turns_rad=turns[bent],
+        rings=max(1.0, rings),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PrintEstimate:
+    """Material and time of a print."""
+
+    plastic_mm3: float  # extruded
+    mass_g: float
+    filament_m: float  # length of filament
+    time_s: float  # without heating and without clearing the bed
+
+    def words(self) -> str:
+        """Return time, mass and filament as a phrase."""
+        minutes = round(self.time_s / 60.0)
+        time = f"{minutes // 60} h {minutes % 60:02d} min"
+        return f"{time}, {self.mass_g:.0f} g, {self.filament_m:.1f} m of filament"
+
+
+def print_estimate(parts: Sequence[RigPart], printer: Printer) -> PrintEstimate:
+    """Estimate material and time of parts that are printed together on one bed.
+
+    A skin of thickness s around a solid of volume V and surface A holds about A s; the rest is
+    filled to the share f. Thin parts are all skin, hence the lesser of the two; walls of shells
+    have half a wall as skin on each side.
+    """
+    layers = [math.ceil(part.size_mm[2] / printer.layer_mm) for part in parts]
+    time_s = max(layers, default=0) * printer.layer_change_s
+    plastic_mm3 = moving_s = 0.0
+    for part in parts:
+        sides = upright_faces(part)
+        # Each side of a shell's wall has half of it as skin.
+        skin_mm = min(printer.shell_mm, 0.5 * part.shell_wall_mm or printer.shell_mm)
+        level_mm2 = part.area_mm2 - sides.area_mm2
+        skin_mm3 = level_mm2 * printer.shell_mm + sides.area_mm2 * skin_mm
+        filled_mm3 = skin_mm3 + printer.infill * (part.volume_mm3 - skin_mm3)
+        extruded_mm3 = min(part.volume_mm3, filled_mm3)
+        plastic_mm3 += extruded_mm3
+        moving_s += _moving_s(part, sides, (extruded_mm3, skin_mm), printer)
+    flow_mm3_s = printer.flow_mm3_s
+    time_s += moving_s if flow_mm3_s is None else plastic_mm3 / flow_mm3_s
+    across_mm2 = 0.25 * math.pi * printer.filament_mm**2
+    return PrintEstimate(
+        plastic_mm3=plastic_mm3,
+        mass_g=1e-3 * plastic_mm3 * printer.density_g_cm3,
+        filament_m=1e-3 * plastic_mm3 / across_mm2,
+        time_s=time_s,
+    )
+
+
+def _moving_s(
+    part: RigPart, sides: UprightFaces, plastic: tuple[float, float], printer: Printer
+) -> float:
+    """Return how long the nozzle moves for a part: along walls, in its inside, and between."""
+    plastic_mm3, skin_mm = plastic
+    # A line as wide as the nozzle, its sides round.
+    line_mm2 = (printer.nozzle_mm - _ROUND * printer.layer_mm) * printer.layer_mm
+    slope = printer.acceleration_mm_s2
+    side_mm2 = max(sides.area_mm2, 1e-9)
+    wall_mm3 = min(plastic_mm3, side_mm2 * skin_mm)
+    wall_s = wall_mm3 / line_mm2 / printer.wall_speed_mm_s
+    # A corner of the plan is passed once by each line beside it, in each layer.
+    lines = wall_mm3 / side_mm2 / printer.nozzle_mm
+    speed = printer.wall_speed_mm_s
+    kept = np.minimum(speed, JERK_MM_S / np.maximum(2.0 * np.sin(0.5 * sides.turns_rad), 1e-9))
+    slowed_s = (sides.heights_mm * (speed - kept) ** 2).sum() / (speed * slope * printer.layer_mm)
+    fill_mm = (plastic_mm3 - wall_mm3) / line_mm2
+    wide_mm, deep_mm, _ = part.size_mm
+    least_mm = _LEAST_CHORD * min(wide_mm, deep_mm)
+    chord_mm = max(_CHORD * part.volume_mm3 / side_mm2, least_mm)
+    fill_s = (
+        fill_mm / printer.fill_speed_mm_s + fill_mm / chord_mm * printer.fill_speed_mm_s / slope
+    )
+    travel = printer.travel_speed_mm_s
+    hop_s = _HOP_MM / travel + travel / slope + _RETRACT_S
+    layers = math.ceil(part.size_mm[2] / printer.layer_mm)
+    hops = layers * (_HOPS + _HOPS_PER_RING * sides.rings)
+    return float(wall_s + lines * slowed_s + fill_s + hops * hop_s)
+
+
+PART_GAP_MM = 5.0
+"""Least distance between two parts on a bed."""
+
+_SLACK_MM = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacedPart:
+    """A part on a bed, or a piece on a sheet."""
+
+    index: int  # from 0
+    # lower left corner of its box
+    x_mm: float
+    y_mm: float
+
+
+def packed_on_beds(
+    sizes_mm: Sequence[tuple[float, float]], room_mm: tuple[float, float], gap_mm: float
+) -> list[list[PlacedPart]]:
+    """Put boxes on as few beds as shelves allow, without turning them.
+
+    Boxes are taken by falling depth and set side by side on shelves; a box goes onto the first
+    shelf, on the first bed, that has room.
+    """
+    beds: list[list[PlacedPart]] = []
+    shelves: list[list[float]] = []  # bed, y, depth, next free x
+    tops: list[float] = []  # next free y of each bed
+    order = sorted(range(len(sizes_mm)), key=lambda index: (-sizes_mm[index][1], index))
+    for index in order:
+        wide_mm, deep_mm = sizes_mm[index]
+        for shelf in shelves:
+            bed, y_mm, depth_mm, x_mm = shelf
+            if deep_mm <= depth_mm + _SLACK_MM and x_mm + wide_mm <= room_mm[0] + _SLACK_MM:
+                break
+        else:
+            bed = next(
+                (bed for bed, top in enumerate(tops) if top + deep_mm <= room_mm[1] + _SLACK_MM),
+                len(beds),
+            )
+            if bed == len(beds):
+                beds.append([])
+                tops.append(0.0)
+            y_mm, x_mm = tops[int(bed)], 0.0
+            shelf = [bed, y_mm, deep_mm, x_mm]
+            shelves.append(shelf)
+            tops[int(bed)] += deep_mm + gap_mm
+        beds[int(bed)].append(PlacedPart(index=index, x_mm=x_mm, y_mm=y_mm))
+        shelf[3] = x_mm + wide_mm + gap_mm
+    return beds
+
+
+def beds_of(
+    parts: Sequence[RigPart], printer: Printer, options: RigOptions
+) -> tuple[tuple[PlacedPart, ...], ...]:
+    """Return the beds on which parts are printed, each part where it lies on its bed.
+
+    Only parts whose colour changes at the same height share a bed: the printer stops there.
+    """
+    margin_mm = options.bed_margin_mm
+    beds = []
+    for change_mm in sorted({part.colour_change_mm for part in parts}):
+        indices = [at for at, part in enumerate(parts) if part.colour_change_mm == change_mm]
+        sizes = [(parts[at].size_mm[0], parts[at].size_mm[1]) for at in indices]
+        packed = packed_on_beds(sizes, usable_mm(printer, options), PART_GAP_MM)
+        beds += [[replace(at, index=indices[at.index]) for at in bed] for bed in packed]
+    return tuple(
+        tuple(
+            PlacedPart(index=at.index, x_mm=at.x_mm + margin_mm, y_mm=at.y_mm + margin_mm)
+            for at in sorted(bed, key=lambda at: at.index)
+        )
+        for bed in sorted(beds, key=lambda bed: min(at.index for at in bed))
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bed:
+    """Parts that are printed together."""
+
+    number: int  # from 1
+    places: tuple[PlacedPart, ...]  # parts, by their index in ``Rig.printed``, and where they lie
+    estimate: PrintEstimate
+
+    @property
+    def name(self) -> str:
+        """Name of its files, without suffix."""
+        return f"bed_{self.number:02d}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Printing:
+    """All beds of a rig."""
+
+    beds: tuple[Bed, ...]  # in the order of the parts
+
+    @property
+    def total(self) -> PrintEstimate:
+        """What all beds take."""
+        names = ("plastic_mm3", "mass_g", "filament_m", "time_s")
+        beds = [bed.estimate for bed in self.beds]
+        return PrintEstimate(**{name: sum(getattr(bed, name) for bed in beds) for name in names})
+
+    def bed_of(self, index: int) -> Bed:
+        """Return the bed of a part, by its index in ``Rig.printed``."""
+        return next(bed for bed in self.beds if any(at.index == index for at in bed.places))
+
+
+def printing_of(rig: Rig) -> Printing:
+    """Return the beds on which a rig is printed."""
+    parts = rig.printed
+    beds = beds_of(parts, rig.printer, rig.options)
+    return Printing(
+        beds=tuple(
+            Bed(
+                number=number,
+                places=places,
+                estimate=print_estimate([parts[at.index] for at in places], rig.printer),
+            )
+            for number, places in enumerate(beds, 1)
+        )
+    )
+
 
 _PLACE_MM = 1e-3
 

@@ -20,13 +20,12 @@ from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import FileName
 from vinefab.model.map import Map
-from vinefab.rig.comparison_with_map import RigComparison
+from vinefab.rig.build import RigComparison
 from vinefab.rig.fixtures import Fixtures
-from vinefab.rig.open_shell import shell_words
 from vinefab.rig.part import BOX_MM, VOLUME_SHARE, Rig
-from vinefab.rig.part_files import bed_name, read_stl, stl_name
-from vinefab.rig.printing import BASIS, Printing
+from vinefab.rig.part_files import BASIS, Printing, bed_name, read_stl, stl_name
 from vinefab.rig.rig_options import Printer
+from vinefab.rig.solid import shell_words
 
 RIG_NAME = "rig.json"
 """The file by which the folder of a rig is known again."""

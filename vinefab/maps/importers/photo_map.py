@@ -22,14 +22,18 @@ from vinefab.model.map import Map
 from vinefab.photos.found_markers import FoundMarker, measured_markers, square_points
 from vinefab.photos.photo import CAMERA_GAMMA, Photo, read_photo
 from vinefab.photos.photo_camera import (
+    AreaMm,
     ControlPoints,
     PhotoCamera,
+    PlanView,
     fit_camera,
     inverse,
+    most_pixels_per_mm,
     plane_homography,
     projected,
+    rectified,
+    shown_in,
 )
-from vinefab.photos.rectify import AreaMm, PlanView, most_pixels_per_mm, rectified, shown_in
 
 _ONLY_OTHERS = (
     "join_mm",

@@ -18,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
-from vinefab.core.validation import LARGEST_MM, Floats, Ints, number, positive
+from vinefab.core.validation import LARGEST_MM, Floats, number, positive
 from vinefab.maps.cleanup.drawn_shapes import (
     Changes,
     DrawnShape,
@@ -75,18 +75,40 @@ def solids(outlines: list[Polygon], changes: Changes) -> list[Polygon]:
     is a hole, but only if it touches none of them and they are nested; otherwise it is ambiguous
     and counts as solid.
     """
-    nest = _Nest.of(np.array(outlines, dtype=np.object_))
-    holes = np.flatnonzero(nest.is_hole)
-    changes.add("nested_outlines_made_holes", len(holes))
-    changes.add("nested_outlines_left_solid", int(nest.unclear.sum()))
+    items = np.array(outlines, dtype=np.object_)
+    count = len(items)
+    around, inside = shapely.STRtree(items).query(items, predicate="intersects")
+    around, inside = around[around != inside], inside[around != inside]
+    shapely.prepare(items)
+    proper = shapely.contains_properly(items[around], items[inside])
+    depth = np.bincount(inside[proper], minlength=count)  # number of outlines around each
+    parent = np.full(count, -1, dtype=np.int64)  # the smallest outline around each
+    order = np.argsort(-shapely.area(items)[around[proper]], kind="stable")
+    # The last of several assignments stays: that of the smallest outline around.
+    parent[inside[proper][order]] = around[proper][order]
+    nested = around[proper] * count + inside[proper]
+    rest = (around < inside) & ~np.isin(around * count + inside, nested)
+    rest &= ~np.isin(inside * count + around, nested)
+    mixed = np.zeros(count, dtype=np.bool_)
+    # Also at a shared corner: the inner outline may be a hole or a notch.
+    mixed[around[rest]] = mixed[inside[rest]] = True
+    unclear = np.zeros(count, dtype=np.bool_)
+    for index in np.argsort(depth, kind="stable").tolist():
+        if depth[index]:
+            outer = int(parent[index])
+            broken = depth[outer] != depth[index] - 1
+            unclear[index] = broken or unclear[outer] or (depth[index] % 2 == 1 and mixed[index])
+    is_hole = (depth % 2 == 1) & ~unclear
+    changes.add("nested_outlines_made_holes", int(is_hole.sum()))
+    changes.add("nested_outlines_left_solid", int(unclear.sum()))
     inner: dict[int, list[Polygon]] = {}
-    for hole in holes:
-        inner.setdefault(int(nest.parent[hole]), []).append(outlines[hole])
+    for hole in np.flatnonzero(is_hole).tolist():
+        inner.setdefault(int(parent[hole]), []).append(outlines[hole])
     return [
         Polygon(outlines[index].exterior, [hole.exterior for hole in inner[index]])
         if index in inner
         else outlines[index]
-        for index in np.flatnonzero(~nest.is_hole & ~nest.unclear).tolist()
+        for index in np.flatnonzero(~is_hole & ~unclear).tolist()
     ]
 
 
@@ -107,48 +129,6 @@ def painted(rings: list[Polygon]) -> BaseGeometry:
         layer = shapely.union_all(items[depth == level])
         area = area.difference(layer) if level % 2 else area.union(layer)
     return area
-
-
-@dataclass(frozen=True, slots=True)
-class _Nest:
-    """Which outline lies in which."""
-
-    parent: Ints  # shape (n,), the smallest outline around each, -1 for none
-    depth: Ints  # shape (n,), number of outlines around each
-    unclear: NDArray[np.bool_]  # shape (n,), whether it is ambiguous: hole or solid
-
-    @property
-    def is_hole(self) -> NDArray[np.bool_]:
-        return np.asarray((self.depth % 2 == 1) & ~self.unclear)
-
-    @classmethod
-    def of(cls, outlines: _Geometries) -> "_Nest":
-        count = len(outlines)
-        around, inside = shapely.STRtree(outlines).query(outlines, predicate="intersects")
-        around, inside = around[around != inside], inside[around != inside]
-        shapely.prepare(outlines)
-        proper = shapely.contains_properly(outlines[around], outlines[inside])
-        depth = np.bincount(inside[proper], minlength=count)
-        areas = shapely.area(outlines)
-        parent = np.full(count, -1, dtype=np.int64)
-        order = np.argsort(-areas[around[proper]], kind="stable")
-        # The last of several assignments stays: that of the smallest outline around.
-        parent[inside[proper][order]] = around[proper][order]
-        nested = around[proper] * count + inside[proper]
-        rest = (around < inside) & ~np.isin(around * count + inside, nested)
-        rest &= ~np.isin(inside * count + around, nested)
-        first, second = around[rest], inside[rest]
-        mixed = np.zeros(count, dtype=np.bool_)
-        # Also at a shared corner: the inner outline may be a hole or a notch.
-        mixed[first] = mixed[second] = True
-        unclear = np.zeros(len(parent), dtype=np.bool_)
-        for index in np.argsort(depth, kind="stable").tolist():
-            if depth[index] == 0:
-                continue
-            outer = int(parent[index])
-            broken = depth[outer] != depth[index] - 1
-            unclear[index] = broken or unclear[outer] or (depth[index] % 2 == 1 and mixed[index])
-        return cls(parent, depth, unclear)
 
 
 def merged(polygons: list[Polygon], gap_mm: float, changes: Changes) -> list[Polygon]:

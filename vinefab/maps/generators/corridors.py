@@ -362,12 +362,21 @@ def corridors_map(seed: int, options: CorridorsOptions | None = None) -> Map:
     check_seed(seed)
     rng = child(seed, _STREAM)
     floor = entrance = Region(0.0, 0.0, options.width_mm, options.height_mm)
+    keep_out = None
+    if options.halls == 0:
+        start, clear_mm = (
+            _start(floor, options),
+            max(options.start_clearance_mm, options.door_mm / 2),
+        )
+        x_mm, y_mm = start.spread_x_mm + clear_mm, start.spread_y_mm + clear_mm
+        x, y = start.pose.x_mm, start.pose.y_mm
+        keep_out = Region(x - x_mm, y - y_mm, x + x_mm, y + y_mm)
     limits = FloorLimits(
         hall_mm=options.hall_width_mm,
         room_min_mm=options.room_min_mm,
         room_max_mm=options.room_max_mm,
         wall_mm=options.wall_mm,
-        keep_out=None if options.halls > 0 else _around(_start(floor, options), options),
+        keep_out=keep_out,
     )
     regions = floor_plan(rng, floor, options.halls, limits)
     if options.halls > 0:
@@ -393,10 +402,3 @@ def _start(region: Region, options: CorridorsOptions) -> Start:
     (start,) = options.lower_starts(region.length(0), 0.5 * options.door_mm)
     x_mm = round(start.pose.x_mm + region.x_min_mm, COORDINATE_DECIMALS)
     return replace(start, pose=replace(start.pose, x_mm=x_mm))
-
-
-def _around(start: Start, options: CorridorsOptions) -> Region:
-    clear_mm = max(options.start_clearance_mm, 0.5 * options.door_mm)
-    half_x_mm, half_y_mm = start.spread_x_mm + clear_mm, start.spread_y_mm + clear_mm
-    x_mm, y_mm = start.pose.x_mm, start.pose.y_mm
-    return Region(x_mm - half_x_mm, y_mm - half_y_mm, x_mm + half_x_mm, y_mm + half_y_mm)

@@ -14,8 +14,6 @@ import shapely
 from annotated_types import Ge, Le, Unit
 from numpy.typing import NDArray
 from pydantic import model_validator
-from shapely import Polygon
-from shapely.geometry.base import BaseGeometry
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
@@ -126,8 +124,20 @@ def grid_map(seed: int, options: GridOptions | None = None) -> Map:
     options = options or GridOptions()
     check_seed(seed)
     starts = options.lower_starts(options.size_mm)
-    cells = _filled_cells(seed, options)
-    obstacles = _obstacles(seed, cells, options, start_zones(starts))
+    cells = [(column, row) for row in range(options.rows) for column in range(options.columns)]
+    if options.filled < 1.0:
+        draws = [child(seed, _STREAM, row, column, 2).random() for column, row in cells]
+        cells = [cell for cell, draw in zip(cells, draws, strict=True) if draw < options.filled]
+    drawn = _polygons([next(_draws(seed, cell, options)) for cell in cells], cells, options)
+    keep_out = start_zones(starts)
+    for index in np.flatnonzero(shapely.distance(drawn, keep_out) < options.start_clearance_mm):
+        again = islice(_draws(seed, cells[index], options), 1, _DRAWS_PER_CELL)
+        tries = (_polygons([numbers], [cells[index]], options)[0] for numbers in again)
+        clear = (
+            one for one in tries if shapely.distance(one, keep_out) >= options.start_clearance_mm
+        )
+        drawn[index] = next(clear, None)
+    obstacles = [polygon for polygon in drawn.tolist() if polygon is not None]
     return generated_map(
         "grid",
         seed,
@@ -141,35 +151,6 @@ def grid_map(seed: int, options: GridOptions | None = None) -> Map:
 
 _Cell = tuple[int, int]
 """Column and row."""
-
-
-def _filled_cells(seed: int, options: GridOptions) -> list[_Cell]:
-    cells = [(column, row) for row in range(options.rows) for column in range(options.columns)]
-    if options.filled == 1.0:
-        return cells
-    draws = (child(seed, _STREAM, row, column, 2).random() for column, row in cells)
-    return [cell for cell, draw in zip(cells, draws, strict=True) if draw < options.filled]
-
-
-def _obstacles(
-    seed: int, cells: Sequence[_Cell], options: GridOptions, keep_out: BaseGeometry
-) -> tuple[Polygon, ...]:
-    """Return an obstacle per cell, except where the starts leave no room."""
-    drawn = _polygons([next(_draws(seed, cell, options)) for cell in cells], cells, options)
-    too_near = shapely.distance(drawn, keep_out) < options.start_clearance_mm
-    for index in np.flatnonzero(too_near).tolist():
-        drawn[index] = _redrawn(seed, cells[index], options, keep_out)
-    return tuple(polygon for polygon in drawn.tolist() if polygon is not None)
-
-
-def _redrawn(
-    seed: int, cell: _Cell, options: GridOptions, keep_out: BaseGeometry
-) -> Polygon | None:
-    for numbers in islice(_draws(seed, cell, options), 1, _DRAWS_PER_CELL):
-        polygon: Polygon = _polygons([numbers], [cell], options)[0]
-        if shapely.distance(polygon, keep_out) >= options.start_clearance_mm:
-            return polygon
-    return None
 
 
 def _draws(seed: int, cell: _Cell, options: GridOptions) -> Iterator[Floats]:

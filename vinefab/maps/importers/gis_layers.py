@@ -94,7 +94,16 @@ class _Read:
 def _drawing(path: Path, options: ImportOptions) -> SourceDrawing:
     found = _Read()
     try:
-        names = _layers(path, options.layers)
+        known = [str(name) for name, kind in pyogrio.list_layers(path) if kind is not None]
+        for name in options.layers:
+            if name not in known:
+                raise UnknownNameError("layer", name, known)
+        names = list(options.layers) or known
+        if not known:
+            raise BadInputError("layers", "none with geometry", "at least one")
+        if not options.layers and len(known) > 1:
+            allowed = f"one of {', '.join(known[:20])} (repeatable: what is read together)"
+            raise BadInputError("--layer", None, allowed)
         for name in names:
             _read_layer(path, name, found, several=len(names) > 1)
     except (
@@ -105,10 +114,9 @@ def _drawing(path: Path, options: ImportOptions) -> SourceDrawing:
     ) as error:
         problem = " ".join(str(error).replace(str(path), "").split())
         raise UnreadableFileError(path, f"cannot be read by GDAL: {problem[:200]}") from error
-    if len(set(found.systems.values())) > 1:
-        raise BadInputError(
-            "layers", f"in {len(set(found.systems.values()))} reference systems", "one for all"
-        )
+    systems = len(set(found.systems.values()))
+    if systems > 1:
+        raise BadInputError("layers", f"in {systems} reference systems", "one for all")
     system = next(iter(found.systems.values()), "")
     given = options.scale_mm_per_unit is not None
     unit, mm_per_unit = ("as given", 1.0) if given else _unit(system, path)
@@ -128,21 +136,6 @@ def _drawing(path: Path, options: ImportOptions) -> SourceDrawing:
             **({"heights_dropped": found.heights} if found.heights else {}),
         },
     )
-
-
-def _layers(path: Path, wanted: tuple[str, ...]) -> list[str]:
-    """Return the names of the layers to read."""
-    known = [str(name) for name, kind in pyogrio.list_layers(path) if kind is not None]
-    for name in wanted:
-        if name not in known:
-            raise UnknownNameError("layer", name, known)
-    if not known:
-        raise BadInputError("layers", "none with geometry", "at least one")
-    if not wanted and len(known) > 1:
-        raise BadInputError(
-            "--layer", None, f"one of {', '.join(known[:20])} (repeatable: what is read together)"
-        )
-    return list(wanted) or known
 
 
 def _read_layer(path: Path, name: str, found: _Read, *, several: bool) -> None:

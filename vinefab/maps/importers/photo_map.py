@@ -125,7 +125,11 @@ def read_photo_map(path: Path, options: ImportOptions) -> PhotoMap:
         solid = tones.solid(views[0].pixels)
         for view in views[1:]:
             solid = tones.still_solid(view.pixels, solid)
-        free = np.logical_and.reduce(shown) & (~solid | _within(scene.quiet_squares(), views[0]))
+        quiet = Image.new("L", solid.shape[::-1], 0)
+        for corners in scene.quiet_squares():
+            places = (views[0].to_pixels(corners) - 0.5).ravel().tolist()
+            ImageDraw.Draw(quiet).polygon(places, fill=255)
+        free = np.logical_and.reduce(shown) & (~solid | (np.asarray(quiet) > 0))
         world = _world(path, scene, views[0], free, options, tones)
     return PhotoMap(
         world=world,
@@ -456,16 +460,6 @@ def _two_tones(bright: NDArray[np.float32]) -> tuple[float, float]:
             "--threshold 0 to 255 (no two tones are seen in the photo), or --obstacles R,G,B",
         )
     return float(low[best]), float(high[best])
-
-
-def _within(polygons_mm: list[Floats], view: PlanView) -> Mask:
-    """Return which cells of a plan lie in polygons."""
-    rows, columns = view.pixels.shape[:2]
-    picture = Image.new("L", (columns, rows), 0)
-    for corners in polygons_mm:
-        places = (view.to_pixels(corners) - 0.5).ravel().tolist()
-        ImageDraw.Draw(picture).polygon(places, fill=255)
-    return np.asarray(picture) > 0
 
 
 def _world(

@@ -286,7 +286,6 @@ def import_(
     (400.0, 300.0)
     """
     from vinefab.core.atomic import ensure_writable, write_bytes
-    from vinefab.core.bounded import bounded
     from vinefab.core.errors import BadInputError
     from vinefab.maps.importers.import_options import PHOTO_SUFFIXES, ImportOptions
     from vinefab.maps.importers.importers import import_map, import_suffixes
@@ -318,7 +317,7 @@ def import_(
     from vinefab.pages.page_files import page_png
     from vinefab.pages.plan import photo_preview
 
-    imported = bounded(source, read_photo_map, source, chosen)
+    imported = read_photo_map(source, chosen)
     picture = page_png(photo_preview(imported))
     world = _kept(as_map(imported.world, start=places), out, force=force)
     target = as_path("preview", preview)

@@ -167,4 +167,7 @@ def import_map(source: Path, options: ImportOptions) -> Map:
         )
     if options.photo is not None and suffix not in PHOTO_SUFFIXES:
         options.photo.refuse(source)
+    if suffix in PHOTO_SUFFIXES:
+        # Their pixels are counted before they are decoded, and bound the work, as in `observe`.
+        return known[suffix].read(source, options)
     return bounded(source, known[suffix].read, source, options)

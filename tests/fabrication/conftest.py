@@ -1,13 +1,12 @@
 """Designs, jobs and robots in pieces that the tests of several rooms share."""
 
 import math
-from collections.abc import Callable
 from functools import cache
 
 import numpy as np
 import pytest
 import shapely
-from shapely import Point, Polygon
+from shapely import Point
 
 from tests.oracles.body_outline import Twin
 from vinefab.fabrication.outline.layout import flat_layout
@@ -126,7 +125,7 @@ def sound_design(request):
 
 
 @cache
-def _drawn_twice(name: str, beyond_mm: float) -> Polygon:
+def _drawn_twice(name, beyond_mm):
     return Twin(NAMED_DESIGNS[name], 1e-4).body(beyond_mm)
 
 
@@ -137,7 +136,7 @@ def sound_body(sound_design):
     return lambda beyond_mm=0.0: _drawn_twice(name, beyond_mm)
 
 
-def _contour(points: list[tuple[float, float]], bulges: list[float], *, closed: bool) -> Contour:
+def _contour(points, bulges, *, closed):
     return Contour(
         points_mm=np.array(points),
         bulges=np.array(bulges),
@@ -148,7 +147,7 @@ def _contour(points: list[tuple[float, float]], bulges: list[float], *, closed: 
 
 
 @pytest.fixture
-def finger() -> Contour:
+def finger():
     """An open finger, 40 wide and 100 long with a round tip, counter-clockwise; mouth at x = 10."""
     half = math.tan(math.pi / 8)
     points = [(10.0, 20.0), (110.0, 20.0), (130.0, 40.0), (110.0, 60.0), (10.0, 60.0)]
@@ -156,7 +155,7 @@ def finger() -> Contour:
 
 
 @pytest.fixture
-def job(finger: Contour) -> Job:
+def job(finger):
     """One path per operation: closed and open, lines, arcs both ways, from 5 to 300 degrees."""
     square = Contour.polyline(np.array([[5.0, 5], [145, 5], [145, 75], [5, 75]]), closed=True)
     circle = _contour([(30.0, 40.0), (40.0, 40.0)], [1.0, 1.0], closed=True)
@@ -181,10 +180,10 @@ def job(finger: Contour) -> Job:
 
 
 @pytest.fixture
-def one_path() -> Callable[[Contour], Job]:
+def one_path():
     """Return a function that makes a job of one contour on a large sheet."""
 
-    def make(contour: Contour) -> Job:
+    def make(contour):
         path = LaserPath(operation=Operation.WELDCUT, contour=contour)
         return Job(name="one", sheet_width_mm=1000.0, sheet_height_mm=777.125, paths=(path,))
 
@@ -192,10 +191,10 @@ def one_path() -> Callable[[Contour], Job]:
 
 
 @pytest.fixture
-def segment_of() -> Callable[..., Segment]:
+def segment_of():
     """Return a function that makes an arc from centre, radius and two angles in degrees."""
 
-    def make(center: tuple[float, float], radius: float, first: float, last: float) -> Segment:
+    def make(center, radius, first, last):
         ends = [
             (center[0] + radius * math.cos(a), center[1] + radius * math.sin(a))
             for a in (math.radians(first), math.radians(last))
@@ -206,12 +205,12 @@ def segment_of() -> Callable[..., Segment]:
     return make
 
 
-def _quantity(value: float, standing: Standing = Standing.MEASURED) -> Quantity:
+def _quantity(value, standing=Standing.MEASURED):
     return Quantity(value=value, standing=standing, source="a test")
 
 
 @pytest.fixture
-def settings() -> OperationSettings:
+def settings():
     """Settings with round numbers: 100 mm/s, two passes, all measured but the kerf."""
     return OperationSettings(
         power_percent=_quantity(50.0),
@@ -229,7 +228,7 @@ def settings() -> OperationSettings:
 
 
 @pytest.fixture
-def profile(settings: OperationSettings) -> LaserProfile:
+def profile(settings):
     """A 60 W machine with 1000 mm/s2, two plies of 0.05 mm at 1000 kg/m3, an untried recipe."""
     machine = Machine(
         name="tester",
@@ -271,13 +270,13 @@ def profile(settings: OperationSettings) -> LaserProfile:
 
 
 @pytest.fixture
-def design() -> Design:
+def design():
     """A plain vine."""
     return Design(name="plain", trunk_length_mm=100.0, build=Build.standard(1))
 
 
 @pytest.fixture
-def content(design: Design, profile: LaserProfile, job: Job) -> PackageContent:
+def content(design, profile, job):
     """A whole package's content."""
     return PackageContent(
         design=design,
@@ -289,7 +288,7 @@ def content(design: Design, profile: LaserProfile, job: Job) -> PackageContent:
     )
 
 
-def _ends(begin_mm: float, lap_mm: float, *, on_stub: bool) -> dict[str, float]:
+def _ends(begin_mm, lap_mm, *, on_stub):
     """Return where a joint's rims are, and where its socket's blend ends."""
     end_mm = begin_mm + lap_mm
     if on_stub:
@@ -297,7 +296,7 @@ def _ends(begin_mm: float, lap_mm: float, *, on_stub: bool) -> dict[str, float]:
     return {"socket_mm": begin_mm, "plug_mm": end_mm, "blend_end_mm": end_mm + 5.0}
 
 
-def cut_robot(design: Design, cuts: tuple[int, ...], lap_mm: float = 15.0):
+def cut_robot(design, cuts, lap_mm=15.0):
     """Return a design cut on some branches a third along them, and simple outlines of its pieces.
 
     An outline is the union of the branches' rectangles without its holes: pieces that cross

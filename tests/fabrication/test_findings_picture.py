@@ -12,14 +12,12 @@ from vinefab.fabrication.findings_picture import (
     MOST_LISTED,
     SEVERITY_COLOURS,
     FindingsPage,
-    Tag,
     findings_picture,
     listed,
 )
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.finding import CheckReport, Finding, Severity
-from vinefab.model.laser import LaserProfile
 from vinefab.pages.page_files import page_png, page_svg
 from vinefab.pages.panel import fitted, rgb, text_width
 
@@ -28,7 +26,7 @@ CALM = CheckReport(design="any", recipe="any", run=(), skipped=(), findings=())
 HOSTILE = "cost $\\foo$ <script>&amp; %s\x07 \u202e 樹 " * 40
 
 
-def _tree(*fans: tuple[int, float, float], **build: object) -> Design:
+def _tree(*fans, **build):
     plain = Build.standard(1 + len(fans))
     levels = tuple(
         Level(branches=n, length_mm=length, fan_rad=math.radians(deg)) for n, length, deg in fans
@@ -46,11 +44,11 @@ DESIGNS = {
 
 
 @pytest.fixture(scope="module")
-def recipe() -> LaserProfile:
+def recipe():
     return read_profile("co2_60w__stretchlon_200")
 
 
-def _scattered(count: int) -> CheckReport:
+def _scattered(count):
     """Return a report with findings of three rules all over the place, some of them on a point."""
     rng = np.random.default_rng(5)
     places = rng.uniform((-150.0, -60.0), (400.0, 60.0), (count, 2)).round(1)
@@ -72,12 +70,12 @@ def _scattered(count: int) -> CheckReport:
     return replace(CALM, findings=found)
 
 
-def _signs(tag: Tag) -> shapely.Geometry:
+def _signs(tag):
     (x, y) = tag.at_pt
     return shapely.box(x - 4.0, y - 4.0, x + 4.0, y + 4.0)
 
 
-def _assert_apart(page: FindingsPage) -> None:
+def _assert_apart(page):
     """Check that no tag, marker or leader lies on another, and all lie in the panel."""
     boxes = [shapely.box(*tag.box_pt) for tag in page.tags]
     signs = [_signs(tag) for tag in page.tags]
@@ -97,7 +95,7 @@ def _assert_apart(page: FindingsPage) -> None:
                 assert not ways[a].intersects(signs[b])
 
 
-def _numbers(page: FindingsPage) -> set[int]:
+def _numbers(page):
     """Return all numbers that stand at a place in the picture."""
     found: set[int] = set()
     for text in (tag.text.split(" (")[0] for tag in page.tags):
@@ -108,7 +106,7 @@ def _numbers(page: FindingsPage) -> set[int]:
 
 
 @pytest.mark.parametrize("name", DESIGNS)
-def test_every_finding_with_a_place_is_numbered_there(name: str, recipe: LaserProfile) -> None:
+def test_every_finding_with_a_place_is_numbered_there(name, recipe):
     report = check_design(DESIGNS[name], recipe)
     page = FindingsPage.of(DESIGNS[name], recipe, report)
     _assert_apart(page)
@@ -117,7 +115,7 @@ def test_every_finding_with_a_place_is_numbered_there(name: str, recipe: LaserPr
 
 
 @pytest.mark.parametrize("count", [1, MOST_LISTED, 250])
-def test_many_findings_are_grouped_and_none_is_lost(count: int, recipe: LaserProfile) -> None:
+def test_many_findings_are_grouped_and_none_is_lost(count, recipe):
     report = _scattered(count)
     page = FindingsPage.of(DESIGNS["plain"], recipe, report)
     _assert_apart(page)
@@ -127,11 +125,7 @@ def test_many_findings_are_grouped_and_none_is_lost(count: int, recipe: LaserPro
 
 
 @pytest.mark.parametrize(("count", "hostile"), [(0, False), (12, True), (200, True)])
-def test_no_text_lies_on_another_or_beyond_the_page(
-    count: int,
-    hostile: bool,  # noqa: FBT001  a parameter of the test
-    recipe: LaserProfile,
-) -> None:
+def test_no_text_lies_on_another_or_beyond_the_page(count, hostile, recipe):
     design, report = DESIGNS["forty"], _scattered(count)
     if hostile:
         design = design.changed(name="W" * 100)
@@ -151,14 +145,14 @@ def test_no_text_lies_on_another_or_beyond_the_page(
     assert page_svg(drawn).count(b"<script") == 0
 
 
-def test_a_clean_design_says_so(recipe: LaserProfile) -> None:
+def test_a_clean_design_says_so(recipe):
     words = texts_of(findings_picture(DESIGNS["plain"], recipe, CALM))
     assert "No findings: nothing to mark." in words
     # No rule speaks against it, and yet nobody has burst a seam of this recipe.
     assert "no rule forbids it; recipe unverified" in words
 
 
-def test_errors_come_first_and_waived_findings_are_only_counted(recipe: LaserProfile) -> None:
+def test_errors_come_first_and_waived_findings_are_only_counted(recipe):
     report = _scattered(9)
     waived = tuple(
         replace(f, waived=f.severity is Severity.ERROR, reason="known") for f in report.findings
@@ -171,7 +165,7 @@ def test_errors_come_first_and_waived_findings_are_only_counted(recipe: LaserPro
     assert any("3 waived" in text for text in texts_of(picture))
 
 
-def test_the_robot_is_large_and_true_to_scale(recipe: LaserProfile) -> None:
+def test_the_robot_is_large_and_true_to_scale(recipe):
     design = DESIGNS["plain"]
     page = FindingsPage.of(design, recipe, CALM)
     x0, y0, x1, y1 = page.view.geometry(page.robot.lumen).bounds
@@ -179,7 +173,7 @@ def test_the_robot_is_large_and_true_to_scale(recipe: LaserProfile) -> None:
     assert y1 - y0 == pytest.approx(design.build.widths_mm[0] * page.view.pt_per_mm)
 
 
-def test_severities_differ_in_lightness() -> None:
+def test_severities_differ_in_lightness():
     # Rec. 709 luminance of linear light, which every kind of colour vision sees.
     shades = sorted(
         float(np.array([0.2126, 0.7152, 0.0722]) @ (np.array(rgb(colour)) / 255.0) ** 2.2)
@@ -188,14 +182,14 @@ def test_severities_differ_in_lightness() -> None:
     assert all(dark * 1.3 < light for dark, light in pairwise(shades))
 
 
-def test_long_texts_are_cut_to_their_room() -> None:
+def test_long_texts_are_cut_to_their_room():
     short = fitted("a" * 10_000, 100.0, 8.0)
     assert short.endswith("…")
     assert 80.0 < text_width(short, 8.0) <= 100.0
     assert fitted("a\nb", 100.0, 8.0) == "a b"
 
 
-def test_pictures_are_reproducible(recipe: LaserProfile) -> None:
+def test_pictures_are_reproducible(recipe):
     design = DESIGNS["plain"]
     report = check_design(design, recipe)
     one, two = (page_svg(findings_picture(design, recipe, report)) for _ in range(2))

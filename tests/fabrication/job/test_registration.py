@@ -15,13 +15,13 @@ from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.job import Job, Operation
+from vinefab.model.job import Operation
 
 RECIPES = ("co2_60w__stretchlon_800", "co2_60w__tpu_nylon_70d")
 LASER = "co2_60w__stretchlon_200"
 
 
-def marks(job: Job, label: str) -> list[shapely.Geometry]:
+def marks(job, label):
     found = [path for path in job.along(Operation.MARK) if path.label.startswith(label)]
     return [shapely.LineString(path.contour.flattened_mm(0.01)) for path in found]
 

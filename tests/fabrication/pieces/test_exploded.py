@@ -10,7 +10,7 @@ from vinefab.fabrication.pieces.exploded import exploded_view
 from vinefab.model.design import Build, Design, Level
 
 
-def robot_of(rng: np.random.Generator) -> Design:
+def robot_of(rng):
     depth = int(rng.integers(1, 4))
     levels = tuple(
         Level.of(
@@ -34,7 +34,7 @@ def moved(outlines, view):
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_no_piece_lies_on_another(cut_at, seed: int) -> None:
+def test_no_piece_lies_on_another(cut_at, seed):
     """Random trees, cut anywhere: pieces are moved apart, by shifts alone."""
     rng = np.random.default_rng(seed)
     design = robot_of(rng)
@@ -57,7 +57,7 @@ def test_no_piece_lies_on_another(cut_at, seed: int) -> None:
         assert shapes[sleeve.label].distance(shapely.Point(base)) < 1e-6
 
 
-def test_a_piece_with_room_is_drawn_off_along_its_branch(cut_at, make_plan, make_fan) -> None:
+def test_a_piece_with_room_is_drawn_off_along_its_branch(cut_at, make_plan, make_fan):
     design = make_plan((30.0, 16.0), levels=[make_fan(2, 150.0, 90.0)])
     partition, outlines = cut_at(design, (1, 2))
     layout = flat_layout(design)
@@ -68,7 +68,7 @@ def test_a_piece_with_room_is_drawn_off_along_its_branch(cut_at, make_plan, make
         assert np.allclose(away, 50.0 * np.array([math.cos(heading), math.sin(heading)]))
 
 
-def test_an_outline_that_crosses_itself_is_kept_apart_too(cut_at, make_plan, make_fan) -> None:
+def test_an_outline_that_crosses_itself_is_kept_apart_too(cut_at, make_plan, make_fan):
     design = make_plan((30.0, 16.0), levels=[make_fan(2, 150.0, 60.0)])
     partition, outlines = cut_at(design, (1,))
     contour = outlines["B"]

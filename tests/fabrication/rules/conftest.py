@@ -1,21 +1,17 @@
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from vinefab.model.design import Build, Design, Level, Pouch, default_fillets_mm
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.laser import LaserProfile, Quantity, Standing
+from vinefab.model.laser import Quantity, Standing
 
 Fan = tuple[int, float, float]
 """Branches, length in mm, whole angle in degrees."""
 
 
-def make_design(
-    *fans: Fan, trunk_mm: float = 300.0, widths_mm: tuple[float, ...] = (), **build: object
-) -> Design:
+def make_design(*fans, trunk_mm=300.0, widths_mm=(), **build):
     widths = widths_mm or Build.standard(1 + len(fans)).widths_mm
     plain = Build(widths_mm=widths, fillet_mm=default_fillets_mm(widths))
     levels = tuple(
@@ -27,9 +23,7 @@ def make_design(
     )
 
 
-def random_tree(
-    rng: np.random.Generator, *, shortest_mm: float = 60.0, pouched: bool = False
-) -> Design:
+def random_tree(rng, *, shortest_mm=60.0, pouched=False):
     depth = int(rng.integers(2, 5))
     widths = tuple((float(rng.uniform(20, 50)) * rng.uniform(0.45, 0.8, depth).cumprod()).tolist())
     levels = tuple(
@@ -52,29 +46,39 @@ def random_tree(
 
 
 @pytest.fixture(scope="session")
-def random_design() -> Callable[..., Design]:
+def random_design():
     """Return a maker of random trees, some manufacturable and some not."""
     return random_tree
 
 
 @pytest.fixture(scope="session")
-def make() -> Callable[..., Design]:
+def make():
     """Return a design from fans (branches, length in mm, whole angle in degrees)."""
     return make_design
 
 
 @pytest.fixture(scope="session")
-def profile() -> LaserProfile:
+def profile():
     """The shipped recipe: 0.0375 mm film, 70 kPa survived at 20 mm, 1000 x 600 mm bed."""
     return read_profile("co2_60w__stretchlon_200")
 
 
-def measured(value: float) -> Quantity:
+def measured(value):
     return Quantity(value=value, standing=Standing.MEASURED, source="a test")
 
 
+LOOSE_FIT = {
+    "yield_kpa": measured(1.92),
+    "drag_kpa_m": measured(0.771),
+    "storage_kpa": measured(0.0),
+    "friction": measured(0.234),
+    "width_mm": measured(25.0 * math.pi / 2.0),
+}
+"""The published growth constants of a loosely stored tube, as if they were one's own."""
+
+
 @pytest.fixture(scope="session")
-def burst_profile(profile: LaserProfile) -> LaserProfile:
+def burst_profile(profile):
     """The same where a tube of 20 mm burst at 70 kPa, measured."""
     seam = {"burst_kpa": measured(70.0), "burst_width_mm": measured(20.0)}
     none = {"survived_kpa": None, "survived_width_mm": None}
@@ -82,13 +86,6 @@ def burst_profile(profile: LaserProfile) -> LaserProfile:
 
 
 @pytest.fixture(scope="session")
-def grown_profile(burst_profile: LaserProfile) -> LaserProfile:
+def grown_profile(burst_profile):
     """The same with the published growth constants of loosely stored film, as if measured."""
-    fit = {
-        "yield_kpa": measured(1.92),
-        "drag_kpa_m": measured(0.771),
-        "storage_kpa": measured(0.0),
-        "friction": measured(0.234),
-        "width_mm": measured(25.0 * math.pi / 2.0),
-    }
-    return replace(burst_profile, recipe=burst_profile.recipe.changed(growth=fit))
+    return replace(burst_profile, recipe=burst_profile.recipe.changed(growth=LOOSE_FIT))

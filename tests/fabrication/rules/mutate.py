@@ -4,17 +4,15 @@ For the whole table run ``python tests/fabrication/rules/mutate.py``. A mutant s
 fixture of its rule changes: then a test is missing.
 """
 
-import importlib.util
 import sys
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import ModuleType
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
+
+from tests.fabrication.rules.test_rules import FIXTURES
 from vinefab.fabrication.rules.catalog import RULES
-from vinefab.fabrication.rules.rule import Rule, RuleApplied
-from vinefab.fabrication.rules.subject import Subject
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.fabrication.rules.rule import RuleApplied
 from vinefab.model.finding import Severity
 
 FACTORS = (0.9, 1.1)
@@ -44,34 +42,19 @@ class Row:
     survivors: tuple[str, ...]
 
 
-def fixtures() -> ModuleType:
-    """Return the module that holds the fixtures of all rules."""
-    path = Path(__file__).with_name("test_rules.py")
-    name = "rule_fixtures"
-    if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(name, path)
-        sys.modules[name] = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(sys.modules[name])
-    return sys.modules[name]
-
-
-def subjects(rule_id: str, make: Callable[..., object]) -> list[Subject]:
+def subjects(rule_id):
     """Return every fixture of a rule, built once."""
-    table, profile = fixtures(), read_profile("co2_60w__stretchlon_200")
-    case = table.CASES[rule_id]
-    builds = [case.fires, case.quiet]
-    builds += [build for rule, build, _ in table.NEAR_LIMITS if rule == rule_id]
-    return [build(make, profile) for build in builds]
+    return [build() for rule, build, _ in FIXTURES if rule == rule_id]
 
 
-def outcome(rule: Rule, subject: Subject) -> Outcome:
+def outcome(rule, subject):
     """Return what a rule finds in a fixture."""
     applied = rule.apply(subject, rule.limits_with({}))
     violations = applied.violations if isinstance(applied, RuleApplied) else ()
     return tuple(sorted((_WEIGHTS[violation.severity] for violation in violations), reverse=True))
 
 
-def mutants(rule: Rule) -> Iterator[tuple[str, tuple[Rule, ...]]]:
+def mutants(rule):
     """Yield every mutant by name; a limit's is one of two, as only one of them is lax."""
     yield "switched off", (replace(rule, check=lambda *_: RuleApplied(checked=1)),)
     for name, value in rule.limits.items():
@@ -79,14 +62,14 @@ def mutants(rule: Rule) -> Iterator[tuple[str, tuple[Rule, ...]]]:
         yield f"lax {name}", tuple(replace(rule, limits={**rule.limits, name: v}) for v in values)
 
 
-def weaker(found: list[Outcome], before: list[Outcome]) -> bool:
+def weaker(found, before):
     """Return whether some fixture yields less than it should."""
     return any(now < then for now, then in zip(found, before, strict=True))
 
 
-def mutate(rule_id: str, make: Callable[..., object]) -> Row:
+def mutate(rule_id):
     """Return how the fixtures of one rule stand up to its mutants."""
-    rule, cases = RULES[rule_id], subjects(rule_id, make)
+    rule, cases = RULES[rule_id], subjects(rule_id)
     before = [outcome(rule, subject) for subject in cases]
     count, survivors = 0, []
     for name, variants in mutants(rule):
@@ -106,13 +89,8 @@ def mutate(rule_id: str, make: Callable[..., object]) -> Row:
     )
 
 
-def main() -> int:
-    spec = importlib.util.spec_from_file_location(
-        "checks_conftest", Path(__file__).with_name("conftest.py")
-    )
-    conftest = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(conftest)
-    rows = [mutate(rule_id, conftest.make_design) for rule_id in fixtures().CASES]
+def main():
+    rows = [mutate(rule_id) for rule_id in RULES]
     report("rule    fire quiet mutants  survived")
     for row in rows:
         survived = ", ".join(row.survivors) or "-"
@@ -122,7 +100,7 @@ def main() -> int:
     return 1 if left else 0
 
 
-def report(line: str) -> None:
+def report(line):
     sys.stdout.write(f"{line}\n")
 
 

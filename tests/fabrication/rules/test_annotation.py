@@ -12,13 +12,12 @@ from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
 from vinefab.model.job import Operation
-from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
 
 Make = Callable[..., Design]
 
 
-def test_markers_lie_where_the_outline_lies(make: Make, profile: LaserProfile) -> None:
+def test_markers_lie_where_the_outline_lies(make, profile):
     # It has to be turned to fit the bed, so that a forgotten placement shows.
     subject = Subject.of(make((2, 300.0, 100.0), (2, 250.0, 90.0), trunk_mm=350.0), profile)
     assert subject.job is not None
@@ -30,7 +29,7 @@ def test_markers_lie_where_the_outline_lies(make: Make, profile: LaserProfile) -
     assert shapely.hausdorff_distance(drawn, bare) == pytest.approx(0.55, abs=0.1)
 
 
-def test_nothing_in_it_is_ever_cut(make: Make, profile: LaserProfile) -> None:
+def test_nothing_in_it_is_ever_cut(make, profile):
     subject = Subject.of(make((2, 100.0, 60.0), (2, 100.0, 120.0), tail_mm=100.0), profile)
     report = run_checks(subject)
     drawing = annotated_job(subject.job, report.findings)
@@ -42,7 +41,7 @@ def test_nothing_in_it_is_ever_cut(make: Make, profile: LaserProfile) -> None:
     assert boxes[:, 3].max() <= drawing.sheet_height_mm
 
 
-def test_an_error_is_circled_where_it_is(make: Make, profile: LaserProfile) -> None:
+def test_an_error_is_circled_where_it_is(make, profile):
     subject = Subject.of(make((2, 200.0, 60.0), tail_mm=100.0), profile)
     report = run_checks(subject)
     (error,) = report.blocking
@@ -58,7 +57,7 @@ def test_an_error_is_circled_where_it_is(make: Make, profile: LaserProfile) -> N
     assert "legend: 1 error VF-B01 0: 100 mm at least 150 mm" in labels
 
 
-def test_labels_do_not_lie_on_each_other(make: Make, profile: LaserProfile) -> None:
+def test_labels_do_not_lie_on_each_other(make, profile):
     subject = Subject.of(make((3, 60.0, 30.0), (3, 60.0, 200.0), tail_mm=100.0), profile)
     drawing = annotated_job(subject.job, run_checks(subject).findings)
     by_label: dict[str, list[Contour]] = {}
@@ -76,9 +75,7 @@ def test_labels_do_not_lie_on_each_other(make: Make, profile: LaserProfile) -> N
     assert met <= len(areas) // 10
 
 
-def test_only_the_most_severe_findings_are_drawn_and_the_rest_is_counted(
-    make: Make, profile: LaserProfile
-) -> None:
+def test_only_the_most_severe_findings_are_drawn_and_the_rest_is_counted(make, profile):
     heap = Subject.of(make((5, 200.0, 300.0), (5, 200.0, 300.0), (3, 200.0, 200.0)), profile)
     findings = run_checks(heap).findings
     assert len(findings) > MOST_MARKED
@@ -86,9 +83,7 @@ def test_only_the_most_severe_findings_are_drawn_and_the_rest_is_counted(
     assert f"legend: and {len(findings) - MOST_MARKED} more that are not drawn" in labels
 
 
-def test_the_drawing_of_a_clean_design_says_so_and_omits_waived_findings(
-    make: Make, profile: LaserProfile
-) -> None:
+def test_the_drawing_of_a_clean_design_says_so_and_omits_waived_findings(make, profile):
     subject = Subject.of(make((2, 200.0, 60.0), tail_mm=100.0), profile)
     waived = tuple(replace(f, waived=True, reason="known") for f in run_checks(subject).findings)
     labels = [path.label for path in annotated_job(subject.job, waived).along(Operation.DOC)]

@@ -6,13 +6,13 @@ import pytest
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Collar, Design
-from vinefab.model.finding import Finding, Severity
-from vinefab.model.laser import LaserProfile, Quantity, Standing
+from vinefab.model.finding import Severity
+from vinefab.model.laser import Quantity, Standing
 
 Make = Callable[..., Design]
 
 
-def asking(profile: LaserProfile, operation: str, **changes_mm: float) -> LaserProfile:
+def asking(profile, operation, **changes_mm):
     """Return a recipe that asks for more than the paths were drawn with."""
     operations = dict(profile.recipe.by_operation)
     settings = operations[operation]
@@ -24,22 +24,20 @@ def asking(profile: LaserProfile, operation: str, **changes_mm: float) -> LaserP
     return replace(profile, recipe=profile.recipe.changed(operations=operations))
 
 
-def seam_findings(subject: Subject) -> tuple[int, list[Finding]]:
+def seam_findings(subject):
     report = run_checks(subject)
     (checked,) = [run.checked for run in report.run if run.rule == "VF-P05"]
     return checked, [finding for finding in report.findings if finding.rule == "VF-P05"]
 
 
 @pytest.mark.parametrize("fans", [(), ((3, 200.0, 120.0), (2, 120.0, 50.0))])
-def test_paths_drawn_by_the_recipe_are_checked_in_full(
-    make: Make, profile: LaserProfile, fans: tuple[tuple[int, float, float], ...]
-) -> None:
+def test_paths_drawn_by_the_recipe_are_checked_in_full(make, profile, fans):
     subject = Subject.of(make(*fans), profile)
     # every branch has two sides here, and the mouth two corners
     assert seam_findings(subject) == (len(subject.layout.tree) + 2, [])
 
 
-def test_a_seam_narrower_than_the_recipes_is_measured(make: Make, profile: LaserProfile) -> None:
+def test_a_seam_narrower_than_the_recipes_is_measured(make, profile):
     subject = Subject.of(make((2, 200.0, 60.0)), profile)
     wider = asking(profile, "weldcut", seam_width_mm=0.1)
     _, (found,) = seam_findings(replace(subject, profile=wider))
@@ -48,16 +46,14 @@ def test_a_seam_narrower_than_the_recipes_is_measured(make: Make, profile: Laser
     assert "3 branches" in found.message
 
 
-def test_a_wider_kerf_takes_its_half_off_the_seam(make: Make, profile: LaserProfile) -> None:
+def test_a_wider_kerf_takes_its_half_off_the_seam(make, profile):
     subject = Subject.of(make(), profile)
     _, (found,) = seam_findings(replace(subject, profile=asking(profile, "weldcut", kerf_mm=0.2)))
     assert found.measured == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(("more_mm", "count"), [(0.004, 0), (0.006, 1)])
-def test_an_overcut_shorter_than_the_recipes_is_found(
-    make: Make, profile: LaserProfile, more_mm: float, count: int
-) -> None:
+def test_an_overcut_shorter_than_the_recipes_is_found(make, profile, more_mm, count):
     subject = Subject.of(make((2, 200.0, 60.0)), profile)
     longer = asking(profile, "cut", overcut_mm=more_mm)
     _, found = seam_findings(replace(subject, profile=longer))
@@ -65,9 +61,7 @@ def test_an_overcut_shorter_than_the_recipes_is_found(
     assert all(finding.measured == pytest.approx(2.0) for finding in found)
 
 
-def test_a_collar_is_as_wide_as_its_clamp_and_not_as_the_trunk(
-    make: Make, profile: LaserProfile
-) -> None:
+def test_a_collar_is_as_wide_as_its_clamp_and_not_as_the_trunk(make, profile):
     """Its straight part is longer here than all else of the trunk."""
     collar = Collar(clamp_diameter_mm=50.0, length_mm=250.0, flare_mm=60.0)
     design = make(trunk_mm=200.0, tail_mm=330.0, collar=collar)
@@ -76,7 +70,7 @@ def test_a_collar_is_as_wide_as_its_clamp_and_not_as_the_trunk(
     assert [run.checked for run in report.run] == [1, 1 + 2]
 
 
-def test_a_taper_steeper_than_its_branch_is_found(make: Make, profile: LaserProfile) -> None:
+def test_a_taper_steeper_than_its_branch_is_found(make, profile):
     report = run_checks(Subject.of(make(trunk_mm=10.0, taper=(0.3,)), profile))
     assert "VF-C03" in {finding.rule for finding in report.blocking}
 
@@ -84,9 +78,7 @@ def test_a_taper_steeper_than_its_branch_is_found(make: Make, profile: LaserProf
 @pytest.mark.parametrize(
     ("percent", "severity"), [(0.0, None), (0.2, Severity.INFO), (2.0, Severity.WARNING)]
 )
-def test_a_known_shrinkage_is_said_and_moves_no_path(
-    make: Make, profile: LaserProfile, percent: float, severity: Severity | None
-) -> None:
+def test_a_known_shrinkage_is_said_and_moves_no_path(make, profile, percent, severity):
     shrinkage = Quantity(value=percent, standing=Standing.MEASURED, source="a test")
     material = profile.material.changed(shrinkage_percent=shrinkage)
     shrinking = replace(profile, material=material)

@@ -6,22 +6,18 @@ import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.fabrication.rules.catalog import RULES, changed_limits, run_checks
-from vinefab.fabrication.rules.rule import Rule
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
-from vinefab.model.laser import LaserProfile
 
 Make = Callable[..., Design]
 
 
-def with_limits(profile: LaserProfile, **rules: dict[str, float]) -> LaserProfile:
+def with_limits(profile, **rules):
     limits = {rule.replace("_", "-"): named for rule, named in rules.items()}
     return replace(profile, recipe=profile.recipe.changed(limits=limits))
 
 
-def test_the_command_line_overrides_the_design_and_the_design_the_recipe(
-    make: Make, profile: LaserProfile
-) -> None:
+def test_the_command_line_overrides_the_design_and_the_design_the_recipe(make, profile):
     recipe = with_limits(
         profile, VF_B01={"warning": 1.0, "error": 2.0}, VF_W01={"error": 3.0, "warning": 8.0}
     )
@@ -38,9 +34,7 @@ def test_the_command_line_overrides_the_design_and_the_design_the_recipe(
 
 
 @pytest.mark.parametrize("where", ["recipe", "design", "given"])
-def test_a_limit_of_any_source_counts_and_is_reported(
-    make: Make, profile: LaserProfile, where: str
-) -> None:
+def test_a_limit_of_any_source_counts_and_is_reported(make, profile, where):
     limits = {"VF-B01": {"error": 190.0}}
     design = make(tail_mm=180.0)
     if where == "design":
@@ -51,12 +45,12 @@ def test_a_limit_of_any_source_counts_and_is_reported(
     assert [(limit.value, limit.default) for limit in report.limits] == [(190.0, 150.0)]
 
 
-def test_an_unchanged_limit_is_not_reported(make: Make, profile: LaserProfile) -> None:
+def test_an_unchanged_limit_is_not_reported(make, profile):
     assert run_checks(Subject.of(make(), profile)).limits == ()
     assert changed_limits(make(), profile, {"VF-B01": {"error": 150.0}}) == ()
 
 
-def test_wrong_limits_are_named_with_where_they_stand(make: Make, profile: LaserProfile) -> None:
+def test_wrong_limits_are_named_with_where_they_stand(make, profile):
     misnamed = make().changed(limits={"VF-B01": {"eror": 1.0}})
     with pytest.raises(BadInputError, match=r"design case: limits.VF-B01.eror"):
         changed_limits(misnamed)
@@ -74,7 +68,7 @@ FAULT = re.compile(
 
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.id)
-def test_no_title_can_be_read_as_its_contrary(rule: Rule) -> None:
+def test_no_title_can_be_read_as_its_contrary(rule):
     assert FAULT.search(rule.broken), f"{rule.broken!r} names nothing that is wrong"
     assert not FAULT.search(rule.title), f"{rule.title!r} reads as something wrong"
     for title in (rule.broken, rule.title):
@@ -83,6 +77,6 @@ def test_no_title_can_be_read_as_its_contrary(rule: Rule) -> None:
     assert rule.remedy
 
 
-def test_a_rule_of_another_package_needs_no_second_title() -> None:
+def test_a_rule_of_another_package_needs_no_second_title():
     mine = replace(RULES["VF-B01"], id="MY-1", title="few branches", broken="")
     assert mine.broken == "not kept: few branches"

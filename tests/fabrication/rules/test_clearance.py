@@ -17,7 +17,6 @@ from vinefab.fabrication.rules.clearance_rules import lies_between, notches
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design, Pouch
 from vinefab.model.finding import Severity
-from vinefab.model.laser import LaserProfile
 
 Make = Callable[..., Design]
 ASKED_MM = {"error": 3.0, "warning": 5.0}
@@ -28,9 +27,7 @@ SPOILT = {"VF-T02", "VF-T03", "VF-C02", "VF-C03", "VF-C04", "VF-C05"}
 
 
 @pytest.mark.parametrize("block", range(3))
-def test_the_outline_has_a_narrow_notch_exactly_where_a_rule_says_so(
-    block: int, random_design: Make
-) -> None:
+def test_the_outline_has_a_narrow_notch_exactly_where_a_rule_says_so(block, random_design):
     quiet = 0
     for number in range(60):
         subject = Subject.of(
@@ -49,7 +46,7 @@ def test_the_outline_has_a_narrow_notch_exactly_where_a_rule_says_so(
     assert quiet > 25
 
 
-def test_a_gap_between_pouches_is_a_notch_of_its_width(make: Make) -> None:
+def test_a_gap_between_pouches_is_a_notch_of_its_width(make):
     # Tips of 200 mm, 40 degrees apart, are 136.8 mm from each other.
     pouch = Pouch(shape="round", radius_mm=(400.0 * math.sin(math.radians(20.0)) - 4.0) / 2.0)
     subject = Subject.of(make((2, 200.0, 40.0), pouch=pouch))
@@ -57,13 +54,13 @@ def test_a_gap_between_pouches_is_a_notch_of_its_width(make: Make) -> None:
     assert lies_between(subject, notches(subject.body, 4.2), ("0.0", "0.1"), 4.2)
 
 
-def test_a_fillet_is_no_notch_and_a_sharper_one_is(make: Make) -> None:
+def test_a_fillet_is_no_notch_and_a_sharper_one_is(make):
     body = Subject.of(make((2, 200.0, 60.0), fillet_mm=(3.0,))).body
     assert notches(body, 5.9) == []
     assert len(notches(body, 8.0)) == 3
 
 
-def test_a_pouch_whose_neck_is_all_fillet_leaves_no_notch_to_its_parent(make: Make) -> None:
+def test_a_pouch_whose_neck_is_all_fillet_leaves_no_notch_to_its_parent(make):
     # A pouch 30 mm wide, 52 mm from the joint of a parent 40 mm wide: 17 mm are between, in the
     # other 38.5 mm: 3.5 mm, which the fillets of joint and neck, of 6 mm, fill.
     far, near = (
@@ -78,7 +75,7 @@ def test_a_pouch_whose_neck_is_all_fillet_leaves_no_notch_to_its_parent(make: Ma
         assert [f for f in findings if f.rule == "VF-C07" and f.severity is Severity.ERROR] == []
 
 
-def test_a_pouch_that_bends_back_to_its_parent_is_found(make: Make, profile: LaserProfile) -> None:
+def test_a_pouch_that_bends_back_to_its_parent_is_found(make, profile):
     # 320 degrees of fan: both children lie along the trunk, their pouches come near it.
     design = make(
         (2, 150.0, 310.0), widths_mm=(40.0, 16.0), pouch=Pouch(shape="round", radius_mm=41.0)
@@ -93,9 +90,7 @@ def test_a_pouch_that_bends_back_to_its_parent_is_found(make: Make, profile: Las
     assert notches(body, gap + 2.0 * taken_mm(profile) + 0.3)
 
 
-def test_no_written_cut_comes_near_a_seam_that_is_not_its_own(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_no_written_cut_comes_near_a_seam_that_is_not_its_own(monkeypatch):
     path = Path(__file__).with_name("cuts_clear.py")
     spec = importlib.util.spec_from_file_location("cuts_clear", path)
     cuts_clear = importlib.util.module_from_spec(spec)

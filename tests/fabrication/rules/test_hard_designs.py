@@ -2,17 +2,13 @@
 
 import itertools
 import math
-from collections.abc import Iterator
 
-import numpy as np
 import pytest
 
 from vinefab.core.rng import child
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design, Level, Pouch
-from vinefab.model.finding import Finding
-from vinefab.model.laser import LaserProfile
 from vinefab.search.penalty_batch import PenaltyRules
 
 POUCHES = (
@@ -25,7 +21,7 @@ POUCHES = (
 )
 
 
-def hard_design(rng: np.random.Generator) -> Design:
+def hard_design(rng):
     depth = int(rng.integers(1, 5))
     levels = tuple(
         Level(
@@ -51,18 +47,18 @@ MOST_BRANCHES = 30
 """Larger trees take most of the time, and are made of the same hard parts."""
 
 
-def hard_designs(count: int, block: int, most: int) -> Iterator[Design]:
+def hard_designs(count, block, most):
     """Yield so many hard designs, none with more branches than ``most``."""
     designs = (hard_design(child(23, block, number)) for number in itertools.count())
     return itertools.islice((one for one in designs if one.branch_count <= most), count)
 
 
-def is_finite(finding: Finding) -> bool:
+def is_finite(finding):
     numbers = (finding.measured, finding.limit, finding.x_mm, finding.y_mm)
     return all(number is None or math.isfinite(number) for number in numbers)
 
 
-def assert_answered(designs: Iterator[Design], profile: LaserProfile) -> None:
+def assert_answered(designs, profile):
     for design in designs:
         report = run_checks(Subject.of(design, profile))
         assert all(is_finite(finding) for finding in report.findings), design
@@ -71,17 +67,17 @@ def assert_answered(designs: Iterator[Design], profile: LaserProfile) -> None:
 
 
 @pytest.mark.parametrize("block", range(6))
-def test_hard_designs_are_answered(block: int, profile: LaserProfile) -> None:
+def test_hard_designs_are_answered(block, profile):
     assert_answered(hard_designs(25, block, MOST_BRANCHES), profile)
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("block", range(6, 16))
-def test_large_hard_designs_are_answered(block: int, profile: LaserProfile) -> None:
+def test_large_hard_designs_are_answered(block, profile):
     assert_answered(hard_designs(100, block, 1000), profile)
 
 
-def test_a_robot_of_a_kilometre_is_refused_at_once(profile: LaserProfile) -> None:
+def test_a_robot_of_a_kilometre_is_refused_at_once(profile):
     endless = Design(name="endless", trunk_length_mm=1e6, build=Build.standard(1))
     found = [f for f in run_checks(Subject.of(endless, profile)).findings if f.rule == "VF-S01"]
     assert len(found) == 1

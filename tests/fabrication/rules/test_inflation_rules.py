@@ -14,8 +14,7 @@ from vinefab.fabrication.rules.subject import Subject
 from vinefab.inflation.compensation import deployed_joint
 from vinefab.inflation.joint import JointShape
 from vinefab.model.design import Design, Pouch, UnevenLevel, Waiver
-from vinefab.model.finding import CheckReport, Finding, Severity
-from vinefab.model.laser import LaserProfile
+from vinefab.model.finding import Severity
 
 Make = Callable[..., Design]
 PAIR = (2, 200.0, 50.0)
@@ -23,28 +22,28 @@ OF_INFLATION = {"VF-I01", "VF-I02", "VF-I03", "VF-I04"}
 
 
 @pytest.fixture(scope="module")
-def simulated(make: Make, profile: LaserProfile) -> Subject:
+def simulated(make, profile):
     """A pair 50 degrees apart, as the compensation cuts it."""
     return subject_of(make(PAIR, compensation="inflation"), profile)
 
 
 @pytest.fixture(scope="module")
-def collapsed(make: Make, profile: LaserProfile) -> Subject:
+def collapsed(make, profile):
     """The pair cut as designed, with what it deploys as, which is not what was asked for."""
     subject = subject_of(make(PAIR, compensation="none"), profile)
     asked = make(PAIR, compensation="inflation")
     return replace(subject, pattern=replace(subject.pattern, design=asked))
 
 
-def checked(subject: Subject) -> CheckReport:
+def checked(subject):
     return run_checks(subject, only=OF_INFLATION)
 
 
-def found(subject: Subject, rule: str) -> tuple[Finding, ...]:
+def found(subject, rule):
     return tuple(one for one in checked(subject).findings if one.rule == rule)
 
 
-def with_joint(subject: Subject, problem: str = "", **figures: object) -> Subject:
+def with_joint(subject, problem="", **figures):
     """A subject whose first joint has other figures; None for the joint of one that has none."""
     (joint, *others), pattern = subject.pattern.joints, subject.pattern
     known = replace(joint.found, **figures) if figures else None
@@ -52,9 +51,7 @@ def with_joint(subject: Subject, problem: str = "", **figures: object) -> Subjec
     return replace(subject, pattern=replace(pattern, joints=(first, *others)))
 
 
-def test_a_compensated_pair_deploys_as_designed_and_the_flat_one_does_not(
-    simulated: Subject, collapsed: Subject
-) -> None:
+def test_a_compensated_pair_deploys_as_designed_and_the_flat_one_does_not(simulated, collapsed):
     assert found(simulated, "VF-I01") == ()
     (finding,) = found(collapsed, "VF-I01")
     assert (finding.severity, finding.branches) == (Severity.ERROR, ("0.0",))
@@ -65,7 +62,7 @@ def test_a_compensated_pair_deploys_as_designed_and_the_flat_one_does_not(
     assert "simulated" in finding.message
 
 
-def test_a_joint_that_no_simulation_solves_is_an_error_without_numbers(simulated: Subject) -> None:
+def test_a_joint_that_no_simulation_solves_is_an_error_without_numbers(simulated):
     lost = with_joint(simulated, "level 2: no equilibrium")
     report = checked(lost)
     (finding,) = report.findings
@@ -75,13 +72,13 @@ def test_a_joint_that_no_simulation_solves_is_an_error_without_numbers(simulated
     assert "fewer" in finding.message
 
 
-def test_angles_are_compared_around_the_circle(simulated: Subject) -> None:
+def test_angles_are_compared_around_the_circle(simulated):
     wanted = simulated.pattern.joints[0].wanted_deg
     around = (wanted[0], wanted[1] - 360.0)
     assert found(with_joint(simulated, deployed_deg=around), "VF-I01") == ()
 
 
-def test_children_turned_on_purpose_deploy_as_designed(make: Make, profile: LaserProfile) -> None:
+def test_children_turned_on_purpose_deploy_as_designed(make, profile):
     # Wide children of a narrow fan stand aside: turned by 0.8 degrees, their tips come near.
     turned = subject_of(make((2, 150.0, 60.0), (2, 90.0, 26.0), compensation="inflation"), profile)
     joint = turned.pattern.joints[1]
@@ -90,9 +87,7 @@ def test_children_turned_on_purpose_deploy_as_designed(make: Make, profile: Lase
     assert found(turned, "VF-I01") == ()
 
 
-def test_a_robot_cut_as_designed_is_told_so_and_its_joints_are_looked_at(
-    make: Make, profile: LaserProfile
-) -> None:
+def test_a_robot_cut_as_designed_is_told_so_and_its_joints_are_looked_at(make, profile):
     design = make(PAIR, compensation="none")
     report = checked(subject_of(design, profile))
     (finding,) = found(subject_of(design, profile), "VF-I01")
@@ -108,9 +103,7 @@ def test_a_robot_cut_as_designed_is_told_so_and_its_joints_are_looked_at(
 
 
 @pytest.mark.parametrize("compensation", ["none", "inflation"])
-def test_siblings_that_collapse_into_one_body_do_not_pass(
-    compensation: str, make: Make, profile: LaserProfile
-) -> None:
+def test_siblings_that_collapse_into_one_body_do_not_pass(compensation, make, profile):
     # 22 degrees pass VF-C02 on the sheet. Cut so, they deploy at 4; compensated at 22.
     narrow = make((2, 150.0, 22.0), compensation=compensation)
     collapses = compensation == "none"
@@ -122,28 +115,26 @@ def test_siblings_that_collapse_into_one_body_do_not_pass(
     assert found(subject_of(wide, profile), "VF-I04") == ()
 
 
-def test_a_plain_vine_has_no_flat_angles(make: Make, profile: LaserProfile) -> None:
+def test_a_plain_vine_has_no_flat_angles(make, profile):
     for design in (make(), make((1, 100.0, 40.0))):
         assert checked(subject_of(design, profile)).findings == ()
 
 
-def test_compensation_needs_a_recipe(make: Make) -> None:
+def test_compensation_needs_a_recipe(make):
     report = checked(Subject.of(make(PAIR, compensation="inflation")))
     assert report.findings == ()
     (reason,) = (skip.reason for skip in report.skipped if skip.rule == "VF-I01")
     assert "recipe" in reason
 
 
-def test_a_sensitive_joint_says_what_a_degree_becomes(simulated: Subject) -> None:
+def test_a_sensitive_joint_says_what_a_degree_becomes(simulated):
     assert 1.0 < simulated.pattern.joints[0].found.sensitivity < 2.5
     (finding,) = found(with_joint(simulated, sensitivity=3.24), "VF-I02")
     assert finding.measured == 3.24
     assert "1 degree in the flat angles of level 2 becomes 3.2 degrees" in finding.message
 
 
-def test_the_load_of_a_crotch_is_that_of_its_trunk_times_the_simulated_ratio(
-    simulated: Subject,
-) -> None:
+def test_the_load_of_a_crotch_is_that_of_its_trunk_times_the_simulated_ratio(simulated):
     ratio = simulated.pattern.joints[0].found.crotch_load
     (finding,) = found(simulated, "VF-I03")
     assert finding.severity is Severity.WARNING
@@ -157,14 +148,12 @@ def test_the_load_of_a_crotch_is_that_of_its_trunk_times_the_simulated_ratio(
     assert f"at most {safe_kpa:.1f} kPa" in finding.message
 
 
-def test_a_weak_seam_that_was_measured_only_warns_too(
-    simulated: Subject, burst_profile: LaserProfile
-) -> None:
+def test_a_weak_seam_that_was_measured_only_warns_too(simulated, burst_profile):
     (finding,) = found(replace(simulated, profile=burst_profile), "VF-I03")
     assert finding.severity is Severity.WARNING
 
 
-def test_no_larger_fillet_is_named_where_none_helps(simulated: Subject) -> None:
+def test_no_larger_fillet_is_named_where_none_helps(simulated):
     flat = simulated.pattern.joints[0].found.flat
     wide = replace(flat, fillets=(0.15, 0.6, 0.15))
     (finding,) = found(with_joint(simulated, flat=wide, crotch_load=4.0), "VF-I03")
@@ -172,7 +161,7 @@ def test_no_larger_fillet_is_named_where_none_helps(simulated: Subject) -> None:
     assert ": at most" in finding.message
 
 
-def test_a_larger_fillet_takes_off_about_what_the_message_says() -> None:
+def test_a_larger_fillet_takes_off_about_what_the_message_says():
     loads = [
         deployed_joint(
             JointShape.fan(3, 160.0, width=0.6, fillet=one, hoop_strain=0.01)
@@ -182,7 +171,7 @@ def test_a_larger_fillet_takes_off_about_what_the_message_says() -> None:
     assert loads[1] / loads[0] == pytest.approx(fillet_gain(0.125, 1.0 / 3.0), abs=0.1)
 
 
-def test_bodies_are_as_thick_as_inflated_tubes(simulated: Subject) -> None:
+def test_bodies_are_as_thick_as_inflated_tubes(simulated):
     capsules = deployed_capsules(simulated.pattern)
     thick_mm = np.array([40.0, 24.0, 24.0]) / math.pi
     assert capsules.half_mm == pytest.approx(thick_mm)
@@ -190,7 +179,7 @@ def test_bodies_are_as_thick_as_inflated_tubes(simulated: Subject) -> None:
     assert not capsules.pouch.any()
 
 
-def test_branches_that_cross_when_inflated_are_one_finding(simulated: Subject, make: Make) -> None:
+def test_branches_that_cross_when_inflated_are_one_finding(simulated, make):
     """Two of the grandchildren of each side cross: the deepest pair stands for all."""
     crossing = make((2, 100.0, 60.0), (3, 150.0, 200.0), widths_mm=(40.0, 24.0, 14.0))
     pattern = replace(simulated.pattern, design=crossing, flat=crossing, deployed=crossing)
@@ -201,7 +190,7 @@ def test_branches_that_cross_when_inflated_are_one_finding(simulated: Subject, m
     assert finding.measured < -8.0
 
 
-def test_siblings_that_close_lie_on_each_other_all_the_way(simulated: Subject) -> None:
+def test_siblings_that_close_lie_on_each_other_all_the_way(simulated):
     assert found(simulated, "VF-I04") == ()
     (finding,) = found(with_joint(simulated, deployed_deg=(0.0, 0.0)), "VF-I04")
     deployed = simulated.pattern.deployed.levels[0]
@@ -211,7 +200,7 @@ def test_siblings_that_close_lie_on_each_other_all_the_way(simulated: Subject) -
     assert "siblings of level 2" in finding.message
 
 
-def test_bodies_leave_pouches_out_and_say_so(simulated: Subject) -> None:
+def test_bodies_leave_pouches_out_and_say_so(simulated):
     pouch = Pouch(shape="round", radius_mm=20.0)
     build = simulated.design.build.changed(pouch=pouch)
     pouched = replace(simulated, design=simulated.design.changed(build=build))

@@ -11,8 +11,8 @@ from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.finding import Finding, Severity
-from vinefab.model.laser import LaserProfile, Quantity, Standing
+from vinefab.model.finding import Severity
+from vinefab.model.laser import Quantity, Standing
 from vinefab.model.map import Pose
 from vinefab.physics.anchoring import branch_limit_n
 from vinefab.physics.growth_pressure import FITTED, NO_TENSION
@@ -22,11 +22,11 @@ Make = Callable[..., Design]
 LOOSE = FITTED.changed(storage_kpa=NO_TENSION)
 
 
-def findings(subject: Subject) -> list[Finding]:
+def findings(subject):
     return [finding for finding in run_checks(subject).findings if finding.rule == "VF-P03"]
 
 
-def straight_and_bent(subject: Subject, turn_rad: float) -> Deployment:
+def straight_and_bent(subject, turn_rad):
     """A fork whose second child meets a wall half way and turns there."""
     half = 100.0
     tip = np.array([300.0, 0.0])
@@ -45,7 +45,7 @@ def straight_and_bent(subject: Subject, turn_rad: float) -> Deployment:
     )
 
 
-def test_the_worst_leaf_by_hand(make: Make, profile: LaserProfile) -> None:
+def test_the_worst_leaf_by_hand(make, profile):
     subject = Subject.of(make((2, 200.0, 60.0), widths_mm=(40.0, 20.0)), profile)
     loose = worst_growths(subject, (LOOSE,), 25.0)[0]
     scale = 25.0 / (2 * 20.0 / math.pi)
@@ -54,15 +54,13 @@ def test_the_worst_leaf_by_hand(make: Make, profile: LaserProfile) -> None:
     assert loose.branch in (1, 2)
 
 
-def test_a_trunk_full_of_film_can_be_worse_than_its_leaves(
-    make: Make, profile: LaserProfile
-) -> None:
+def test_a_trunk_full_of_film_can_be_worse_than_its_leaves(make, profile):
     full = make((20, 400.0, 320.0), widths_mm=(40.0, 39.0), trunk_mm=10.0)
     worst = worst_growths(Subject.of(full, profile), (LOOSE,), 25.0)[0]
     assert worst.branch == 0
 
 
-def test_contacts_on_a_map_add_to_it_and_are_named(make: Make, profile: LaserProfile) -> None:
+def test_contacts_on_a_map_add_to_it_and_are_named(make, profile):
     design = make((2, 200.0, 60.0), widths_mm=(100.0, 12.5))
     free = Subject.of(design, profile)
     assert findings(free) == []
@@ -80,9 +78,7 @@ def test_contacts_on_a_map_add_to_it_and_are_named(make: Make, profile: LaserPro
     assert by_hand > straight
 
 
-def test_the_worst_of_several_maps_counts_and_of_robots_that_never_start_free_space(
-    make: Make, profile: LaserProfile
-) -> None:
+def test_the_worst_of_several_maps_counts_and_of_robots_that_never_start_free_space(make, profile):
     free = Subject.of(make((2, 200.0, 60.0)), profile)
     never = replace(
         straight_and_bent(free, 0.0),
@@ -98,13 +94,13 @@ def test_the_worst_of_several_maps_counts_and_of_robots_that_never_start_free_sp
     assert alone.place == "in free space"
 
 
-def test_without_a_map_the_rule_says_what_it_did_not_see(make: Make, profile: LaserProfile) -> None:
+def test_without_a_map_the_rule_says_what_it_did_not_see(make, profile):
     report = run_checks(Subject.of(make(), profile))
     (note,) = [run.note for run in report.run if run.rule == "VF-P03"]
     assert "no map" in note
 
 
-def test_a_working_pressure_below_growth_is_a_warning(make: Make, profile: LaserProfile) -> None:
+def test_a_working_pressure_below_growth_is_a_warning(make, profile):
     design = make((2, 200.0, 60.0), widths_mm=(40.0, 23.8), pressure_kpa=3.0)
     (found,) = findings(Subject.of(design, profile))
     assert found.severity is Severity.WARNING
@@ -115,7 +111,7 @@ def test_a_working_pressure_below_growth_is_a_warning(make: Make, profile: Laser
     )
 
 
-def test_the_60_mm_trunk_at_50_kpa_has_no_window_left(make: Make, profile: LaserProfile) -> None:
+def test_the_60_mm_trunk_at_50_kpa_has_no_window_left(make, profile):
     # 70 kPa at 20 mm is 23.3 kPa at 60 mm, 15.6 with safety, 13.0 with the margin
     trunk = make((3, 200.0, 120.0), widths_mm=(60.0, 6.5), pressure_kpa=50.0)
     report = run_checks(Subject.of(trunk, profile))
@@ -126,12 +122,7 @@ def test_the_60_mm_trunk_at_50_kpa_has_no_window_left(make: Make, profile: Laser
     assert window.limit == pytest.approx(12.96, abs=0.01)
 
 
-def test_measured_limits_forbid_and_all_others_warn(
-    make: Make,
-    profile: LaserProfile,
-    burst_profile: LaserProfile,
-    grown_profile: LaserProfile,
-) -> None:
+def test_measured_limits_forbid_and_all_others_warn(make, profile, burst_profile, grown_profile):
     trunk = make((3, 200.0, 120.0), widths_mm=(60.0, 6.5), pressure_kpa=50.0)
     for known, rules in (
         (profile, set()),
@@ -149,7 +140,7 @@ def test_measured_limits_forbid_and_all_others_warn(
     assert run_checks(subject, only=("VF-P01", "VF-P03")).blocking == ()
 
 
-def test_the_heavy_anchor_is_possible_and_only_warned_about(make: Make) -> None:
+def test_the_heavy_anchor_is_possible_and_only_warned_about(make):
     """66.7 N at 50 or 100 kPa: a straight impulse-sealed tube of the paper's thicker film."""
     profile = read_profile("co2_60w__stretchlon_800")
     film = profile.material
@@ -174,9 +165,7 @@ def test_the_heavy_anchor_is_possible_and_only_warned_about(make: Make) -> None:
         assert all("survived 100 kPa" in message for message in found)
 
 
-def test_a_fit_of_the_recipes_own_tube_takes_the_place_of_the_published_one(
-    make: Make, profile: LaserProfile
-) -> None:
+def test_a_fit_of_the_recipes_own_tube_takes_the_place_of_the_published_one(make, profile):
     design = make((2, 200.0, 60.0), widths_mm=(40.0, 20.0))
     assert findings(Subject.of(design, profile)) == []
     names = ("yield_kpa", "drag_kpa_m", "storage_kpa", "friction", "width_mm")

@@ -1,13 +1,14 @@
-"""Every rule with a case that must fire and one that must not, both close to the limit."""
+"""Every rule on fixtures within a tenth of each of its limits, on both sides."""
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from shapely import box
 
+from tests.fabrication.rules.conftest import LOOSE_FIT, make_design, measured
 from vinefab.fabrication.checking import map_corridors
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
@@ -25,33 +26,49 @@ from vinefab.inflation.compensation import FlatJoint
 from vinefab.inflation.joint import JointShape
 from vinefab.inflation.pattern import Pattern, PatternJoint
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import Collar, Design, PieceSettings, Pouch
-from vinefab.model.finding import Finding, Severity
-from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LaserProfile, Quantity, RecipeStatus, Standing
+from vinefab.model.design import Collar, PieceSettings, Pouch
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.finding import Severity
+from vinefab.model.job import LaserPath, Operation
+from vinefab.model.laser import Quantity, RecipeStatus, Standing
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour, Part
 from vinefab.model.pieces import Partition, Piece, Sleeve, piece_label
 from vinefab.model.tree import branch_tree, fan_offsets_rad
 
-Make = Callable[..., Design]
-Build = Callable[[Make, LaserProfile], Subject]
-E, W = Severity.ERROR, Severity.WARNING
+PROFILE = read_profile("co2_60w__stretchlon_200")
+E, W, INFO = Severity.ERROR, Severity.WARNING, Severity.INFO
+PAIR = (2, 200.0, 90.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Case:
-    fires: Build
-    severity: Severity
-    branches: tuple[str, ...]
-    quiet: Build
+def lazy(build):
+    """Return a function that remembers arguments: a fixture is built when a test asks for it."""
+    return lambda *args, **options: partial(build, *args, **options)
 
 
-def of(*fans: tuple[int, float, float], **build: object) -> Build:
-    return lambda make, profile: Subject.of(make(*fans, **build), profile)
+@lazy
+def of(*fans, **build):
+    return Subject.of(make_design(*fans, **build), PROFILE)
 
 
-def cousins(gap_mm: float) -> Build:
+def with_profile(design=None, *, material=None, recipe=None, machine=None):
+    """Return a design (a plain vine) on the shipped recipe with some changes."""
+    changed = {
+        name: getattr(PROFILE, name).changed(**keys)
+        for name, keys in {"material": material, "recipe": recipe, "machine": machine}.items()
+        if keys
+    }
+    return Subject.of(design or make_design(), replace(PROFILE, **changed))
+
+
+def operations(name, **values):
+    """Return the recipe's operations, one with other values."""
+    old = PROFILE.recipe.by_operation[name]
+    new = old.changed(**{key: getattr(old, key).changed(value=v) for key, v in values.items()})
+    return {**PROFILE.recipe.by_operation, name: new}
+
+
+def cousins(gap_mm):
     """Two children 40 degrees apart, each with one straight child: its gap to its uncle is known.
 
     The grandchild begins L sin(40 deg) from the uncle's centre line; half widths are 12 and 7.
@@ -60,367 +77,271 @@ def cousins(gap_mm: float) -> Build:
     return of((2, length_mm, 40.0), (1, 60.0, 0.0), widths_mm=(40.0, 24.0, 14.0))
 
 
-def near_fillet(gap_mm: float) -> Build:
+@lazy
+def near_fillet(gap_mm):
     """A grandchild shrunk to a disc that floats before the arc of its uncle's fillet."""
-
-    def build(make: Make, profile: LaserProfile) -> Subject:
-        subject = Subject.of(make((2, 200.0, 90.0), (2, 90.0, 60.0), fillet_mm=(9.0, 4.0)), profile)
-        arcs = [s for s in subject.outline.contour.segments if s.part is Part.FILLET]
-        arc = next(s for s in arcs if s.branch == "0.0" and s.radius_mm > 8.9)
-        ends = arc.flattened_mm(0.001)
-        middle, center = ends[len(ends) // 2], np.array(arc.center_mm)
-        at = middle + (center - middle) / 9.0 * (gap_mm + 0.5)
-        row, capsules = subject.names.index("0.1.1"), subject.capsules
-        moved = {name: getattr(capsules, name).copy() for name in ("start_mm", "end_mm")}
-        halves = {name: getattr(capsules, name).copy() for name in ("half_mm", "end_half_mm")}
-        for ends in moved.values():
-            ends[row] = at
-        for half in halves.values():
-            half[row] = 0.5
-        return replace(subject, capsules=replace(capsules, **moved, **halves))
-
-    return build
+    design = make_design((2, 200.0, 90.0), (2, 90.0, 60.0), fillet_mm=(9.0, 4.0))
+    subject = Subject.of(design, PROFILE)
+    arcs = [s for s in subject.outline.contour.segments if s.part is Part.FILLET]
+    arc = next(s for s in arcs if s.branch == "0.0" and s.radius_mm > 8.9)
+    ends = arc.flattened_mm(0.001)
+    middle, center = ends[len(ends) // 2], np.array(arc.center_mm)
+    disc = {"half_mm": 0.5, "end_half_mm": 0.5}
+    disc |= dict.fromkeys(("start_mm", "end_mm"), middle + (center - middle) / 9.0 * (gap_mm + 0.5))
+    moved = {name: getattr(subject.capsules, name).copy() for name in disc}
+    for name, value in disc.items():
+        moved[name][subject.names.index("0.1.1")] = value
+    return replace(subject, capsules=replace(subject.capsules, **moved))
 
 
-def scaled(number: Quantity, value: float) -> Quantity:
-    return number.changed(value=value)
-
-
-def seam(extra_mm: float) -> Build:
+@lazy
+def seam(extra_mm):
     """Paths drawn with another seam than the recipe's."""
-
-    def build(make: Make, profile: LaserProfile) -> Subject:
-        operations = dict(profile.recipe.by_operation)
-        weldcut = operations["weldcut"]
-        width = scaled(weldcut.seam_width_mm, weldcut.seam_width_mm.value + extra_mm)
-        operations["weldcut"] = weldcut.changed(seam_width_mm=width)
-        other = replace(profile, recipe=profile.recipe.changed(operations=operations))
-        design = make((2, 150.0, 60.0))
-        return replace(Subject.of(design, profile), job=laser_job(design, other))
-
-    return build
+    wide = PROFILE.recipe.by_operation["weldcut"].seam_width_mm.value + extra_mm
+    recipe = PROFILE.recipe.changed(operations=operations("weldcut", seam_width_mm=wide))
+    design = make_design((2, 150.0, 60.0))
+    job = laser_job(design, replace(PROFILE, recipe=recipe))
+    return replace(Subject.of(design, PROFILE), job=job)
 
 
-def material(**changes: object) -> Build:
-    def build(make: Make, profile: LaserProfile) -> Subject:
-        return Subject.of(make(), replace(profile, material=profile.material.changed(**changes)))
-
-    return build
+@lazy
+def material(**changes):
+    return with_profile(material=changes)
 
 
-def status(value: RecipeStatus) -> Build:
-    def build(make: Make, profile: LaserProfile) -> Subject:
-        return Subject.of(make(), replace(profile, recipe=profile.recipe.changed(status=value)))
-
-    return build
+@lazy
+def status(value):
+    return with_profile(recipe={"status": value})
 
 
-def speed(mm_s: float) -> Build:
-    def build(make: Make, profile: LaserProfile) -> Subject:
-        operations = dict(profile.recipe.by_operation)
-        operations["mark"] = operations["mark"].changed(
-            speed_mm_s=scaled(operations["mark"].speed_mm_s, mm_s)
-        )
-        return Subject.of(
-            make(), replace(profile, recipe=profile.recipe.changed(operations=operations))
-        )
-
-    return build
+@lazy
+def speed(mm_s):
+    return with_profile(recipe={"operations": operations("mark", speed_mm_s=mm_s)})
 
 
-def weldcut(**values: float) -> Build:
+@lazy
+def weldcut(**values):
     """A plain vine on a calibrated recipe with other values of the one-pass operation."""
-
-    def build(make: Make, profile: LaserProfile) -> Subject:
-        operations = dict(profile.recipe.by_operation)
-        old = operations["weldcut"]
-        changed = {name: scaled(getattr(old, name), value) for name, value in values.items()}
-        operations["weldcut"] = old.changed(**changed)
-        recipe = profile.recipe.changed(operations=operations, status=RecipeStatus.COUPON_OK)
-        return Subject.of(make(), replace(profile, recipe=recipe))
-
-    return build
+    changed = operations("weldcut", **values)
+    return with_profile(recipe={"operations": changed, "status": RecipeStatus.COUPON_OK})
 
 
-def rolled(roll_mm: float, *fans: tuple[int, float, float], **build: object) -> Build:
+@lazy
+def rolled(roll_mm, *fans, **build):
     """A robot on a bed of 400 x 280 mm, or its pieces on sheets, and a roll of film."""
-
-    def built(make: Make, profile: LaserProfile) -> Subject:
-        film = profile.material.changed(roll_width_mm=assumed(roll_mm))
-        bed = {"bed_width_mm": assumed(400.0), "bed_height_mm": assumed(280.0)}
-        narrow = replace(profile, material=film, machine=profile.machine.changed(**bed))
-        design = make(*fans, trunk_mm=60.0, **build)
-        partition = partition_of(design, narrow) if design.build.pieces else None
-        job = laser_job(design, narrow, partition=partition)
-        return replace(Subject.of(design), profile=narrow, job=job)
-
-    return built
+    film = PROFILE.material.changed(roll_width_mm=assumed(roll_mm))
+    bed = {"bed_width_mm": assumed(400.0), "bed_height_mm": assumed(280.0)}
+    narrow = replace(PROFILE, material=film, machine=PROFILE.machine.changed(**bed))
+    design = make_design(*fans, trunk_mm=60.0, **build)
+    partition = partition_of(design, narrow) if design.build.pieces else None
+    job = laser_job(design, narrow, partition=partition)
+    return replace(Subject.of(design), profile=narrow, job=job)
 
 
-def jobbed(change: Callable[[Job], tuple[LaserPath, ...]]) -> Build:
-    """A plain vine whose job was changed."""
-
-    def build(make: Make, profile: LaserProfile) -> Subject:
-        subject = Subject.of(make(), profile)
-        assert subject.job is not None
-        return replace(subject, job=replace(subject.job, paths=change(subject.job)))
-
-    return build
+@lazy
+def jobbed(change):
+    """A plain vine whose paths were changed."""
+    subject = Subject.of(make_design(), PROFILE)
+    return replace(subject, job=replace(subject.job, paths=change(subject.job)))
 
 
-def path(operation: Operation, points: list[list[float]], *, closed: bool = False) -> LaserPath:
+def path(operation, points, *, closed=False):
     contour = Contour.polyline(np.array(points), closed=closed)
     return LaserPath(operation=operation, contour=contour, label="extra")
 
 
-def mark_above(job: Job, away_mm: float) -> tuple[LaserPath, ...]:
-    top = max(one.contour.box_mm[3] for one in job.along(Operation.WELDCUT))
-    return (path(Operation.MARK, [[300.0, top + away_mm], [310.0, top + away_mm]]), *job.paths)
+def marked(away_mm):
+    """A mark above the robot."""
+
+    def above(job):
+        top = max(one.contour.box_mm[3] for one in job.along(Operation.WELDCUT)) + away_mm
+        return (path(Operation.MARK, [[300.0, top], [310.0, top]]), *job.paths)
+
+    return jobbed(above)
 
 
-def rigged(
-    height_mm: float = 60.0,
-    size_mm: tuple[float, float, float] = (210.0, 100.0, 63.0),
-    problems: tuple[str, ...] = (),
-) -> Build:
-    """A plain vine and a rig of one part."""
-    part = RigPartFacts(name="part_01", size_mm=size_mm, problems=problems)
-    rig = RigFacts(
-        name="table",
-        printer="bench",
-        room_mm=(210.0, 210.0, 250.0),
-        height_mm=height_mm,
-        parts=(part,),
-    )
-
-    def build(make: Make, profile: LaserProfile) -> Subject:
-        return replace(Subject.of(make(), profile), rig=rig)
-
-    return build
-
-
-def corridor(width_mm: float) -> Build:
-    """A plain vine, 40 mm wide lay-flat, and a map with a narrow and a wide corridor."""
-    corridors = tuple(Corridor(width_mm=mm, x_mm=1.0, y_mm=2.0) for mm in (width_mm, 90.0))
-
-    def build(make: Make, profile: LaserProfile) -> Subject:
-        return replace(
-            Subject.of(make(), profile), corridors=(MapCorridors(name="hall", corridors=corridors),)
-        )
-
-    return build
-
-
-def square(low: float, high: float) -> LaserPath:
+def square(low, high):
     corners = [[low, low], [high, low], [high, high], [low, high]]
     return path(Operation.CUT, corners, closed=True)
 
 
-def reading(*problems: str) -> Build:
-    return lambda make, profile: Subject.of(
-        make(), profile, readback={"outline.dxf": problems, "outline.svg": ()}
-    )
+def cuts(*paths):
+    """A plain vine with more paths, or squares to be cut, given by two corners."""
+    more = [one if isinstance(one, LaserPath) else square(*one) for one in paths]
+    return jobbed(lambda job: (*job.paths, *more))
 
 
-def pouch(radius_mm: float, length_mm: float = 200.0) -> Build:
+@lazy
+def rigged(height_mm=60.0, size_mm=(210.0, 100.0, 63.0), problems=()):
+    """A plain vine and a rig of one part."""
+    part = RigPartFacts(name="part_01", size_mm=size_mm, problems=problems)
+    room = (210.0, 210.0, 250.0)
+    rig = RigFacts(name="table", printer="bench", room_mm=room, height_mm=height_mm, parts=(part,))
+    return replace(Subject.of(make_design(), PROFILE), rig=rig)
+
+
+def in_course(*corridors, fans=()):
+    """A robot and a map with corridors, narrowest first."""
+    hall = MapCorridors(name="hall", corridors=corridors)
+    return replace(Subject.of(make_design(*fans), PROFILE), corridors=(hall,))
+
+
+@lazy
+def corridor(width_mm):
+    """A plain vine, 40 mm wide lay-flat, and a map with a narrow and a wide corridor."""
+    return in_course(*(Corridor(width_mm=mm, x_mm=1.0, y_mm=2.0) for mm in (width_mm, 90.0)))
+
+
+@lazy
+def reading(*problems):
+    files = {"outline.dxf": problems, "outline.svg": ()}
+    return Subject.of(make_design(), PROFILE, readback=files)
+
+
+def pouch(radius_mm, length_mm=200.0):
     """Two leaves 40 degrees apart: tips of 200 mm are 136.8 mm apart."""
     return of((2, length_mm, 40.0), pouch=Pouch(shape="round", radius_mm=radius_mm))
 
 
-def pouched(leaf_mm: float, branches: int = 2, trunk_mm: float = 60.0) -> Build:
+def rectangle(length_mm):
+    rim = Pouch(shape="rectangle", length_mm=length_mm, width_mm=36.0)
+    return of((2, 200.0, 60.0), pouch=rim)
+
+
+def pouched(leaf_mm, branches=2, trunk_mm=60.0):
     """Leaves with a pouch that is 40 mm wide."""
     rim = Pouch(shape="rectangle", length_mm=40.0, width_mm=40.0)
     return of((branches, 200.0, 120.0), widths_mm=(trunk_mm, leaf_mm), pouch=rim)
 
 
-def measured(value: float) -> Quantity:
-    return Quantity(value=value, standing=Standing.MEASURED, source="a test")
-
-
-def assumed(value: float) -> Quantity:
+def assumed(value):
     return Quantity(value=value, standing=Standing.ASSUMED, source="a test")
 
 
-LOOSE_FIT = {
-    "yield_kpa": measured(1.92),
-    "drag_kpa_m": measured(0.771),
-    "storage_kpa": measured(0.0),
-    "friction": measured(0.234),
-    "width_mm": measured(25.0 * math.pi / 2.0),
-}
-"""The published growth constants of a loosely stored tube, as if they were one's own."""
-
-
-def burst(
-    *fans: tuple[int, float, float], growth: Mapping[str, Quantity] | None = None, **build: object
-) -> Build:
+@lazy
+def burst(*fans, growth=None, **build):
     """A film whose seam was measured: a tube of 20 mm burst at 70 kPa."""
-
-    def built(make: Make, profile: LaserProfile) -> Subject:
-        seam = {"burst_kpa": measured(70.0), "burst_width_mm": measured(20.0)}
-        none = {"survived_kpa": None, "survived_width_mm": None}
-        tested = replace(
-            profile,
-            material=profile.material.changed(**seam, **none),
-            recipe=profile.recipe.changed(growth=growth),
-        )
-        return Subject.of(make(*fans, **build), tested)
-
-    return built
+    film = {"burst_kpa": measured(70.0), "burst_width_mm": measured(20.0)}
+    film |= {"survived_kpa": None, "survived_width_mm": None}
+    return with_profile(make_design(*fans, **build), material=film, recipe={"growth": growth})
 
 
-def collar_off(off_mm: float) -> Build:
+@lazy
+def collar_off(off_mm):
     """A tail whose mouth was drawn for another clamp."""
-
-    def build(make: Make, profile: LaserProfile) -> Subject:
-        drawn, meant = (
-            make(collar=Collar(clamp_diameter_mm=30.0 + 2.0 * more_mm / math.pi))
-            for more_mm in (0.0, off_mm)
-        )
-        return replace(Subject.of(drawn, profile), design=meant)
-
-    return build
+    drawn, meant = (
+        make_design(collar=Collar(clamp_diameter_mm=30.0 + 2.0 * more_mm / math.pi))
+        for more_mm in (0.0, off_mm)
+    )
+    return replace(Subject.of(drawn, PROFILE), design=meant)
 
 
-def winding(fan_deg: float) -> Build:
+def clamped(**collar):
+    """110 mm wide at the clamp: too wide without a collar, right with one."""
+    return of((2, 200.0, 60.0), collar=Collar(clamp_diameter_mm=70.0, **collar))
+
+
+def winding(fan_deg):
     """Seven joints, each half a fan off the way before."""
     widths_mm = tuple(40.0 * 0.8**level for level in range(8))
     return of(*[(2, 100.0, fan_deg)] * 7, widths_mm=widths_mm)
 
 
-def piece(line_mm: float, radius_mm: float) -> Build:
+def piece(line_mm, radius_mm):
     """A cut with a line and a half circle of given sizes."""
     points = np.array([[500.0, 500.0], [500.0 + line_mm, 500.0], [500.0 + line_mm, 520.0]])
-    end = points[-1] + [2.0 * radius_mm, 0.0]
-    contour = Contour(
-        points_mm=np.array([*points, end]),
-        bulges=np.array([0.0, 0.0, -1.0]),
-        parts=(Part.OTHER,) * 3,
-        branches=("",) * 3,
-        closed=False,
-    )
-    cut = LaserPath(operation=Operation.CUT, contour=contour, label="piece")
-    return jobbed(lambda job: (*job.paths, cut))
+    line = Contour.polyline([*points, points[-1] + [2.0 * radius_mm, 0.0]], closed=False)
+    contour = replace(line, bulges=np.array([0.0, 0.0, -1.0]))
+    return cuts(LaserPath(operation=Operation.CUT, contour=contour, label="piece"))
 
 
-def twice(shared_mm: float) -> Build:
+def twice(shared_mm):
     """A mark of which a part lies on a cut."""
-    one = path(Operation.MARK, [[500.0, 500.0], [520.0, 500.0]])
-    two = path(Operation.CUT, [[520.0 - shared_mm, 500.0], [540.0, 500.0]])
-    return jobbed(lambda job: (*job.paths, one, two))
-
-
-def cuts_apart(between_mm: float) -> Build:
-    """Two cuts next to each other; the kerf of either is 0.2 mm wide."""
-    cuts = [path(Operation.CUT, [[500.0, y], [520.0, y]]) for y in (500.0, 500.0 + between_mm)]
-    return jobbed(lambda job: (*job.paths, *cuts))
-
-
-def sleeve_at(branch: int, number: int = 1) -> Sleeve:
-    """A sleeve on a branch of 20 mm, of the piece with a number."""
-    return Sleeve(
-        label=piece_label(number),
-        inner="A",
-        branch=branch,
-        plug_mm=40.0,
-        socket_mm=55.0,
-        blend_end_mm=35.0,
-        rise_mm=1.0,
-        width_mm=20.0,
+    return cuts(
+        path(Operation.MARK, [[500.0, 500.0], [520.0, 500.0]]),
+        path(Operation.CUT, [[520.0 - shared_mm, 500.0], [540.0, 500.0]]),
     )
 
 
-def cut(
-    *branches: int,
-    load: Quantity | None = None,
-    bore: bool = False,
-    lap_mm: float = 15.0,
-    ease_mm: float = 1.5,
-    **build: object,
-) -> Build:
+def cuts_apart(between_mm):
+    """Two cuts next to each other; the kerf of either is 0.2 mm wide."""
+    low_high = (500.0, 500.0 + between_mm)
+    return cuts(*(path(Operation.CUT, [[500.0, y], [520.0, y]]) for y in low_high))
+
+
+def sleeve_at(branch, number=1, **changes):
+    """A sleeve on a branch of 20 mm, of the piece with a number."""
+    rims = {"plug_mm": 40.0, "socket_mm": 55.0, "blend_end_mm": 35.0}
+    known = {"label": piece_label(number), "inner": "A", "branch": branch, **rims}
+    return Sleeve(**{**known, "rise_mm": 1.0, "width_mm": 20.0, **changes})
+
+
+def parted(count, *sleeves):
+    """Return so many branches in pieces of a single branch each, but for the base's."""
+    rows = tuple(sleeve.branch for sleeve in sleeves)
+    kept = tuple(branch for branch in range(count) if branch not in rows)
+    outer = [Piece(label=s.label, root=s.branch, branches=(s.branch,)) for s in sleeves]
+    base = Piece(label="A", root=0, branches=kept, stubs=rows)
+    return Partition(pieces=(base, *outer), sleeves=sleeves)
+
+
+@lazy
+def cut(*branches, load=None, bore=False, lap_mm=15.0, ease_mm=1.5, **build):
     """A fan of children of 20 mm of which some are cut, by index; the trunk is 60 mm wide."""
-
-    def built(make: Make, profile: LaserProfile) -> Subject:
-        settings = PieceSettings(lap_mm=lap_mm, ease_mm=ease_mm)
-        wide = {"widths_mm": (60.0, 20.0), **build}
-        design = make((8, 200.0, 280.0), pieces=settings, **wide)
-        sleeves = tuple(sleeve_at(branch, number) for number, branch in enumerate(branches, 1))
-        outer = [Piece(label=s.label, root=s.branch, branches=(s.branch,)) for s in sleeves]
-        kept = tuple(branch for branch in range(9) if branch not in branches)
-        pieces = (Piece(label="A", root=0, branches=kept, stubs=branches), *outer)
-        key = "survived_n_per_mm" if bore else "strength_n_per_mm"
-        known = {"strength_n_per_mm": None, key: load or measured(0.2)}
-        bond = profile.recipe.lap.changed(**known)
-        tested = replace(profile, recipe=profile.recipe.changed(lap=bond))
-        return replace(
-            Subject.of(design, tested),
-            partition=Partition(pieces=pieces, sleeves=sleeves),
-        )
-
-    return built
+    settings = PieceSettings(lap_mm=lap_mm, ease_mm=ease_mm)
+    design = make_design((8, 200.0, 280.0), pieces=settings, **{"widths_mm": (60.0, 20.0), **build})
+    key = "survived_n_per_mm" if bore else "strength_n_per_mm"
+    known = {"strength_n_per_mm": None, key: load or measured(0.2)}
+    subject = with_profile(design, recipe={"lap": PROFILE.recipe.lap.changed(**known)})
+    sleeves = (sleeve_at(branch, number) for number, branch in enumerate(branches, 1))
+    return replace(subject, partition=parted(9, *sleeves))
 
 
-def inflated(*fans: tuple[int, float, float], off_deg: float = 0.0, **figures: object) -> Build:
+@lazy
+def inflated(*fans, off_deg=0.0, sensitivity=1.0, crotch_load=1.0, passage=1.0, **build):
     """A robot whose joints have given figures, the outer children deployed off their angles."""
-    names = ("sensitivity", "crotch_load", "passage")
-    known = {name: figures.pop(name, 1.0) for name in names}
-
-    def joint(design: Design, place: int) -> PatternJoint:
-        level, build = design.levels[place], design.build
+    design = make_design(*fans, **build)
+    joints, widths = [], design.build.widths_mm
+    for place, level in enumerate(design.levels):
         wanted = tuple(np.degrees(fan_offsets_rad(level)).tolist())
         flat = JointShape(
             angles_deg=wanted,
-            widths=(build.widths_mm[place + 1] / build.widths_mm[place],) * level.branches,
+            widths=(widths[place + 1] / widths[place],) * level.branches,
             fillets=(0.15,) * (level.branches + 1),
         )
-        return PatternJoint(
-            level=place + 2,
-            width_mm=build.widths_mm[place],
-            count=1,
-            wanted_deg=wanted,
-            aimed_deg=wanted,
-            found=FlatJoint(
-                flat=flat,
-                deployed_deg=(*wanted[:-1], wanted[-1] + off_deg),
-                pull_backs=(0.0,) * level.branches,
-                side_offsets=(0.0,) * level.branches,
-                **known,
-            ),
+        found = FlatJoint(
+            flat=flat,
+            deployed_deg=(*wanted[:-1], wanted[-1] + off_deg),
+            pull_backs=(0.0,) * level.branches,
+            side_offsets=(0.0,) * level.branches,
+            sensitivity=sensitivity,
+            crotch_load=crotch_load,
+            passage=passage,
         )
+        joints.append(
+            PatternJoint(
+                level=place + 2,
+                width_mm=widths[place],
+                count=1,
+                wanted_deg=wanted,
+                aimed_deg=wanted,
+                found=found,
+            )
+        )
+    pattern = Pattern(design=design, flat=design, deployed=design, joints=tuple(joints))
+    return replace(Subject.of(design, PROFILE), pattern=pattern)
 
-    def build(make: Make, profile: LaserProfile) -> Subject:
-        design = make(*fans, **figures)
-        joints = tuple(joint(design, place) for place in range(len(design.levels)))
-        pattern = Pattern(design=design, flat=design, deployed=design, joints=joints)
-        return replace(Subject.of(design, profile), pattern=pattern)
 
-    return build
-
-
-PAIR = (2, 200.0, 90.0)
-
-
-def lapped(passage: float) -> Build:
+@lazy
+def lapped(passage):
     """A leaf of 14 mm with a lap, which rides in a child of 24 mm, through its joint's passage."""
     known = {"widths_mm": (40.0, 24.0, 14.0), "pieces": PieceSettings()}
-    tree = inflated(PAIR, (2, 90.0, 60.0), passage=passage, **known)
-
-    def built(make: Make, profile: LaserProfile) -> Subject:
-        subject = tree(make, profile)
-        leaf = subject.ids(0)[0] + ".1.0"
-        row = branch_tree(subject.design).ids.index(leaf)
-        sleeve = replace(sleeve_at(row), width_mm=14.0)
-        kept = tuple(branch for branch in range(7) if branch != row)
-        pieces = (
-            Piece(label="A", root=0, branches=kept, stubs=(row,)),
-            Piece(label=sleeve.label, root=row, branches=(row,)),
-        )
-        return replace(subject, partition=Partition(pieces=pieces, sleeves=(sleeve,)))
-
-    return built
+    subject = inflated(PAIR, (2, 90.0, 60.0), passage=passage, **known)()
+    sleeve = sleeve_at(subject.names.index("0.1.0"), width_mm=14.0)
+    return replace(subject, partition=parted(7, sleeve))
 
 
-def meeting(gap_mm: float) -> Build:
+def meeting(gap_mm):
     """Two grandchildren that run together: their tips are where they are nearest when inflated.
 
     They begin 100 mm apart, head 30 degrees inwards, and are 28 / pi mm thick together.
@@ -429,337 +350,259 @@ def meeting(gap_mm: float) -> Build:
     return inflated((2, 100.0, 60.0), (2, length_mm, 120.0), widths_mm=(40.0, 24.0, 14.0))
 
 
-def pieced(*, most: int = 6, lap_mm: float = 15.0, unmarked: str = "") -> Build:
+@lazy
+def pieced(most=6, lap_mm=15.0, unmarked=""):
     """Two leaves that cross, in the fewest pieces; the labels named are missing on the film."""
-
-    def built(make: Make, profile: LaserProfile) -> Subject:
-        settings = PieceSettings(most=most, lap_mm=lap_mm)
-        design = make((2, 100.0, 60.0), (2, 100.0, 120.0), pieces=settings)
-        partition = partition_of(design, profile)
-        job = laser_job(design, profile, partition=partition)
-        paths = tuple(one for one in job.paths if not unmarked or unmarked not in one.label)
-        flat = replace(Subject.of(design), profile=profile, job=replace(job, paths=paths))
-        return in_pieces(flat, partition)
-
-    return built
+    settings = PieceSettings(most=most, lap_mm=lap_mm)
+    design = make_design((2, 100.0, 60.0), (2, 100.0, 120.0), pieces=settings)
+    partition = partition_of(design, PROFILE)
+    job = laser_job(design, PROFILE, partition=partition)
+    paths = tuple(one for one in job.paths if not unmarked or unmarked not in one.label)
+    flat = replace(Subject.of(design), profile=PROFILE, job=replace(job, paths=paths))
+    return in_pieces(flat, partition)
 
 
-TREE = of((3, 200.0, 120.0), (2, 120.0, 50.0))
-CROSSING = of((2, 100.0, 60.0), (2, 100.0, 120.0))
-
-CASES: Mapping[str, Case] = {
-    "VF-T01": Case(
-        fires=of((2, 0.09, 60.0)), severity=E, branches=("0.0",), quiet=of((2, 0.11, 60.0))
-    ),
-    "VF-T02": Case(fires=CROSSING, severity=E, branches=("0.0.1", "0.1.0"), quiet=TREE),
-    "VF-T03": Case(fires=cousins(-0.1), severity=E, branches=("0.0", "0.1.0"), quiet=cousins(0.1)),
-    "VF-T04": Case(
-        fires=of(widths_mm=(4.9,)), severity=E, branches=("0",), quiet=of(widths_mm=(5.1,))
-    ),
-    "VF-W01": Case(
-        fires=of(widths_mm=(4.9,)), severity=E, branches=("0",), quiet=of(widths_mm=(8.1,))
-    ),
-    "VF-W02": Case(
-        fires=of((2, 200.0, 60.0), widths_mm=(23.8, 20.0)),
-        severity=E,
-        branches=("0.0",),
-        quiet=of((2, 200.0, 60.0), widths_mm=(30.2, 20.0)),
-    ),
-    # 24 mm x 0.075 mm / 0.1 = 18 mm^2 each, in a lumen of 40^2 / pi = 509 mm^2
-    "VF-W03": Case(
-        fires=of((17, 200.0, 300.0)), severity=E, branches=("0",), quiet=of((8, 200.0, 180.0))
-    ),
-    "VF-W04": Case(fires=seam(0.052), severity=E, branches=("0",), quiet=seam(0.048)),
-    "VF-C01": Case(fires=cousins(2.0), severity=E, branches=("0.0", "0.1.0"), quiet=cousins(4.3)),
-    "VF-C02": Case(
-        fires=of((2, 200.0, 14.9)),
-        severity=E,
-        branches=("0.0", "0.1"),
-        quiet=of((2, 200.0, 20.1)),
-    ),
-    # 24 mm wide at 60 degrees: the sides part 12 / sin(30) = 24 mm from the joint
-    "VF-C03": Case(
-        fires=of((2, 47.9, 60.0)), severity=E, branches=("0.0", "0.1"), quiet=of((2, 48.1, 60.0))
-    ),
-    "VF-C04": Case(
-        fires=of((2, 200.0, 60.0), fillet_mm=(0.9,)),
-        severity=E,
-        branches=("0", "0.0"),
-        quiet=of((2, 200.0, 60.0), fillet_mm=(6.0,)),
-    ),
-    "VF-C06": Case(
-        fires=of((2, 200.0, 181.0)), severity=W, branches=("0.0",), quiet=of((2, 200.0, 179.0))
-    ),
-    "VF-C05": Case(
-        fires=near_fillet(2.0), severity=E, branches=("0.0", "0.1.1"), quiet=near_fillet(4.3)
-    ),
-    "VF-C07": Case(fires=pouch(67.4), severity=E, branches=("0.0", "0.1"), quiet=pouch(66.2)),
-    # 70 kPa at 20 mm is 35 kPa at 40 mm, 23.3 kPa with the factor of 1.5
-    "VF-P01": Case(
-        fires=burst(pressure_kpa=23.4), severity=E, branches=("0",), quiet=of(pressure_kpa=23.3)
-    ),
-    # Narrow, so that the load of the test is not reached
-    "VF-P02": Case(
-        fires=burst(widths_mm=(10.0,), pressure_kpa=70.1),
-        severity=W,
-        branches=("0",),
-        quiet=burst(widths_mm=(10.0,), pressure_kpa=69.9),
-    ),
-    # 40 mm, 0.0375 mm, 30 MPa: 50 % at 44.2 kPa
-    "VF-P04": Case(
-        fires=of(pressure_kpa=44.5), severity=W, branches=("0",), quiet=of(pressure_kpa=44.0)
-    ),
-    # Loosely stored film: 91.7 kPa mm / w on the leaf, 778 kPa mm / w allowed on the trunk
-    "VF-P03": Case(
-        fires=burst((2, 200.0, 60.0), widths_mm=(100.0, 11.75), growth=LOOSE_FIT),
-        severity=E,
-        branches=("0.0",),
-        quiet=of((2, 200.0, 60.0), widths_mm=(40.0, 23.8)),
-    ),
-    "VF-P05": Case(fires=seam(-0.0052), severity=W, branches=("0",), quiet=seam(-0.0048)),
-    "VF-I01": Case(
-        fires=inflated(PAIR, off_deg=0.61),
-        severity=E,
-        branches=("0.0",),
-        quiet=inflated(PAIR, off_deg=0.59),
-    ),
-    "VF-I02": Case(
-        fires=inflated(PAIR, sensitivity=2.51),
-        severity=W,
-        branches=("0.0",),
-        quiet=inflated(PAIR, sensitivity=2.49),
-    ),
-    # 70 kPa at 20 mm is 1.75 times the load of 20 kPa at 40 mm
-    "VF-I03": Case(
-        fires=inflated(PAIR, crotch_load=1.76, pressure_kpa=20.0),
-        severity=W,
-        branches=("0.0",),
-        quiet=inflated(PAIR, crotch_load=1.74, pressure_kpa=20.0),
-    ),
-    "VF-I04": Case(
-        fires=meeting(-0.1), severity=W, branches=("0.0.1", "0.1.0"), quiet=meeting(0.1)
-    ),
-    "VF-B01": Case(fires=of(tail_mm=149.0), severity=E, branches=("0",), quiet=of(tail_mm=200.0)),
-    "VF-B02": Case(
-        fires=of(widths_mm=(101.0,)), severity=E, branches=("0",), quiet=of(widths_mm=(99.0,))
-    ),
-    "VF-B03": Case(fires=of(trunk_mm=249.0), severity=W, branches=("0",), quiet=of(trunk_mm=251.0)),
-    # 1000 mm of width fit the bed neither whole nor in tiles; 1200 mm of length do
-    "VF-S01": Case(
-        fires=of(widths_mm=(1000.0,)), severity=E, branches=(), quiet=of(trunk_mm=1000.0)
-    ),
-    # 40 mm of lumen, 0.55 mm to the beam and 2 mm of overcut at the mouth, on both sides
-    "VF-S02": Case(
-        fires=material(
-            roll_width_mm=Quantity(value=45.0, standing=Standing.ASSUMED, source="a test")
-        ),
-        severity=W,
-        branches=(),
-        quiet=material(
-            roll_width_mm=Quantity(value=45.2, standing=Standing.ASSUMED, source="a test")
-        ),
-    ),
-    "VF-L01": Case(
-        fires=jobbed(lambda job: mark_above(job, 2.9)),
-        severity=E,
-        branches=(),
-        quiet=jobbed(lambda job: mark_above(job, 3.1)),
-    ),
-    "VF-L02": Case(
-        fires=jobbed(lambda job: (*job.paths, job.paths[-1])),
-        severity=E,
-        branches=("0",),
-        quiet=jobbed(lambda job: (*job.paths, square(500.0, 520.0))),
-    ),
-    "VF-L03": Case(
-        fires=jobbed(lambda job: (*job.paths, square(400.0, 500.0), square(420.0, 440.0))),
-        severity=E,
-        branches=(),
-        quiet=jobbed(lambda job: (*job.paths, square(420.0, 440.0), square(400.0, 500.0))),
-    ),
-    "VF-L04": Case(
-        fires=material(ply_mm=Quantity(value=0.05, standing=Standing.PAPER, source="a test")),
-        severity=E,
-        branches=(),
-        quiet=material(ply_mm=Quantity(value=0.0375, standing=Standing.PAPER, source="a test")),
-    ),
-    "VF-L05": Case(fires=speed(501.0), severity=W, branches=(), quiet=speed(499.0)),
-    "VF-L06": Case(
-        fires=status(RecipeStatus.UNVERIFIED),
-        severity=W,
-        branches=(),
-        quiet=status(RecipeStatus.COUPON_OK),
-    ),
-    "VF-R01": Case(
-        fires=rigged(problems=("is not closed",)), severity=E, branches=(), quiet=rigged()
-    ),
-    "VF-R02": Case(
-        fires=rigged(size_mm=(100.0, 210.01, 63.0)),
-        severity=E,
-        branches=(),
-        quiet=rigged(size_mm=(210.0, 210.0, 250.0)),
-    ),
-    # 40 mm lay-flat inflates to 80 / pi = 25.46 mm; 1.2 times that is 30.56 mm
-    "VF-R03": Case(fires=corridor(25.4), severity=W, branches=(), quiet=corridor(25.5)),
-    "VF-R04": Case(
-        fires=rigged(height_mm=30.5), severity=W, branches=(), quiet=rigged(height_mm=30.6)
-    ),
-    "VF-J01": Case(
-        fires=pieced(lap_mm=80.0),
-        severity=E,
-        branches=("0.0.1", "0.1.0"),
-        quiet=pieced(),
-    ),
-    "VF-J02": Case(fires=pieced(most=1), severity=E, branches=(), quiet=pieced(most=2)),
-    "VF-J05": Case(fires=pieced(unmarked="socket B"), severity=W, branches=(), quiet=pieced()),
-    # 0.2 N/mm with the factor of 1.5 is 0.1333 N/mm: 41.89 kPa at 20 mm
-    "VF-J03": Case(
-        fires=cut(2, pressure_kpa=41.95),
-        severity=E,
-        branches=("0.1",),
-        quiet=cut(2, pressure_kpa=41.85),
-    ),
-    # The film is 0.075 mm thick; a lap of 15 mm has 5 mm on each side of a band of 5 mm.
-    "VF-J06": Case(
-        fires=cut(2, 3, ease_mm=0.074),
-        severity=E,
-        branches=("0.1", "0.2"),
-        quiet=cut(2, 3, ease_mm=0.076),
-    ),
-    # 5 x 20 mm and three laps of 2 x 21 mm, times 0.75 mm, in a lumen of 29.8^2 / pi mm^2: 60 %
-    "VF-J04": Case(
-        fires=cut(1, 5, 6, widths_mm=(29.7, 20.0)),
-        severity=E,
-        branches=("0",),
-        quiet=cut(1, 5, 6, widths_mm=(42.2, 20.0)),
-    ),
-    "VF-X01": Case(fires=reading("area differs by 3 %"), severity=E, branches=(), quiet=reading()),
-}
+def fives(passage):
+    """Five leaves of 14 mm on a child of 24 mm, through the passage of their joint."""
+    wide = (40.0, 24.0, 14.0)
+    return inflated(PAIR, (5, 90.0, 160.0), widths_mm=wide, passage=passage)
 
 
-def grown(**build: object) -> Build:
+def grown(**build):
     return burst((2, 200.0, 60.0), widths_mm=(40.0, 23.8), growth=LOOSE_FIT, **build)
 
 
-NEAR_LIMITS: list[tuple[str, Build, set[Severity]]] = [
-    ("VF-W01", of(widths_mm=(7.9,)), {W}),
-    ("VF-W02", of((2, 200.0, 60.0), widths_mm=(29.8, 20.0)), {W}),
-    ("VF-W03", of((9, 200.0, 200.0)), {W}),
+FIXTURES = [
+    ("VF-T01", of((2, 0.09, 60.0)), "E 0.0"),
+    ("VF-T01", of((2, 0.11, 60.0)), ""),
+    ("VF-T02", of((2, 100.0, 60.0), (2, 100.0, 120.0)), "E 0.0.1 0.1.0"),
+    ("VF-T02", of((3, 200.0, 120.0), (2, 120.0, 50.0)), ""),
+    ("VF-T03", cousins(-0.1), "E 0.0 0.1.0"),
+    ("VF-T03", cousins(0.1), ""),
+    ("VF-T04", of(widths_mm=(4.9,)), "E 0"),
+    ("VF-T04", of(widths_mm=(5.1,)), ""),
+    ("VF-W01", of(widths_mm=(4.9,)), "E 0"),
+    ("VF-W01", of(widths_mm=(8.1,)), ""),
+    ("VF-W02", of((2, 200.0, 60.0), widths_mm=(23.8, 20.0)), "E 0.0"),
+    ("VF-W02", of((2, 200.0, 60.0), widths_mm=(30.2, 20.0)), ""),
+    # 24 mm x 0.075 mm / 0.1 = 18 mm^2 each, in a lumen of 40^2 / pi = 509 mm^2
+    ("VF-W03", of((17, 200.0, 300.0)), "E 0"),
+    ("VF-W03", of((8, 200.0, 180.0)), ""),
+    ("VF-W04", seam(0.052), "E 0"),
+    ("VF-W04", seam(0.048), ""),
+    ("VF-C01", cousins(2.0), "E 0.0 0.1.0"),
+    ("VF-C01", cousins(4.3), ""),
+    ("VF-C02", of((2, 200.0, 14.9)), "E 0.0 0.1"),
+    ("VF-C02", of((2, 200.0, 20.1)), ""),
+    # 24 mm wide at 60 degrees: the sides part 12 / sin(30) = 24 mm from the joint
+    ("VF-C03", of((2, 47.9, 60.0)), "E 0.0 0.1"),
+    ("VF-C03", of((2, 48.1, 60.0)), ""),
+    ("VF-C04", of((2, 200.0, 60.0), fillet_mm=(0.9,)), "E 0 0.0"),
+    ("VF-C04", of((2, 200.0, 60.0), fillet_mm=(6.0,)), ""),
+    ("VF-C06", of((2, 200.0, 181.0)), "W 0.0"),
+    ("VF-C06", of((2, 200.0, 179.0)), ""),
+    ("VF-C05", near_fillet(2.0), "E 0.0 0.1.1"),
+    ("VF-C05", near_fillet(4.3), ""),
+    ("VF-C07", pouch(67.4), "E 0.0 0.1"),
+    ("VF-C07", pouch(66.2), ""),
+    # 70 kPa at 20 mm is 35 kPa at 40 mm, 23.3 kPa with the factor of 1.5
+    ("VF-P01", burst(pressure_kpa=23.4), "E 0"),
+    ("VF-P01", of(pressure_kpa=23.3), ""),
+    # Narrow, so that the load of the test is not reached
+    ("VF-P02", burst(widths_mm=(10.0,), pressure_kpa=70.1), "W 0"),
+    ("VF-P02", burst(widths_mm=(10.0,), pressure_kpa=69.9), ""),
+    # 40 mm, 0.0375 mm, 30 MPa: 50 % at 44.2 kPa
+    ("VF-P04", of(pressure_kpa=44.5), "W 0"),
+    ("VF-P04", of(pressure_kpa=44.0), ""),
+    # Loosely stored film: 91.7 kPa mm / w on the leaf, 778 kPa mm / w allowed on the trunk
+    ("VF-P03", burst((2, 200.0, 60.0), widths_mm=(100.0, 11.75), growth=LOOSE_FIT), "E 0.0"),
+    ("VF-P03", of((2, 200.0, 60.0), widths_mm=(40.0, 23.8)), ""),
+    ("VF-P05", seam(-0.0052), "W 0"),
+    ("VF-P05", seam(-0.0048), ""),
+    ("VF-I01", inflated(PAIR, off_deg=0.61), "E 0.0"),
+    ("VF-I01", inflated(PAIR, off_deg=0.59), ""),
+    ("VF-I02", inflated(PAIR, sensitivity=2.51), "W 0.0"),
+    ("VF-I02", inflated(PAIR, sensitivity=2.49), ""),
+    # 70 kPa at 20 mm is 1.75 times the load of 20 kPa at 40 mm
+    ("VF-I03", inflated(PAIR, crotch_load=1.76, pressure_kpa=20.0), "W 0.0"),
+    ("VF-I03", inflated(PAIR, crotch_load=1.74, pressure_kpa=20.0), ""),
+    ("VF-I04", meeting(-0.1), "W 0.0.1 0.1.0"),
+    ("VF-I04", meeting(0.1), ""),
+    ("VF-B01", of(tail_mm=149.0), "E 0"),
+    ("VF-B01", of(tail_mm=200.0), ""),
+    ("VF-B02", of(widths_mm=(101.0,)), "E 0"),
+    ("VF-B02", of(widths_mm=(99.0,)), ""),
+    ("VF-B03", of(trunk_mm=249.0), "W 0"),
+    ("VF-B03", of(trunk_mm=251.0), ""),
+    # 1000 mm of width fit the bed neither whole nor in tiles; 1200 mm of length do
+    ("VF-S01", of(widths_mm=(1000.0,)), "E"),
+    ("VF-S01", of(trunk_mm=1000.0), ""),
+    # 40 mm of lumen, 0.55 mm to the beam and 2 mm of overcut at the mouth, on both sides
+    ("VF-S02", material(roll_width_mm=assumed(45.0)), "W"),
+    ("VF-S02", material(roll_width_mm=assumed(45.2)), ""),
+    ("VF-L01", marked(2.9), "E"),
+    ("VF-L01", marked(3.1), ""),
+    ("VF-L02", jobbed(lambda job: (*job.paths, job.paths[-1])), "E 0"),
+    ("VF-L02", cuts((500.0, 520.0)), ""),
+    ("VF-L03", cuts((400.0, 500.0), (420.0, 440.0)), "E"),
+    ("VF-L03", cuts((420.0, 440.0), (400.0, 500.0)), ""),
+    ("VF-L04", material(ply_mm=assumed(0.05)), "E"),
+    ("VF-L04", material(ply_mm=assumed(0.0375)), ""),
+    ("VF-L05", speed(501.0), "W"),
+    ("VF-L05", speed(499.0), ""),
+    ("VF-L06", status(RecipeStatus.UNVERIFIED), "W"),
+    ("VF-L06", status(RecipeStatus.COUPON_OK), ""),
+    ("VF-R01", rigged(problems=("is not closed",)), "E"),
+    ("VF-R01", rigged(), ""),
+    ("VF-R02", rigged(size_mm=(100.0, 210.01, 63.0)), "E"),
+    ("VF-R02", rigged(size_mm=(210.0, 210.0, 250.0)), ""),
+    # 40 mm lay-flat inflates to 80 / pi = 25.46 mm; 1.2 times that is 30.56 mm
+    ("VF-R03", corridor(25.4), "W"),
+    ("VF-R03", corridor(25.5), ""),
+    ("VF-R04", rigged(height_mm=30.5), "W"),
+    ("VF-R04", rigged(height_mm=30.6), ""),
+    ("VF-J01", pieced(lap_mm=80.0), "E 0.0.1 0.1.0"),
+    ("VF-J01", pieced(), ""),
+    ("VF-J02", pieced(most=1), "E"),
+    ("VF-J02", pieced(most=2), ""),
+    ("VF-J05", pieced(unmarked="socket B"), "W"),
+    ("VF-J05", pieced(), ""),
+    # 0.2 N/mm with the factor of 1.5 is 0.1333 N/mm: 41.89 kPa at 20 mm
+    ("VF-J03", cut(2, pressure_kpa=41.95), "E 0.1"),
+    ("VF-J03", cut(2, pressure_kpa=41.85), ""),
+    # The film is 0.075 mm thick; a lap of 15 mm has 5 mm on each side of a band of 5 mm.
+    ("VF-J06", cut(2, 3, ease_mm=0.074), "E 0.1 0.2"),
+    ("VF-J06", cut(2, 3, ease_mm=0.076), ""),
+    # 5 x 20 mm and three laps of 2 x 21 mm, times 0.75 mm, in a lumen of 29.8^2 / pi mm^2: 60 %
+    ("VF-J04", cut(1, 5, 6, widths_mm=(29.7, 20.0)), "E 0"),
+    ("VF-J04", cut(1, 5, 6, widths_mm=(42.2, 20.0)), ""),
+    ("VF-X01", reading("area differs by 3 %"), "E"),
+    ("VF-X01", reading(), ""),
+    ("VF-W01", of(widths_mm=(7.9,)), "W 0"),
+    ("VF-W02", of((2, 200.0, 60.0), widths_mm=(29.8, 20.0)), "W 0.0"),
+    ("VF-W03", of((9, 200.0, 200.0)), "W 0"),
     # seam, kerf and melted rim take 1.1 mm on each side
-    ("VF-C01", cousins(4.1), {W}),
-    ("VF-C01", cousins(2.3), {W}),
-    ("VF-C02", of((2, 200.0, 19.9)), {W}),
-    ("VF-C04", of((2, 200.0, 60.0), fillet_mm=(5.9,)), {W}),
-    ("VF-C04", of((2, 200.0, 60.0), widths_mm=(20.0, 6.0), fillet_mm=(1.9,)), {W}),
-    ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(23.9,)), set()),
-    ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(24.1,)), {W}),
-    ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(47.9,)), {W}),
-    ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(48.1,)), {E}),
-    ("VF-C05", near_fillet(4.1), {W}),
+    ("VF-C01", cousins(4.1), "W 0.0 0.1.0"),
+    ("VF-C01", cousins(2.3), "W 0.0 0.1.0"),
+    ("VF-C02", of((2, 200.0, 19.9)), "W 0.0 0.1"),
+    ("VF-C04", of((2, 200.0, 60.0), fillet_mm=(5.9,)), "W 0 0.0"),
+    ("VF-C04", of((2, 200.0, 60.0), widths_mm=(20.0, 6.0), fillet_mm=(1.9,)), "W 0 0.0"),
+    ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(23.9,)), ""),
+    ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(24.1,)), "W 0 0.0"),
+    ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(47.9,)), "W 0 0.0"),
+    ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(48.1,)), "E 0 0.0"),
+    ("VF-C05", near_fillet(4.1), "W 0.0 0.1.1"),
     # 7 joints of 81 degrees: e^(0.234 * 9.9) = 10.1; of 80 degrees 9.8
-    ("VF-C06", winding(162.0), {W}),
-    ("VF-C06", winding(160.0), set()),
-    ("VF-C07", pouch(66.35), {W}),
+    ("VF-C06", winding(162.0), "W 0.0.0.0.0.0.0.0"),
+    ("VF-C06", winding(160.0), ""),
+    ("VF-C07", pouch(66.35), "W 0.0 0.1"),
     # What was not measured warns: the seam, or what growth takes
-    ("VF-P01", of(pressure_kpa=23.4), {W}),
-    ("VF-P01", burst(pressure_kpa=23.3), set()),
-    ("VF-P02", of(pressure_kpa=70.1), {W}),
-    ("VF-P03", of((2, 200.0, 60.0), widths_mm=(100.0, 11.75)), {W}),
-    ("VF-P03", burst((2, 200.0, 60.0), widths_mm=(100.0, 11.75)), {W}),
-    ("VF-P03", burst((2, 200.0, 60.0), widths_mm=(100.0, 11.83), growth=LOOSE_FIT), set()),
-    ("VF-P03", of((2, 200.0, 60.0), widths_mm=(100.0, 11.83)), set()),
+    ("VF-P01", of(pressure_kpa=23.4), "W 0"),
+    ("VF-P01", burst(pressure_kpa=23.3), ""),
+    ("VF-P02", of(pressure_kpa=70.1), "W 0"),
+    ("VF-P03", of((2, 200.0, 60.0), widths_mm=(100.0, 11.75)), "W 0.0"),
+    ("VF-P03", burst((2, 200.0, 60.0), widths_mm=(100.0, 11.75)), "W 0.0"),
+    ("VF-P03", burst((2, 200.0, 60.0), widths_mm=(100.0, 11.83), growth=LOOSE_FIT), ""),
+    ("VF-P03", of((2, 200.0, 60.0), widths_mm=(100.0, 11.83)), ""),
     # 40 mm x 0.075 mm / 0.1 = 30 mm^2 of pouch, in a lumen of 12^2 / pi = 45.8 mm^2: 65.5 %
-    ("VF-W03", pouched(12.0), {E}),
-    ("VF-W03", pouched(12.6), {W}),
-    ("VF-W03", pouched(17.8), set()),
+    ("VF-W03", pouched(12.0), "E 0.0"),
+    ("VF-W03", pouched(12.6), "W 0.0"),
+    ("VF-W03", pouched(17.8), ""),
     # Six pouches of 40 mm in a trunk of 30^2 / pi = 286 mm^2: 62.8 %
-    ("VF-W03", pouched(17.8, 6, 30.0), {E}),
-    ("VF-W03", pouched(17.8, 6, 31.0), {W}),
+    ("VF-W03", pouched(17.8, 6, 30.0), "E 0"),
+    ("VF-W03", pouched(17.8, 6, 31.0), "W 0"),
     # 24 / pi mm over the sine of half the gap, of 100 mm: half at 17.58 degrees
-    ("VF-I04", inflated((2, 100.0, 17.4)), {W}),
-    ("VF-I04", inflated((2, 100.0, 17.7)), set()),
-    ("VF-I04", inflated((2, 50.0, 17.4)), {E}),
+    ("VF-I04", inflated((2, 100.0, 17.4)), "W 0.0"),
+    ("VF-I04", inflated((2, 100.0, 17.7)), ""),
+    ("VF-I04", inflated((2, 50.0, 17.4)), "E 0.0"),
     # Five of 14 mm fill 28.6 % of the child, more where they pass into it
-    ("VF-W03", inflated(PAIR, (5, 90.0, 160.0), widths_mm=(40.0, 24.0, 14.0), passage=0.94), {W}),
-    ("VF-W03", inflated(PAIR, (5, 90.0, 160.0), widths_mm=(40.0, 24.0, 14.0), passage=0.96), set()),
+    ("VF-W03", fives(0.94), "W 0.0"),
+    ("VF-W03", fives(0.96), ""),
     # Loosely stored film takes 3.85 kPa to grow there
-    ("VF-P03", of((2, 200.0, 60.0), widths_mm=(40.0, 23.8), pressure_kpa=3.7), {W}),
-    ("VF-P03", of((2, 200.0, 60.0), widths_mm=(40.0, 23.8), pressure_kpa=4.0), set()),
+    ("VF-P03", of((2, 200.0, 60.0), widths_mm=(40.0, 23.8), pressure_kpa=3.7), "W 0.0"),
+    ("VF-P03", of((2, 200.0, 60.0), widths_mm=(40.0, 23.8), pressure_kpa=4.0), ""),
     # The same where growth was measured: it forbids
-    ("VF-P03", grown(pressure_kpa=3.7), {E}),
-    ("VF-P03", grown(pressure_kpa=4.0), set()),
-    ("VF-L06", weldcut(kerf_mm=0.41, seam_width_mm=0.4), {W}),
-    ("VF-L06", weldcut(kerf_mm=0.39, seam_width_mm=0.4), set()),
+    ("VF-P03", grown(pressure_kpa=3.7), "E 0.0"),
+    ("VF-P03", grown(pressure_kpa=4.0), ""),
+    ("VF-L06", weldcut(kerf_mm=0.41, seam_width_mm=0.4), "W"),
+    ("VF-L06", weldcut(kerf_mm=0.39, seam_width_mm=0.4), ""),
     # 274.6 mm of lumen in the narrowest strip, where the rectangle of least area is 328.4 mm wide
-    ("VF-S02", rolled(276.0, (2, 250.0, 210.0)), set()),
-    ("VF-S02", rolled(275.0, (2, 250.0, 210.0)), {W}),
+    ("VF-S02", rolled(276.0, (2, 250.0, 210.0)), ""),
+    ("VF-S02", rolled(275.0, (2, 250.0, 210.0)), "W"),
     # Whole it is 407 mm wide; its pieces are nested on sheets of 63 and 256.5 mm
-    ("VF-S02", rolled(257.0, (3, 250.0, 210.0), pieces=PieceSettings()), set()),
-    ("VF-S02", rolled(256.0, (3, 250.0, 210.0), pieces=PieceSettings()), {W}),
+    ("VF-S02", rolled(257.0, (3, 250.0, 210.0), pieces=PieceSettings()), ""),
+    ("VF-S02", rolled(256.0, (3, 250.0, 210.0), pieces=PieceSettings()), "W"),
     # What was not measured, or only bore its load, warns
-    ("VF-J03", cut(2, pressure_kpa=41.95, load=assumed(0.2)), {W}),
-    ("VF-J03", cut(2, pressure_kpa=41.85, load=assumed(0.2)), set()),
-    ("VF-J03", cut(2, pressure_kpa=41.95, load=measured(0.2), bore=True), {W}),
-    ("VF-J03", cut(2, pressure_kpa=1.0, lap_mm=4.9), {W}),
-    ("VF-J03", cut(2, pressure_kpa=1.0, lap_mm=5.1), set()),
-    ("VF-J06", cut(2, ease_mm=0.0), {E}),
-    ("VF-J06", cut(2, ease_mm=10.1), {W}),
-    ("VF-J06", cut(2, ease_mm=9.9), set()),
-    ("VF-J06", cut(ease_mm=20.0), set()),
-    ("VF-J04", cut(1, 5, 6, widths_mm=(29.9, 20.0)), {W}),
-    ("VF-J04", cut(1, 5, 6, widths_mm=(42.0, 20.0)), {W}),
-    ("VF-J04", cut(widths_mm=(25.2, 20.0)), set()),
+    ("VF-J03", cut(2, pressure_kpa=41.95, load=assumed(0.2)), "W 0.1"),
+    ("VF-J03", cut(2, pressure_kpa=41.85, load=assumed(0.2)), ""),
+    ("VF-J03", cut(2, pressure_kpa=41.95, load=measured(0.2), bore=True), "W 0.1"),
+    ("VF-J03", cut(2, pressure_kpa=1.0, lap_mm=4.9), "W 0.1"),
+    ("VF-J03", cut(2, pressure_kpa=1.0, lap_mm=5.1), ""),
+    ("VF-J06", cut(2, ease_mm=0.0), "E 0.1"),
+    ("VF-J06", cut(2, ease_mm=10.1), "W 0.1"),
+    ("VF-J06", cut(2, ease_mm=9.9), ""),
+    ("VF-J06", cut(ease_mm=20.0), ""),
+    ("VF-J04", cut(1, 5, 6, widths_mm=(29.9, 20.0)), "W 0"),
+    ("VF-J04", cut(1, 5, 6, widths_mm=(42.0, 20.0)), "W 0"),
+    ("VF-J04", cut(widths_mm=(25.2, 20.0)), ""),
     # 14 mm and a lap of 2 x 15 mm, times 0.75 mm, in a lumen of 24^2 / pi mm^2: 18 %
-    ("VF-J04", lapped(0.59), {W}),
-    ("VF-J04", lapped(0.61), set()),
-    ("VF-B01", of(tail_mm=199.0), {W}),
-    ("VF-B02", collar_off(0.104), {E}),
-    ("VF-B02", collar_off(0.096), set()),
-    ("VF-B03", of(trunk_mm=2001.0), {W}),
-    ("VF-B03", of(trunk_mm=1999.0), set()),
-    ("VF-L02", piece(0.19, 3.0), {E}),
-    ("VF-L02", piece(0.21, 3.0), set()),
-    ("VF-L02", piece(2.0, 0.49), {E}),
-    ("VF-L02", piece(2.0, 0.51), set()),
-    ("VF-L02", twice(0.21), {E}),
-    ("VF-L02", twice(0.19), set()),
-    ("VF-L02", cuts_apart(0.19), {E}),
-    ("VF-L02", cuts_apart(0.21), set()),
+    ("VF-J04", lapped(0.59), "W 0.1"),
+    ("VF-J04", lapped(0.61), ""),
+    ("VF-B01", of(tail_mm=199.0), "W 0"),
+    ("VF-B02", collar_off(0.104), "E 0"),
+    ("VF-B02", collar_off(0.096), ""),
+    ("VF-B03", of(trunk_mm=2001.0), "W 0"),
+    ("VF-B03", of(trunk_mm=1999.0), ""),
+    ("VF-L02", piece(0.19, 3.0), "E"),
+    ("VF-L02", piece(0.21, 3.0), ""),
+    ("VF-L02", piece(2.0, 0.49), "E"),
+    ("VF-L02", piece(2.0, 0.51), ""),
+    ("VF-L02", twice(0.21), "E"),
+    ("VF-L02", twice(0.19), ""),
+    ("VF-L02", cuts_apart(0.19), "E"),
+    ("VF-L02", cuts_apart(0.21), ""),
+    ("VF-L03", jobbed(lambda job: tuple(reversed(job.paths))), "E"),
+    ("VF-L04", material(weldable=False), "E"),
+    ("VF-C02", of((2, 300.0, 331.0)), "E 0 0.0"),
+    ("VF-C07", of((2, 200.0, 60.0), pouch=Pouch(shape="round", radius_mm=11.9)), "E 0.0"),
+    ("VF-W01", rectangle(4.9), "E 0.0"),
+    ("VF-C07", rectangle(4.9), "E 0.0"),
+    ("VF-W01", rectangle(23.9), ""),
+    ("VF-C07", rectangle(23.9), "E 0.0"),
+    ("VF-C07", rectangle(24.1), ""),
+    ("VF-B02", clamped(), ""),
+    ("VF-B02", clamped(length_mm=180.0, flare_mm=40.0), "E 0"),
+    ("VF-B02", clamped(flare_mm=10.0), "E 0"),
 ]
-"""Builds close to single limits, with the severities that they must have."""
+"""Rule, fixture, and the findings asked for: their severity and the branches of the first."""
 
 
-def found(subject: Subject, rule: str) -> tuple[Finding, ...]:
-    report = run_checks(subject)
+def found(subject, rule):
+    report = run_checks(subject, only=(rule,))
     assert rule in {run.rule for run in report.run}
-    return tuple(finding for finding in report.findings if finding.rule == rule)
+    return report.findings
 
 
-def test_every_rule_has_a_case_that_fires_and_one_that_does_not() -> None:
-    assert set(CASES) == set(RULES)
+def test_every_rule_has_fixtures_that_fire_and_some_that_do_not():
+    for fires in (True, False):
+        assert {rule for rule, _, asked in FIXTURES if bool(asked) == fires} == set(RULES)
 
 
-@pytest.mark.parametrize("rule", CASES)
-def test_rule_fires_at_the_right_place(rule: str, make: Make, profile: LaserProfile) -> None:
-    case = CASES[rule]
-    findings = found(case.fires(make, profile), rule)
-    assert findings, "the rule must fire here"
-    assert findings[0].severity is case.severity
-    assert findings[0].branches == case.branches
-    assert findings[0].message[-1] not in ".:"
-    assert findings[0].title != RULES[rule].title
-    assert ": " in findings[0].message, "it must say what helps"
+@pytest.mark.parametrize(("rule", "build", "asked"), FIXTURES)
+def test_rules_fire_beyond_their_limits_and_nowhere_else(rule, build, asked):
+    subject = build()
+    findings = found(subject, rule)
+    assert {str(finding.severity)[0].upper() for finding in findings} == set(asked[:1])
+    if asked:
+        assert findings[0].branches == tuple(asked.split()[1:])
+        assert ": " in findings[0].message, "it must say what helps"
+        sentences = {problem.message for problem in subject.outline.problems}
+        assert findings[0].message[-1] not in ".:" or findings[0].message in sentences
+        assert findings[0].title != RULES[rule].title
 
 
-@pytest.mark.parametrize("rule", CASES)
-def test_rule_stays_quiet(rule: str, make: Make, profile: LaserProfile) -> None:
-    assert found(CASES[rule].quiet(make, profile), rule) == ()
-
-
-def test_laps_of_a_recipe_that_knows_no_bond_are_not_passed_over(
-    make: Make, profile: LaserProfile
-) -> None:
-    subject = cut(2)(make, profile)
+def test_laps_of_a_recipe_that_knows_no_bond_are_not_passed_over(profile):
+    subject = cut(2)()
     assert subject.profile is not None
     unbonded = replace(profile, recipe=profile.recipe.changed(lap=None))
     for known, words in ((unbonded, "no table [lap]"), (None, "needs a recipe")):
@@ -767,8 +610,8 @@ def test_laps_of_a_recipe_that_knows_no_bond_are_not_passed_over(
         assert any(words in skip.reason for skip in skipped if skip.rule == "VF-J03")
 
 
-def test_a_weak_lap_is_named_and_marked_where_it_begins(make: Make, profile: LaserProfile) -> None:
-    (finding,) = found(cut(0, widths_mm=(20.0, 12.0), pressure_kpa=42.0)(make, profile), "VF-J03")
+def test_a_weak_lap_is_named_and_marked_where_it_begins():
+    (finding,) = found(cut(0, widths_mm=(20.0, 12.0), pressure_kpa=42.0)(), "VF-J03")
     assert finding.message.startswith("the lap of plug B, 20.0 mm wide,")
     assert (finding.x_mm, finding.y_mm) == (40.0, 0.0)
     assert (finding.measured, finding.limit) == (
@@ -777,9 +620,7 @@ def test_a_weak_lap_is_named_and_marked_where_it_begins(make: Make, profile: Las
     )
 
 
-def test_film_with_laps_that_add_nothing_packs_as_without(
-    random_design: Callable[..., Design],
-) -> None:
+def test_film_with_laps_that_add_nothing_packs_as_without(random_design):
     """Branch by branch what VF-W03 says of their level."""
     for seed in range(20):
         design = random_design(np.random.default_rng(seed), pouched=True)
@@ -795,7 +636,7 @@ def test_film_with_laps_that_add_nothing_packs_as_without(
         }
 
 
-def test_laps_count_where_they_are_and_below_one_parent_only(make: Make) -> None:
+def test_laps_count_where_they_are_and_below_one_parent_only(make):
     """Two children with two leaves each: a lap on one leaf is no matter of the other child."""
     design = make((2, 200.0, 90.0), (2, 90.0, 60.0), widths_mm=(40.0, 24.0, 14.0))
     ids = branch_tree(design).ids
@@ -808,13 +649,13 @@ def test_laps_count_where_they_are_and_below_one_parent_only(make: Make) -> None
 
 
 @pytest.mark.parametrize("rule", ["VF-R01", "VF-R02", "VF-R03", "VF-R04"])
-def test_skipped_rules_about_rigs_say_what_is_missing(rule: str, make: Make) -> None:
+def test_skipped_rules_about_rigs_say_what_is_missing(rule, make):
     outcome = RULES[rule].apply(Subject.of(make()), Limits({}))
     assert isinstance(outcome, RuleNotApplicable)
     assert "needs a" in outcome.reason
 
 
-def test_corridors_are_compared_with_every_level(make: Make, profile: LaserProfile) -> None:
+def test_corridors_are_compared_with_every_level(make, profile):
     # 40, 24 mm lay-flat: 25.46 and 15.28 mm inflated
     subject = Subject.of(make((2, 200.0, 60.0)), profile)
     wide, narrow = (Corridor(width_mm=mm, x_mm=3.0, y_mm=4.0) for mm in (20.0, 15.0))
@@ -829,9 +670,7 @@ def test_corridors_are_compared_with_every_level(make: Make, profile: LaserProfi
     assert "(3.0, 4.0) mm" in findings[1].message
 
 
-def test_a_dead_end_is_a_corridor_for_branches_that_have_room_in_it(
-    make: Make, profile: LaserProfile
-) -> None:
+def test_a_dead_end_is_a_corridor_for_branches_that_have_room_in_it(make, profile):
     # 25.46 and 15.28 mm inflated: the dead end's area is between those of their cross-sections
     subject = Subject.of(make((2, 200.0, 60.0)), profile)
     notch = Corridor(width_mm=2.0, x_mm=3.0, y_mm=4.0, dead_end_mm=20.0)
@@ -841,7 +680,7 @@ def test_a_dead_end_is_a_corridor_for_branches_that_have_room_in_it(
     assert "level 2" in finding.message
 
 
-def test_a_notch_in_a_wall_of_a_map_is_no_corridor(make: Make, profile: LaserProfile) -> None:
+def test_a_notch_in_a_wall_of_a_map_is_no_corridor(make, profile):
     """A gap of the same width between two walls is one."""
     block = box(100, 100, 200, 200)
     notched = Map(
@@ -857,19 +696,7 @@ def test_a_notch_in_a_wall_of_a_map_is_no_corridor(make: Make, profile: LaserPro
         assert [f.measured for f in found(measured, "VF-R03")] == pytest.approx(widths)
 
 
-@pytest.mark.parametrize(("rule", "build", "severities"), NEAR_LIMITS)
-def test_each_limit_applies_at_its_value(
-    rule: str, build: Build, severities: set[Severity], make: Make, profile: LaserProfile
-) -> None:
-    assert {finding.severity for finding in found(build(make, profile), rule)} == severities
-
-
-def test_a_child_folded_onto_its_parent_is_found(make: Make) -> None:
-    findings = found(Subject.of(make((2, 300.0, 331.0))), "VF-C02")
-    assert [(f.severity, f.branches) for f in findings] == [(E, ("0", "0.0"))]
-
-
-def test_a_fillet_cut_down_by_a_narrow_angle_is_found(make: Make) -> None:
+def test_a_fillet_cut_down_by_a_narrow_angle_is_found(make):
     # 40 degrees: the bare crotch is 35.1 mm long, half of the child 35.5 mm
     findings = found(Subject.of(make((2, 71.0, 40.0), fillet_mm=(6.0,))), "VF-C04")
     assert [f.severity for f in findings] == [E, Severity.INFO]
@@ -878,45 +705,14 @@ def test_a_fillet_cut_down_by_a_narrow_angle_is_found(make: Make) -> None:
     assert findings[1].limit == 6.0
 
 
-def test_a_pouch_narrower_than_its_branch_is_found(make: Make) -> None:
-    subject = Subject.of(make((2, 200.0, 60.0), pouch=Pouch(shape="round", radius_mm=11.9)))
-    assert [f.measured for f in found(subject, "VF-C07")] == [23.8]
-
-
-@pytest.mark.parametrize(
-    ("length_mm", "rules"),
-    [(4.9, {"VF-W01", "VF-C07"}), (23.9, {"VF-C07"}), (24.1, set())],
-)
-def test_a_rectangular_pouch_of_senseless_length_is_found(
-    length_mm: float, rules: set[str], make: Make
-) -> None:
-    rim = Pouch(shape="rectangle", length_mm=length_mm, width_mm=36.0)
-    report = run_checks(Subject.of(make((2, 200.0, 60.0), pouch=rim)))
-    assert {f.rule for f in report.findings if f.rule in ("VF-W01", "VF-C07")} == rules
-
-
-@pytest.mark.parametrize(
-    ("collar", "errors"),
-    [
-        (Collar(clamp_diameter_mm=70.0), 0),
-        (Collar(clamp_diameter_mm=70.0, length_mm=180.0, flare_mm=40.0), 1),
-        (Collar(clamp_diameter_mm=70.0, flare_mm=10.0), 1),
-    ],
-)
-def test_a_collar_fits_clamp_and_tail(collar: Collar, errors: int, make: Make) -> None:
-    # 110 mm wide at the clamp: too wide without a collar, right with one
-    findings = found(Subject.of(make((2, 200.0, 60.0), collar=collar)), "VF-B02")
-    assert [f.severity for f in findings] == [E] * errors
-
-
-def test_widths_of_tapered_branches_count_where_they_end(make: Make) -> None:
+def test_widths_of_tapered_branches_count_where_they_end(make):
     narrow = make((2, 200.0, 60.0), widths_mm=(30.0, 16.0), taper=(1.0, 0.3))
     assert [f.measured for f in found(Subject.of(narrow), "VF-W01")] == pytest.approx([4.8])
     close = make((2, 200.0, 60.0), widths_mm=(30.0, 16.0), taper=(0.6, 1.0))
     assert [f.measured for f in found(Subject.of(close), "VF-W02")] == pytest.approx([18 / 16])
 
 
-def test_taper_is_no_fault_of_the_width_as_built(make: Make, profile: LaserProfile) -> None:
+def test_taper_is_no_fault_of_the_width_as_built(make, profile):
     tapered = make((3, 200.0, 120.0), taper=(0.9, 0.6))
     for rule in ("VF-W04", "VF-P05"):
         assert found(Subject.of(tapered, profile), rule) == ()
@@ -924,7 +720,7 @@ def test_taper_is_no_fault_of_the_width_as_built(make: Make, profile: LaserProfi
     assert {f.branches[0] for f in found(even, "VF-W04")} == {"0", "0.0", "0.1", "0.2"}
 
 
-def test_a_wide_pouch_limits_the_pressure(make: Make, profile: LaserProfile) -> None:
+def test_a_wide_pouch_limits_the_pressure(make, profile):
     wide = make((2, 200.0, 60.0), pouch=Pouch(shape="round", radius_mm=30.0), pressure_kpa=20.0)
     finding = found(Subject.of(wide, profile), "VF-P01")[0]
     assert finding.limit == pytest.approx(70.0 * 20.0 / 60.0 / 1.5)
@@ -932,21 +728,13 @@ def test_a_wide_pouch_limits_the_pressure(make: Make, profile: LaserProfile) -> 
     assert "assumed" in finding.message
 
 
-def test_the_60_mm_trunk_at_50_kpa_fails(make: Make, profile: LaserProfile) -> None:
+def test_the_60_mm_trunk_at_50_kpa_fails(make, profile):
     trunk = make(widths_mm=(60.0,), pressure_kpa=50.0)
     finding = found(Subject.of(trunk, profile), "VF-P01")[0]
     assert (finding.measured, finding.limit) == (50.0, pytest.approx(15.56, abs=0.01))
 
 
-def test_a_path_with_many_turns_is_found_by_its_capstan_factor(make: Make) -> None:
-    # 7 joints of 81 degrees: e^(0.234 * 9.9) = 10.1
-    winding = make(*[(2, 100.0, 162.0)] * 7, widths_mm=tuple(40.0 * 0.8**n for n in range(8)))
-    findings = found(Subject.of(winding), "VF-C06")
-    assert [f.severity for f in findings] == [W]
-    assert "10.1" in findings[0].message
-
-
-def test_turns_at_contacts_count_when_a_deployment_is_given(make: Make) -> None:
+def test_turns_at_contacts_count_when_a_deployment_is_given(make):
     subject = Subject.of(make())
     turned = Deployment(
         tree=subject.layout.tree,
@@ -961,12 +749,7 @@ def test_turns_at_contacts_count_when_a_deployment_is_given(make: Make) -> None:
     assert len(found(replace(subject, deployments=(turned,)), "VF-C06")) == 1
 
 
-def test_a_weld_after_a_cut_is_found(make: Make, profile: LaserProfile) -> None:
-    backwards = jobbed(lambda job: tuple(reversed(job.paths)))
-    assert {f.severity for f in found(backwards(make, profile), "VF-L03")} == {E}
-
-
-def test_tiny_pieces_are_found(make: Make, profile: LaserProfile) -> None:
+def test_tiny_pieces_are_found():
     short = path(Operation.CUT, [[500.0, 500.0], [500.19, 500.0], [520.0, 500.0]])
     tight = LaserPath(
         operation=Operation.CUT,
@@ -980,29 +763,24 @@ def test_tiny_pieces_are_found(make: Make, profile: LaserProfile) -> None:
         label="tight",
     )
     build = jobbed(lambda job: (*job.paths, short, tight))
-    findings = found(build(make, profile), "VF-L02")
+    findings = found(build(), "VF-L02")
     assert sorted(f.measured or 0.0 for f in findings) == pytest.approx([0.19, 0.49])
 
 
-def test_fast_small_arcs_are_found(make: Make, profile: LaserProfile) -> None:
+def test_fast_small_arcs_are_found(make, profile):
     # weldcut at 60 mm/s: a fillet of 2 mm less the beam's offset asks for 2.5 m/s^2, of 3 allowed
-    operations = dict(profile.recipe.by_operation)
-    weldcut = operations["weldcut"]
-    operations["weldcut"] = weldcut.changed(speed_mm_s=scaled(weldcut.speed_mm_s, 70.0))
-    fast = replace(profile, recipe=profile.recipe.changed(operations=operations))
     design = make((2, 200.0, 60.0), widths_mm=(24.0, 8.0), fillet_mm=(2.0,))
     assert found(Subject.of(design, profile), "VF-L05") == ()
-    (slowed,) = found(Subject.of(design, fast), "VF-L05")
+    fast = with_profile(design, recipe={"operations": operations("weldcut", speed_mm_s=70.0)})
+    (slowed,) = found(fast, "VF-L05")
     assert (slowed.measured, slowed.unit) == (70.0, "mm/s")
     assert f"{slowed.limit:.0f} mm/s" in slowed.message
-    (top,) = found(speed(501.0)(make, profile), "VF-L05")
+    (top,) = found(speed(501.0)(), "VF-L05")
     assert (top.measured, top.limit) == (501.0, 500.0)
 
 
-def test_a_pressure_too_low_to_grow_is_said_also_where_the_window_is_closed(
-    make: Make, profile: LaserProfile
-) -> None:
-    subject = of((2, 200.0, 60.0), widths_mm=(100.0, 11.75), pressure_kpa=2.0)(make, profile)
+def test_a_pressure_too_low_to_grow_is_said_also_where_the_window_is_closed():
+    subject = of((2, 200.0, 60.0), widths_mm=(100.0, 11.75), pressure_kpa=2.0)()
     window, working = found(subject, "VF-P03")
     assert window.fingerprint != working.fingerprint
     assert (working.severity, working.limit) == (W, 2.0)
@@ -1019,13 +797,7 @@ def test_a_pressure_too_low_to_grow_is_said_also_where_the_window_is_closed(
         (of((2, 200.0, 60.0), (1, 60.0, 0.0)), "VF-C02", ""),
     ],
 )
-def test_what_happens_to_a_design_without_being_wrong_is_noted(
-    make: Make, profile: LaserProfile, build: Build, rule: str, note: str
-) -> None:
-    (run,) = run_checks(build(make, profile), only=(rule,)).run
+def test_what_happens_to_a_design_without_being_wrong_is_noted(build, rule, note):
+    (run,) = run_checks(build(), only=(rule,)).run
     assert note in run.note
     assert bool(run.note) == bool(note)
-
-
-def test_a_film_that_does_not_weld_is_found(make: Make, profile: LaserProfile) -> None:
-    assert len(found(material(weldable=False)(make, profile), "VF-L04")) == 1

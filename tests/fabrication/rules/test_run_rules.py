@@ -11,35 +11,29 @@ from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design, PieceSettings, Waiver
 from vinefab.model.files.shipped import names
 from vinefab.model.finding import Severity
-from vinefab.model.job import Job
-from vinefab.model.laser import LaserProfile
 from vinefab.model.pieces import Partition, Piece
 
 Make = Callable[..., Design]
 
 
-def narrow(make: Make, width_mm: float = 4.0) -> Design:
+def narrow(make, width_mm=4.0):
     return make((2, 200.0, 60.0), widths_mm=(30.0, width_mm))
 
 
-def fingerprint(design: Design, rule: str) -> str:
+def fingerprint(design, rule):
     findings = run_checks(Subject.of(design)).findings
     return next(finding.fingerprint for finding in findings if finding.rule == rule)
 
 
 @pytest.mark.parametrize("recipe", ["with", "without"])
-def test_every_rule_is_either_run_or_skipped_with_a_reason(
-    make: Make, profile: LaserProfile, recipe: str
-) -> None:
+def test_every_rule_is_either_run_or_skipped_with_a_reason(make, profile, recipe):
     report = run_checks(Subject.of(make(), profile if recipe == "with" else None))
     reported = [*(run.rule for run in report.run), *(skipped.rule for skipped in report.skipped)]
     assert sorted(reported) == sorted(RULES.keys() - SLEEVE_RULES)
     assert all(skipped.reason for skipped in report.skipped)
 
 
-def test_rules_about_pieces_run_or_say_why_where_a_design_may_be_cut(
-    make: Make, profile: LaserProfile
-) -> None:
+def test_rules_about_pieces_run_or_say_why_where_a_design_may_be_cut(make, profile):
     assert {"VF-J01", "VF-J02", "VF-J03", "VF-J04", "VF-J05", "VF-J06"} == SLEEVE_RULES
     uncut = Subject.of(make(pieces=PieceSettings()), profile)
     skipped = {skip.rule: skip.reason for skip in run_checks(uncut).skipped}
@@ -50,7 +44,7 @@ def test_rules_about_pieces_run_or_say_why_where_a_design_may_be_cut(
     assert [one.checked for one in run if one.rule in ("VF-J03", "VF-J04", "VF-J06")] == [0] * 3
 
 
-def test_without_a_recipe_its_rules_are_skipped_and_say_so(make: Make) -> None:
+def test_without_a_recipe_its_rules_are_skipped_and_say_so(make):
     report = run_checks(Subject.of(make()))
     reasons = {skipped.rule: skipped.reason for skipped in report.skipped}
     assert report.recipe == ""
@@ -58,7 +52,7 @@ def test_without_a_recipe_its_rules_are_skipped_and_say_so(make: Make) -> None:
         assert "recipe" in reasons[rule]
 
 
-def test_the_report_counts_what_was_found(make: Make) -> None:
+def test_the_report_counts_what_was_found(make):
     report = run_checks(Subject.of(narrow(make)))
     by_rule = {run.rule: run.findings for run in report.run}
     assert sum(by_rule.values()) == len(report.findings)
@@ -66,7 +60,7 @@ def test_the_report_counts_what_was_found(make: Make) -> None:
     assert report.blocking
 
 
-def test_a_waiver_names_a_finding_and_lets_it_pass(make: Make) -> None:
+def test_a_waiver_names_a_finding_and_lets_it_pass(make):
     design = narrow(make)
     waiver = Waiver(fingerprint=fingerprint(design, "VF-W01"), reason="tested in the lab")
     report = run_checks(Subject.of(design.changed(waivers=(waiver,))))
@@ -76,32 +70,32 @@ def test_a_waiver_names_a_finding_and_lets_it_pass(make: Make) -> None:
     assert report.stale_waivers == ()
 
 
-def test_a_waiver_outlives_a_change_of_the_number_but_not_of_the_place(make: Make) -> None:
+def test_a_waiver_outlives_a_change_of_the_number_but_not_of_the_place(make):
     assert fingerprint(narrow(make, 4.0), "VF-W01") == fingerprint(narrow(make, 4.5), "VF-W01")
     trunk = make(widths_mm=(4.0,))
     assert fingerprint(narrow(make), "VF-W01") != fingerprint(trunk, "VF-W01")
 
 
-def test_a_waiver_that_waives_nothing_is_listed(make: Make) -> None:
+def test_a_waiver_that_waives_nothing_is_listed(make):
     design = make().changed(waivers=(Waiver(fingerprint="0123456789ab", reason="long gone"),))
     assert run_checks(Subject.of(design)).stale_waivers == ("0123456789ab",)
 
 
-def test_fingerprints_are_different_within_a_report(make: Make, profile: LaserProfile) -> None:
+def test_fingerprints_are_different_within_a_report(make, profile):
     bad = make((3, 60.0, 30.0), (3, 60.0, 200.0), widths_mm=(20.0, 18.0, 4.0), tail_mm=100.0)
     findings = run_checks(Subject.of(bad, profile)).findings
     assert len(findings) > 10
     assert len({finding.fingerprint for finding in findings}) == len(findings)
 
 
-def test_limits_can_be_changed(make: Make) -> None:
+def test_limits_can_be_changed(make):
     subject = Subject.of(make(tail_mm=180.0))
     assert run_checks(subject).count(Severity.WARNING) == 1
     assert run_checks(subject, {"VF-B01": {"warning": 170.0}}).count(Severity.WARNING) == 0
     assert run_checks(subject, {"VF-B01": {"error": 190.0}}).count(Severity.ERROR) == 1
 
 
-def test_unknown_rules_and_limits_are_refused(make: Make) -> None:
+def test_unknown_rules_and_limits_are_refused(make):
     subject = Subject.of(make())
     with pytest.raises(UnknownNameError, match="VF-B01"):
         run_checks(subject, {"VF-B1": {"warning": 1.0}})
@@ -111,7 +105,7 @@ def test_unknown_rules_and_limits_are_refused(make: Make) -> None:
         run_checks(subject, {"VF-B01": {"warning": float("nan")}})
 
 
-def test_markers_and_places_are_finite_and_near_the_robot(make: Make) -> None:
+def test_markers_and_places_are_finite_and_near_the_robot(make):
     folded = make((3, 150.0, 60.0), (3, 150.0, 160.0))
     findings = run_checks(Subject.of(folded)).findings
     placed = [finding for finding in findings if finding.x_mm is not None]
@@ -120,7 +114,7 @@ def test_markers_and_places_are_finite_and_near_the_robot(make: Make) -> None:
     assert all(f.marker_wkt.split("(")[0].strip().isupper() for f in placed if f.marker_wkt)
 
 
-def test_more_than_a_hundred_overlaps_are_counted_in_one_finding(make: Make) -> None:
+def test_more_than_a_hundred_overlaps_are_counted_in_one_finding(make):
     heap = make((5, 200.0, 300.0), (5, 200.0, 300.0), (3, 200.0, 200.0))
     findings = [f for f in run_checks(Subject.of(heap)).findings if f.rule == "VF-T03"]
     assert len(findings) == 101
@@ -129,9 +123,7 @@ def test_more_than_a_hundred_overlaps_are_counted_in_one_finding(make: Make) -> 
 
 
 @pytest.mark.parametrize(("name", "spool"), [("plain_vine", ""), ("three_level_tree", "40 kPa")])
-def test_hand_made_designs_pass_but_for_the_recipe(
-    name: str, spool: str, profile: LaserProfile
-) -> None:
+def test_hand_made_designs_pass_but_for_the_recipe(name, spool, profile):
     report = run_checks(Subject.of(Design.read(name), profile))
     assert [(one.rule, one.title) for one in report.findings] == [
         ("VF-L06", "recipe not calibrated")
@@ -143,11 +135,11 @@ def test_hand_made_designs_pass_but_for_the_recipe(
 
 
 @pytest.mark.parametrize("name", names("design"))
-def test_shipped_designs_have_no_errors(name: str, profile: LaserProfile) -> None:
+def test_shipped_designs_have_no_errors(name, profile):
     assert check_design(Design.read(name), profile).blocking == ()
 
 
-def test_rules_can_be_read_without_their_code() -> None:
+def test_rules_can_be_read_without_their_code():
     for rule_id, rule in RULES.items():
         assert rule.id == rule_id
         assert rule.title
@@ -156,9 +148,7 @@ def test_rules_can_be_read_without_their_code() -> None:
 
 @pytest.mark.parametrize("name", ["three_level_tree", "grid_explorer"])
 @pytest.mark.parametrize("problems", [(), ("an arc is missing",)])
-def test_merged_reports_equal_one_report_of_all_rules(
-    name: str, problems: tuple[str, ...], profile: LaserProfile
-) -> None:
+def test_merged_reports_equal_one_report_of_all_rules(name, problems, profile):
     design = Design.read(name).changed(waivers=(Waiver(fingerprint="gone", reason="old"),))
     before = Subject.of(design, profile)
     after = replace(before, readback={"outline.dxf": problems})
@@ -170,13 +160,13 @@ def test_merged_reports_equal_one_report_of_all_rules(
 FAN = (4, 100.0, 170.0)
 
 
-def without_paths(*_: object) -> Job:
+def without_paths(*_):
     raise AssertionError("the paths of a design that is blocked were made")
 
 
 def test_the_paths_of_a_large_design_that_is_blocked_are_not_made_and_no_rule_is_lost(
-    make: Make, profile: LaserProfile, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    make, profile, monkeypatch
+):
     monkeypatch.setattr(checking, "MANY_BRANCHES", 3)
     monkeypatch.setattr(checking, "laser_job", without_paths)
     report = checking.check_design(make(FAN, (4, 200.0, 170.0)), profile)
@@ -188,9 +178,7 @@ def test_the_paths_of_a_large_design_that_is_blocked_are_not_made_and_no_rule_is
     assert "21 branches" in reasons["VF-S01"]
 
 
-def test_a_large_design_that_nothing_blocks_is_checked_in_full(
-    make: Make, profile: LaserProfile, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_large_design_that_nothing_blocks_is_checked_in_full(make, profile, monkeypatch):
     whole = checking.check_design(make(FAN), profile)
     monkeypatch.setattr(checking, "MANY_BRANCHES", 3)
     assert checking.check_design(make(FAN), profile) == whole

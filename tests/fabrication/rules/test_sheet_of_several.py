@@ -12,44 +12,41 @@ from vinefab.fabrication.package.prepare import prepare
 from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES, SLEEVE_RULES, run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
-from vinefab.model.finding import Finding, Severity
-from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LaserProfile
+from vinefab.model.finding import Severity
+from vinefab.model.job import Operation
 from vinefab.model.outline import Contour
 
 Make = Callable[..., Design]
 
 
 @pytest.fixture
-def fork(make: Make) -> Design:
+def fork(make):
     return make((2, 150.0, 70.0)).changed(name="fork")
 
 
 @pytest.fixture
-def vine(make: Make) -> Design:
+def vine(make):
     return make().changed(name="vine")
 
 
-def squeezed(contour: Contour, share: float) -> Contour:
+def squeezed(contour, share):
     """Return a contour with everything nearer to its mouth's middle, as wrong units would."""
     middle = (contour.points_mm[0] + contour.points_mm[-1]) / 2.0
     return replace(contour, points_mm=middle + share * (contour.points_mm - middle))
 
 
-def with_path(job: Job, label: str, change: Callable[[LaserPath], LaserPath]) -> Job:
+def with_path(job, label, change):
     paths = tuple(change(path) if path.label == label else path for path in job.paths)
     assert any(path.label == label for path in job.paths)
     return replace(job, paths=paths)
 
 
-def found(design: Design, profile: LaserProfile, job: Job, rule: str) -> list[Finding]:
+def found(design, profile, job, rule):
     report = run_checks(Subject.on_sheet(design, profile, job), only=(rule,))
     return list(report.findings)
 
 
-def test_widths_of_every_robot_are_measured_where_it_lies(
-    fork: Design, vine: Design, profile: LaserProfile
-) -> None:
+def test_widths_of_every_robot_are_measured_where_it_lies(fork, vine, profile):
     job = laser_job(fork, profile, SheetOptions(copies=2, beside=(vine,)))
     for design, checked in ((fork, 2 * 3), (vine, 1)):
         report = run_checks(Subject.on_sheet(design, profile, job), only=("VF-W04",))
@@ -61,9 +58,7 @@ def test_widths_of_every_robot_are_measured_where_it_lies(
     ("label", "of_fork", "of_vine"),
     [("fork, part 2 of 3", 1, 0), ("vine, part 3 of 3", 0, 1)],
 )
-def test_the_robot_that_came_out_narrow_is_named(
-    fork: Design, vine: Design, profile: LaserProfile, label: str, of_fork: int, of_vine: int
-) -> None:
+def test_the_robot_that_came_out_narrow_is_named(fork, vine, profile, label, of_fork, of_vine):
     job = laser_job(fork, profile, SheetOptions(copies=2, beside=(vine,)))
     wrong = with_path(
         job,
@@ -81,18 +76,16 @@ def test_the_robot_that_came_out_narrow_is_named(
     assert [count > 0 for count in seams] == [of_fork > 0, of_vine > 0]
 
 
-def test_an_overcut_is_reported_for_its_own_robot_only(
-    fork: Design, vine: Design, profile: LaserProfile
-) -> None:
+def test_an_overcut_is_reported_for_its_own_robot_only(fork, vine, profile):
     job = laser_job(fork, profile, SheetOptions(copies=2, beside=(vine,)))
 
-    def shorter(path: LaserPath) -> LaserPath:
+    def shorter(path):
         points = path.contour.points_mm
         along = (points[1] - points[0]) / path.contour.length_mm
         less = [points[0] + 1.0 * along, points[1] - 1.0 * along]
         return replace(path, contour=Contour.polyline(less, closed=False))
 
-    def cut(path: LaserPath) -> LaserPath:
+    def cut(path):
         return replace(path, contour=replace(shorter(path).contour, parts=path.contour.parts))
 
     wrong = with_path(job, "mouth of fork, part 2 of 3", cut)
@@ -102,7 +95,7 @@ def test_an_overcut_is_reported_for_its_own_robot_only(
     assert (finding.measured, finding.limit) == (pytest.approx(1.0), pytest.approx(2.0))
 
 
-def test_a_mark_without_room_is_a_notice(fork: Design, profile: LaserProfile) -> None:
+def test_a_mark_without_room_is_a_notice(fork, profile):
     job = laser_job(fork, profile)
     told = replace(job, facts={**job.facts, "marks_left_out": ["no room for the label of fork"]})
     (finding,) = found(fork, profile, told, "VF-L01")
@@ -111,12 +104,12 @@ def test_a_mark_without_room_is_a_notice(fork: Design, profile: LaserProfile) ->
     assert found(fork, profile, job, "VF-L01") == []
 
 
-def test_rules_of_the_sheet_are_rules() -> None:
+def test_rules_of_the_sheet_are_rules():
     assert set(RULES) > SHEET_RULES
     assert not {"VF-W04", "VF-P05"} & SHEET_RULES
 
 
-def test_a_cut_into_the_seam_is_found(fork: Design, profile: LaserProfile) -> None:
+def test_a_cut_into_the_seam_is_found(fork, profile):
     sheet = SheetOptions(process="weld+cut")
     job = laser_job(fork, profile, sheet)
     assert found(fork, profile, job, "VF-L02") == []
@@ -132,7 +125,7 @@ def test_a_cut_into_the_seam_is_found(fork: Design, profile: LaserProfile) -> No
     assert math.hypot(x - 300.0, y) < 160.0 < math.hypot(x + 60.0, y)
 
 
-def test_a_cut_that_ends_where_it_began_is_found(fork: Design, profile: LaserProfile) -> None:
+def test_a_cut_that_ends_where_it_began_is_found(fork, profile):
     cut = profile.settings("cut")
     bare = cut.changed(overcut_mm=cut.overcut_mm.changed(value=0.5))
     operations = {**profile.recipe.by_operation, "cut": bare}
@@ -143,9 +136,7 @@ def test_a_cut_that_ends_where_it_began_is_found(fork: Design, profile: LaserPro
     assert "around the robot" in finding.message
 
 
-def test_reports_of_robots_in_one_piece_name_no_rule_about_pieces(
-    fork: Design, vine: Design, profile: LaserProfile
-) -> None:
+def test_reports_of_robots_in_one_piece_name_no_rule_about_pieces(fork, vine, profile):
     made = prepare(fork, profile, sheet=SheetOptions(copies=1, beside=(vine,)))
     assert made.beside
     for report in (made.report, *made.beside):

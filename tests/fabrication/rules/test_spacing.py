@@ -8,13 +8,11 @@ import pytest
 import shapely
 
 from vinefab.core.rng import child
-from vinefab.core.validation import Floats
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.rules.spacing import (
     Capsules,
     Hulls,
-    Spacing,
     capsules_of,
     closest,
     hull_gap_mm,
@@ -25,20 +23,20 @@ from vinefab.model.design import Design, Pouch
 Make = Callable[..., Design]
 
 
-def lines(capsules: Capsules) -> shapely.Geometry:
+def lines(capsules):
     return shapely.linestrings(np.stack([capsules.start_mm, capsules.end_mm], axis=1))
 
 
-def flat_capsules(design: Design) -> Capsules:
+def flat_capsules(design):
     return capsules_of(flat_layout(design), design.build)
 
 
-def by_pair(found: Spacing, values: Floats) -> dict[tuple[int, int], float]:
+def by_pair(found, values):
     pairs = zip(found.first.tolist(), found.second.tolist(), strict=True)
     return dict(zip(pairs, values.tolist(), strict=True))
 
 
-def test_closest_agrees_with_shapely_also_for_points_parallels_and_touches() -> None:
+def test_closest_agrees_with_shapely_also_for_points_parallels_and_touches():
     rng = child(5)
     ends = [rng.uniform(-50.0, 50.0, (4000, 2)) for _ in range(4)]
     ends[1][:500] = ends[0][:500]
@@ -54,7 +52,7 @@ def test_closest_agrees_with_shapely_also_for_points_parallels_and_touches() -> 
     assert np.hypot(*(on_a - on_b).T) == pytest.approx(found.distance_mm, abs=1e-9)
 
 
-def test_all_near_pairs_are_found_and_no_joined_ones(make: Make) -> None:
+def test_all_near_pairs_are_found_and_no_joined_ones(make):
     flat = flat_capsules(make((4, 120.0, 150.0), (3, 100.0, 120.0), (2, 60.0, 90.0)))
     found = spacing(flat, 5.0)
     gaps = by_pair(found, found.gap_mm)
@@ -74,7 +72,7 @@ def test_all_near_pairs_are_found_and_no_joined_ones(make: Make) -> None:
     assert found.complete
 
 
-def test_the_crossing_is_how_far_the_nearest_end_runs_past() -> None:
+def test_the_crossing_is_how_far_the_nearest_end_runs_past():
     cross = Capsules(
         start_mm=np.array([[0.0, 0.0], [70.0, -40.0], [0.0, 5.0]]),
         end_mm=np.array([[100.0, 0.0], [70.0, 60.0], [60.0, 5.0]]),
@@ -99,7 +97,7 @@ def test_the_crossing_is_how_far_the_nearest_end_runs_past() -> None:
         Pouch(shape="rectangle", length_mm=30.0, width_mm=50.0),
     ],
 )
-def test_capsules_cover_the_drawn_outline_except_fillets(make: Make, pouch: Pouch | None) -> None:
+def test_capsules_cover_the_drawn_outline_except_fillets(make, pouch):
     design = make((3, 200.0, 120.0), (2, 120.0, 50.0), pouch=pouch, fillet_mm=(2.0, 2.0))
     flat = flat_capsules(design)
     capsules = shapely.buffer(lines(flat), flat.half_mm, quad_segs=64)

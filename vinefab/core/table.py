@@ -82,6 +82,7 @@ class Table(BaseModel, metaclass=_TableType):
         strict=True,
         allow_inf_nan=False,
         frozen=True,
+        defer_build=True,
         validate_by_name=True,
         validate_by_alias=True,
     )

@@ -167,6 +167,7 @@ class _Painter:
         size = (round(scale * page.width_pt), round(scale * page.height_pt))
         self.image = Image.new("RGB", size, "white")
         self.draw = ImageDraw.Draw(self.image)
+        self.blended = ImageDraw.Draw(self.image, "RGBA")  # lays see-through colours over it
 
     def around(self, window: Box) -> list[tuple[Image.Image, tuple[int, int]]]:
         """Return the strips of the image around a window, and their places."""
@@ -212,41 +213,35 @@ class _Painter:
 
     def _fill(self, rings: list[list[_Place]], colour: tuple[int, int, int], alpha: float) -> None:
         rings = [ring for ring in rings if len(ring) > 2]
-        if not rings:
+        # Even-odd: a ring within a ring takes away, one within that fills again. Rings that meet no
+        # other one, mostly thousands of obstacles, are just filled.
+        boxes = [shapely.box(*np.min(ring, axis=0), *np.max(ring, axis=0)) for ring in rings]
+        met = np.bincount(shapely.STRtree(boxes).query(boxes)[0], minlength=len(rings)) > 1
+        for ring in (ring for ring, has_others in zip(rings, met, strict=True) if not has_others):
+            self.blended.polygon(ring, fill=(*colour, round(255 * alpha)))
+        meeting = [
+            np.array(ring) for ring, has_others in zip(rings, met, strict=True) if has_others
+        ]
+        if not meeting:
             return
-        if len(rings) == 1 and alpha == 1.0:
-            self.draw.polygon(rings[0], fill=colour)
-            return
-        every = np.concatenate([np.array(ring) for ring in rings])
-        limits = np.array(self.image.size)
+        every, limits = np.concatenate(meeting), np.array(self.image.size)
         low = np.clip(np.floor(every.min(axis=0)).astype(int), 0, limits)
         high = np.clip(np.ceil(every.max(axis=0)).astype(int) + 1, 0, limits)
         if (high <= low).any():
             return
-        # Even-odd: a ring within a ring takes away, one within that fills again. Rings that meet no
-        # other one, mostly thousands of obstacles, are just filled.
         mask = Image.new("1", tuple((high - low).tolist()))
-        draw = ImageDraw.Draw(mask)
-        boxes = [shapely.box(*np.min(ring, axis=0), *np.max(ring, axis=0)) for ring in rings]
-        met = np.bincount(shapely.STRtree(boxes).query(boxes)[0], minlength=len(rings)) > 1
-        for ring, has_others in zip(rings, met.tolist(), strict=True):
-            shifted = [(x - float(low[0]), y - float(low[1])) for x, y in ring]
-            if not has_others:
-                draw.polygon(shifted, fill=1)
-                continue
-            xs, ys = zip(*shifted, strict=True)
-            left, top = max(0, int(min(xs)) - 1), max(0, int(min(ys)) - 1)
-            right = min(mask.size[0], int(max(xs)) + 2)
-            lower = min(mask.size[1], int(max(ys)) + 2)
+        for ring in meeting:
+            xs, ys = (ring - low).T
+            left, top = max(0, int(xs.min()) - 1), max(0, int(ys.min()) - 1)
+            right = min(mask.size[0], int(xs.max()) + 2)
+            lower = min(mask.size[1], int(ys.max()) + 2)
             if right <= left or lower <= top:
                 continue
             one = Image.new("1", (right - left, lower - top))
-            ImageDraw.Draw(one).polygon([(x - left, y - top) for x, y in shifted], fill=1)
+            ImageDraw.Draw(one).polygon(_pairs(np.column_stack([xs - left, ys - top])), fill=1)
             under = mask.crop((left, top, right, lower))
             mask.paste(ImageChops.logical_xor(under, one), (left, top))
-        opacity = mask.convert("L")
-        if alpha < 1.0:
-            opacity = opacity.point([round(alpha * level) for level in range(256)])
+        opacity = mask.convert("L").point([round(alpha * level) for level in range(256)])
         self.image.paste(colour, (int(low[0]), int(low[1])), opacity)
 
     def _dashes(self, places: list[_Place], dash_pt: tuple[float, ...]) -> list[list[_Place]]:

@@ -217,8 +217,8 @@ class _Painter:
         # other one, mostly thousands of obstacles, are just filled.
         boxes = [shapely.box(*np.min(ring, axis=0), *np.max(ring, axis=0)) for ring in rings]
         met = np.bincount(shapely.STRtree(boxes).query(boxes)[0], minlength=len(rings)) > 1
-        for ring in (ring for ring, has_others in zip(rings, met, strict=True) if not has_others):
-            self.blended.polygon(ring, fill=(*colour, round(255 * alpha)))
+        for alone in (ring for ring, has_others in zip(rings, met, strict=True) if not has_others):
+            self.blended.polygon(alone, fill=(*colour, round(255 * alpha)))
         meeting = [
             np.array(ring) for ring, has_others in zip(rings, met, strict=True) if has_others
         ]

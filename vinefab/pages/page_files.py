@@ -218,7 +218,10 @@ class _Painter:
         boxes = [shapely.box(*np.min(ring, axis=0), *np.max(ring, axis=0)) for ring in rings]
         met = np.bincount(shapely.STRtree(boxes).query(boxes)[0], minlength=len(rings)) > 1
         for alone in (ring for ring, has_others in zip(rings, met, strict=True) if not has_others):
-            self.blended.polygon(alone, fill=(*colour, round(255 * alpha)))
+            if alpha == 1.0:
+                self.draw.polygon(alone, fill=colour)
+            else:
+                self.blended.polygon(alone, fill=(*colour, round(255 * alpha)))
         meeting = [
             np.array(ring) for ring, has_others in zip(rings, met, strict=True) if has_others
         ]

@@ -13,8 +13,8 @@ from pathlib import Path
 from PIL import Image
 from PIL.ExifTags import IFD, Base
 
+from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design
 from vinefab.model.files.starters import starter_map

@@ -26,7 +26,7 @@ import vinefab as vf
 from vinefab.app import making
 from vinefab.cli.main import main
 from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.growth.simulator import grow_on
+from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.maps.generators.grid import grid_map

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from vinefab.cli.main import main
-from vinefab.core.file_mark import marked
+from vinefab.core.hashing import marked
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.inflation.pattern import cut_design

@@ -28,10 +28,9 @@ from tests.oracles.growth_spans import grow_reference
 from vinefab.core.errors import BadInputError
 from vinefab.core.table import DeclaredKey, declared_keys
 from vinefab.core.validation import SMALLEST
-from vinefab.growth.batch import Batch, GrowthBlock, Launches, TerrainSet
+from vinefab.growth.batch import Batch, GrowthBlock, Launches, TerrainSet, grow_on
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level

@@ -20,7 +20,7 @@ from vinefab.core.atomic import (
     write_text,
 )
 from vinefab.core.errors import CannotWriteError, ForeignFileError, KeptAsideWarning
-from vinefab.core.file_mark import ROOMY_GENERATOR, Authorship, authorship, marked
+from vinefab.core.hashing import ROOMY_GENERATOR, Authorship, authorship, marked
 from vinefab.core.jsontext import OWN_MARK, json_text
 
 OURS = "# written by vinefab 0\n"

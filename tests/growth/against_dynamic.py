@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from dynamic import Arena, Floats, Vine, arena_of, grow_chain, start_of, vine_of
 
+from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Build, Design

@@ -9,10 +9,9 @@ from shapely import box
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.growth import batch as batch_module
-from vinefab.growth.batch import MOST_KEPT, Batch, Launches, TerrainSet
+from vinefab.growth.batch import MOST_KEPT, Batch, Launches, TerrainSet, grow_on
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.map import Map, Pose
 

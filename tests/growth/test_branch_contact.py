@@ -13,10 +13,9 @@ from shapely import affinity
 from shapely.ops import substring
 
 from tests.oracles.branch_contact import distance_mm, stopped_in_steps
-from vinefab.growth.batch import Batch, Launches, TerrainSet
+from vinefab.growth.batch import Batch, Launches, TerrainSet, grow_on
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan, Plans
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Build, Design, Level

@@ -9,9 +9,9 @@ from scipy.optimize import brentq
 from shapely import box
 
 from tests.oracles.growth_spans import grow_reference
+from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose

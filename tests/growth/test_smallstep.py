@@ -19,8 +19,8 @@ from shapely import LineString, Point, Polygon, box
 from shapely.affinity import affine_transform
 
 from vinefab.core.rng import child
+from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level

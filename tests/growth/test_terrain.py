@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose
 from shapely import Polygon, box
 
 from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.growth.batch import grow_on
 from vinefab.growth.free_space import MARGIN
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import MOST_RADII, Terrain
 from vinefab.model.map import Map, Pose
 

@@ -17,8 +17,8 @@ from rendered_photo import Look, Scene, render
 
 from vinefab import maps
 from vinefab.core.errors import VinefabError
+from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Design

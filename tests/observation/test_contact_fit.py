@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.contacts import read_contacts

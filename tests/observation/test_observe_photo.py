@@ -17,7 +17,7 @@ from rendered_photo import Look, Scene, render
 import vinefab as vf
 from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError
-from vinefab.growth.simulator import grow_on
+from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.contacts import read_contacts
 from vinefab.model.corner_marker import corner_markers

@@ -21,10 +21,10 @@ from vinefab.growth.arrays import (
     TreesArrays,
     WallArrays,
 )
+from vinefab.growth.batch import grow_on
 from vinefab.growth.engine import KERNEL, Settling, rules_of
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from tests.oracles.grown_paths import grown_paths
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
+from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.deployment import Deployment

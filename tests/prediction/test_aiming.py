@@ -16,7 +16,7 @@ from tests.prediction.test_pose_search import OPTIONS, ROOM, TREE
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.core.view import Origin
-from vinefab.growth.simulator import grow_on
+from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.contacts import contacts_of
 from vinefab.model.map import Pose, Start

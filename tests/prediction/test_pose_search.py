@@ -10,8 +10,8 @@ import shapely
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
+from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow_on
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose, Start
 from vinefab.prediction.pose_search import (

@@ -9,10 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vinefab.growth import kernel
-from vinefab.growth.batch import Batch, Launches, TerrainSet
+from vinefab.growth.batch import Batch, Launches, TerrainSet, grow_on
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan, Plans
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.poses import draw_poses

@@ -13,7 +13,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.rules.spacing import capsules_of
-from vinefab.growth.simulator import grow_on
+from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Build, Design, Level, Pouch

@@ -13,7 +13,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from tests.oracles.shapely_reference import ReferenceWorld, grow_tree, tips_mm
-from vinefab.growth.simulator import grow_on
+from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.poses import draw_poses
 from vinefab.model.tree import branch_tree

@@ -8,8 +8,8 @@ import pytest
 
 from tests.oracles.shapely_reference import ReferenceWorld, grow_tree, tips_mm
 from vinefab.core.view import lines
+from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.poses import draw_poses
 from vinefab.model.tree import branch_tree

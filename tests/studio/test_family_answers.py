@@ -9,7 +9,7 @@ import shapely
 import vinefab as vf
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.statistics import PAIRED_TAILS, mean_interval
-from vinefab.growth.simulator import grow_on
+from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps import generate
 from vinefab.model.design import Design

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.growth.simulator import grow_on
+from vinefab.growth.batch import grow_on
 from vinefab.model.design import Build, Design, Level, design_of
 from vinefab.model.files.design_toml import design_content
 from vinefab.prediction.deploy import deploy

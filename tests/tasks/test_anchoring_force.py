@@ -11,10 +11,9 @@ from shapely import box
 
 from tests.oracles.anchoring import branch_force_n, pouch_contact_mm2, tip_force_n
 from vinefab.core.errors import BadInputError
-from vinefab.growth.batch import Batch, Launches, TerrainSet
+from vinefab.growth.batch import Batch, Launches, TerrainSet, grow_on
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import grow_on
 from vinefab.maps.generators.cave import cave_map
 from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.poses import draw_poses

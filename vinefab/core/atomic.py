@@ -17,11 +17,14 @@ from vinefab.core.errors import (
     KeptAsideWarning,
     VinefabError,
 )
-from vinefab.core.file_mark import Authorship, authorship, has_mark, marked
 from vinefab.core.hashing import (
     MANIFEST_NAME,
+    Authorship,
+    authorship,
     digests_in,
+    has_mark,
     manifest_text,
+    marked,
     sha256_of,
     sha256_of_file,
 )

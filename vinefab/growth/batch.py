@@ -1,4 +1,4 @@
-"""Batches of growths: every design from every launch."""
+"""Growths: one design from one pose, or a batch, every design from every launch."""
 
 import itertools
 import math
@@ -14,9 +14,10 @@ from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import Growth, JobArrays, TerrainSetArrays
 from vinefab.growth.engine import Engine, Settling, chosen_engine, grow_jobs_of, rules_of
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plans
+from vinefab.growth.plan import Plan, Plans
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.design import Design
 from vinefab.model.map import Pose
 
 if TYPE_CHECKING:
@@ -234,7 +235,7 @@ class GrowthBlock:
         return tips_mm[:count], first
 
     def deployment(self, index: int) -> Deployment:
-        """Return one growth as `vinefab.growth.simulator.grow_on` does."""
+        """Return one growth as `vinefab.growth.batch.grow_on` does."""
         one, two = self.branch[index], self.branch[index + 1]
         first_point = self.growth.first_point[one + index : two + index + 1].copy()
         room = self.room[index]
@@ -362,7 +363,7 @@ class Batch:
         return result
 
     def deployments(self, over: BlockMapper = map) -> list[Deployment]:
-        """Return every growth as `vinefab.growth.simulator.grow_on` does."""
+        """Return every growth as `vinefab.growth.batch.grow_on` does."""
         blocks = self.each(_deployments_of, over)
         return [deployment for block in blocks for deployment in block]
 
@@ -456,3 +457,49 @@ class Batch:
         terrain = int(jobs.page[job]) // len(self.plans.spans.radii_mm)
         fits = self.launches.atlas.terrains[terrain].have_room(start, radii_mm[level])
         jobs.fits[jobs.branch[job] + first : jobs.branch[job] + last] = fits
+
+
+def grow_on(
+    design: Design,
+    terrain: Terrain,
+    pose: Pose,
+    options: GrowthOptions | None = None,
+    engine: Engine = "auto",
+    plan: Plan | None = None,
+) -> Deployment:
+    """Return how a design deploys from a pose: a batch of one.
+
+    Parameters
+    ----------
+    design
+        The robot.
+    terrain
+        The map, prepared with `Terrain.of`.
+    pose
+        Where the trunk is launched. A start on a wall is allowed.
+    options
+        Options of the growth model; the defaults if None.
+    engine
+        What computes it, see `Engine`.
+    plan
+        The branches to grow, such as a part of the design's, cut shorter; the design's if None.
+
+    Returns
+    -------
+    Deployment
+        Chains, stop reasons, lengths and turns. A branch that stopped at once has a chain of two
+        equal points; one that never emerged has none. With inflated bodies, a branch without room
+        for its base has not deployed.
+
+    Raises
+    ------
+    BadInputError
+        If the pose is inside an obstacle or outside the bounds.
+    UnknownNameError
+        If there is no such engine.
+    """
+    options = options or GrowthOptions()
+    launches = Launches.of(TerrainSet([terrain]), [[pose]], [options.only_half_angle_rad])
+    plans = Plans.joined([plan or Plan.of(design, options)])
+    (deployment,) = Batch(plans, launches, options, engine=engine).deployments()
+    return deployment

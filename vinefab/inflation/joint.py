@@ -18,9 +18,8 @@ from vinefab.fabrication.outline.joint import LEFT, RIGHT, Core, JointBranch, so
 from vinefab.fabrication.outline.stroke import LocalFrame, Pen, Point, placed, polar
 from vinefab.inflation.membrane import Bools, Membrane
 from vinefab.inflation.mesh import LEAST_ANGLE_DEG, SheetMesh, StraightSide, followed
-from vinefab.inflation.sheet import Sheet, sheet_of, turned_deg
+from vinefab.inflation.sheet import Sheet, sheet_of, tube_stretch, turned_deg
 from vinefab.inflation.solve import Equilibrium, Tell
-from vinefab.inflation.tube import tube_stretch
 from vinefab.model.outline import Contour, Part
 
 ACROSS = 8

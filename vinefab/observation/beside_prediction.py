@@ -16,8 +16,8 @@ from shapely import LineString
 
 from vinefab.core.units import deg
 from vinefab.core.validation import Floats
+from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthChoice, GrowthOptions
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design

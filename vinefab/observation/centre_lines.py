@@ -20,8 +20,8 @@ from shapely import LineString
 
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats
+from vinefab.growth.batch import grow_on
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose

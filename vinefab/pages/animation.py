@@ -18,7 +18,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.file_mark import ROOMY_GENERATOR
+from vinefab.core.hashing import ROOMY_GENERATOR
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import STUCK_STOPS, Deployment, Stop

@@ -13,7 +13,7 @@ import shapely
 from PIL import Image, ImageChops, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
-from vinefab.core.file_mark import ROOMY_GENERATOR
+from vinefab.core.hashing import ROOMY_GENERATOR
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.validation import Floats
 from vinefab.pages.panel import (

@@ -12,7 +12,7 @@ from reportlab.pdfbase.ttfonts import TTFont
 from reportlab.pdfgen.canvas import Canvas
 from reportlab.pdfgen.pathobject import PDFPathObject
 
-from vinefab.core.file_mark import ROOMY_GENERATOR
+from vinefab.core.hashing import ROOMY_GENERATOR
 from vinefab.core.validation import Floats
 from vinefab.pages.page_files import font_file
 from vinefab.pages.panel import MIDDLE, OPEN_SIGNS, SIGNS, Ink, Marks, Page, Raster, Shape, Words

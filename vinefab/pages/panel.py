@@ -52,7 +52,7 @@ _FAR_PT = (1.5, 4.0, 8.0, 13.0, 19.0, 26.0, 34.0, 44.0, 58.0, 76.0)
 
 _ANGLES = np.radians(45.0 + 22.5 * np.arange(16))
 
-_TAKEN, _LINE, _OUTSIDE = 40.0, 0.8, 1000.0
+_TAKEN, _LINE_COST, _OUTSIDE = 40.0, 0.8, 1000.0
 """Cost of each square point of what is taken, of each point of a line, of leaving the page."""
 
 _BETWEEN_PT, _CLEAR_PT = 2.0, 1.0
@@ -88,7 +88,7 @@ class Labels:
         self.ways: list[BaseGeometry] = []
 
     def place(
-        self, spots_pt: Floats, costs: Floats, size_pt: ArrayLike, *, line_cost: float = _LINE
+        self, spots_pt: Floats, costs: Floats, size_pt: ArrayLike, *, line_cost: float = _LINE_COST
     ) -> int:
         """Take the cheapest of some spots, shape (n, 2), for the middle of a label; return its row.
 

@@ -30,10 +30,10 @@ from vinefab.core.view import (
     Result,
     document,
 )
+from vinefab.growth.batch import grow_on
 from vinefab.growth.engine import Engine
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import CUT_STOPS, Deployment, Stop, branches_content, deployment_text
 from vinefab.model.design import Design, UnevenLevel

@@ -34,13 +34,13 @@ from vinefab.inflation.pattern import (
     MOST_STRAIN,
     Pattern,
     PatternJoint,
+    pattern_blocks,
     pattern_of,
     strain_of,
     stretch_of,
 )
-from vinefab.inflation.pattern_view import pattern_blocks
 from vinefab.inflation.robot import ACROSS, InflatedRobot, inflated_robot, with_short_tail
-from vinefab.inflation.tube import tube_stretch
+from vinefab.inflation.sheet import tube_stretch
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Material, Standing
 from vinefab.pages.page_files import page_svg

@@ -25,7 +25,7 @@ from vinefab.core.validation import Floats
 from vinefab.fabrication.rules.laser_rules import BED
 from vinefab.fabrication.rules.spacing import RotatedSpan
 from vinefab.fabrication.rules.tree_rules import CLAMP, PACKING
-from vinefab.growth.simulator import grow_on
+from vinefab.growth.batch import grow_on
 from vinefab.model.design import DEFAULT_TRUNK_WIDTH_MM, Design, Level, PieceSettings
 from vinefab.model.files.profile_toml import profile_files
 from vinefab.model.files.shipped import DEFAULT_RECIPE

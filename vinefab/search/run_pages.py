@@ -40,7 +40,7 @@ from vinefab.core.view import (
     Text,
     Value,
 )
-from vinefab.growth.simulator import grow_on
+from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text

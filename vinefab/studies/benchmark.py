@@ -24,11 +24,10 @@ from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import Block, Notes, Number, Rows, Value
 from vinefab.growth import kernel
 from vinefab.growth.arrays import Growth, Launch
-from vinefab.growth.batch import Batch, BlockMapper, Launches, TerrainSet
+from vinefab.growth.batch import Batch, BlockMapper, Launches, TerrainSet, grow_on
 from vinefab.growth.engine import KERNEL, rules_of
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.poses import draw_poses

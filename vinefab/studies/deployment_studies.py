@@ -13,8 +13,8 @@ from vinefab.core.hashing import fingerprint
 from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.core.view import Picture
+from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose

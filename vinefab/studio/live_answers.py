@@ -18,9 +18,9 @@ from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
 from vinefab.core.validation import LARGEST_MM, number
+from vinefab.growth.batch import grow_on
 from vinefab.growth.engine import Engine
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
-from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.pegs import PegsOptions, pegs_map
 from vinefab.model.deployment import Deployment, Stop

@@ -30,7 +30,7 @@ from vinefab.core.errors import (
     VinefabError,
     located,
 )
-from vinefab.core.file_mark import marked
+from vinefab.core.hashing import marked
 from vinefab.core.interruption import STOP_WITH_INPUT
 from vinefab.core.plain_text import counted, visible
 from vinefab.core.validation import Floats, check_plain

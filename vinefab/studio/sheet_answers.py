@@ -13,7 +13,7 @@ from vinefab.core.units import deg
 from vinefab.fabrication.checking import Deployed, checked_design, map_corridors
 from vinefab.fabrication.job.placement import LayoutPlacement
 from vinefab.fabrication.package.bom import BomLine, bill_of_materials, joint_lines
-from vinefab.fabrication.package.sheet_svg import (
+from vinefab.fabrication.package.sheet_pictures import (
     SEVERITY_SIGNS,
     PlacedFinding,
     beds_svg,
@@ -24,7 +24,7 @@ from vinefab.fabrication.package.sheet_svg import (
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.pressure_rules import WINDOW, WorstBranch, pressure_gauge
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.growth.simulator import grow_on
+from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.files.design_toml import design_content

@@ -23,7 +23,7 @@ from vinefab.core.errors import (
     UnknownNameError,
     UnreadableFileError,
 )
-from vinefab.core.file_mark import marked
+from vinefab.core.hashing import marked
 from vinefab.core.jsontext import GENERATOR, plain
 from vinefab.core.validation import check_plain
 from vinefab.core.version import __version__

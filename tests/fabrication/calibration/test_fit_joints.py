@@ -19,7 +19,7 @@ from vinefab.fabrication.calibration.fit_joints import fit_closing, fit_modulus
 from vinefab.fabrication.calibration.fit_recipe import calibrated_recipe, fitted_recipe
 from vinefab.inflation.pattern import pattern_of
 from vinefab.inflation.robot import inflated_robot
-from vinefab.inflation.tube import tube_stretch
+from vinefab.inflation.sheet import tube_stretch
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.profile_toml import profile_of, read_profile
 from vinefab.model.laser import Quantity, Standing

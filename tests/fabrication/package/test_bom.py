@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from vinefab.core.jsontext import OWN_MARK
-from vinefab.fabrication.package.bom import bill_of_materials, body_area_mm2, bom_text
-from vinefab.fabrication.package.machine_time import move_time_s
+from vinefab.fabrication.package.bom import bill_of_materials, body_area_mm2, bom_text, move_time_s
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Quantity, Standing
 from vinefab.model.outline import Contour

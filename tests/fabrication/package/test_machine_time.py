@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.fabrication.package.machine_time import machine_time, move_time_s, segment_times_s
+from vinefab.fabrication.package.bom import machine_time, move_time_s, segment_times_s
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Sealer
 from vinefab.model.outline import Contour, Segment

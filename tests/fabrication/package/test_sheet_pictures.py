@@ -9,7 +9,7 @@ from PIL import Image
 
 from vinefab.core.jsontext import OWN_MARK
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.package.machine_time import machine_time, schedule
+from vinefab.fabrication.package.bom import machine_time, schedule
 from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
 from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile

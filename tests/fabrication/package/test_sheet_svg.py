@@ -8,7 +8,7 @@ import shapely
 
 from vinefab.fabrication.checking import checked_design
 from vinefab.fabrication.job.placement import SheetPlaces
-from vinefab.fabrication.package.sheet_svg import (
+from vinefab.fabrication.package.sheet_pictures import (
     SEVERITY_SIGNS,
     placed_findings,
     sheet_box_mm,

@@ -20,7 +20,7 @@ from vinefab.fabrication.calibration.coupons import joint_designs
 from vinefab.fabrication.calibration.estimate import Equation, Estimate, solve_equations
 from vinefab.inflation.compensation import deployed_joint
 from vinefab.inflation.robot import joints_of
-from vinefab.inflation.tube import tube_stretch
+from vinefab.inflation.sheet import tube_stretch
 from vinefab.model.laser import CLOSING_GAIN, LaserProfile
 from vinefab.model.tree import fan_offsets_rad
 from vinefab.physics.seam import hoop_strain

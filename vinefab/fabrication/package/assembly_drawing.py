@@ -17,10 +17,12 @@ from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
-from vinefab.fabrication.package.mounting import FACES_PT, draw_faces, face_words
 from vinefab.fabrication.package.piece_joining import (
+    FACES_PT,
     MINUTES_PER_JOINT,
     JoiningStep,
+    draw_faces,
+    face_words,
     joining_order,
     needs_strips,
     order_reasons,

@@ -9,9 +9,8 @@ from vinefab.fabrication.formats.laser_drawing import Colours, styled_paths
 from vinefab.fabrication.formats.laser_formats import sheet_folder, tile_stem
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.package.bom import weakest
-from vinefab.fabrication.package.mounting import face_words
-from vinefab.inflation.pattern import Pattern
-from vinefab.inflation.pattern_view import pattern_blocks
+from vinefab.fabrication.package.piece_joining import face_words
+from vinefab.inflation.pattern import Pattern, pattern_blocks
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import (

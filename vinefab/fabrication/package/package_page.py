@@ -18,8 +18,7 @@ from vinefab.fabrication.package.piece_joining import (
     pieces_words,
 )
 from vinefab.fabrication.package.sheet_pictures import findings_plan, job_plan, pattern_plan
-from vinefab.inflation.pattern import Pattern
-from vinefab.inflation.pattern_view import pattern_blocks
+from vinefab.inflation.pattern import Pattern, pattern_blocks
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding
 from vinefab.model.job import Job

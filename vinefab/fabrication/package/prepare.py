@@ -6,8 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-from vinefab.core.file_mark import ROOMY_GENERATOR
-from vinefab.core.hashing import MANIFEST_NAME, manifest_text, sha256_of
+from vinefab.core.hashing import MANIFEST_NAME, ROOMY_GENERATOR, manifest_text, sha256_of
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Section, Text, Tone

@@ -28,9 +28,8 @@ from vinefab.fabrication.job.passes import WEB_MM, cut_offset_mm, weld_offset_mm
 from vinefab.fabrication.job.tiling import HOLES, PIN_HOLE, TARGET, VERIFY
 from vinefab.fabrication.package import piece_joining
 from vinefab.fabrication.package.bom import film_piece_mm, robot_count
-from vinefab.fabrication.package.mounting import face_words
-from vinefab.inflation.pattern import Pattern
-from vinefab.inflation.pattern_view import pattern_table
+from vinefab.fabrication.package.piece_joining import face_words
+from vinefab.inflation.pattern import Pattern, pattern_table
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile, SealerSettings

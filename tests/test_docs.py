@@ -34,6 +34,7 @@ import draw_rules  # noqa: E402  lies in docs/, which is no package
 import reference_pages  # noqa: E402  as above
 from rule_sketch import long_px  # noqa: E402  as above
 from written_lines import (  # noqa: E402  as above
+    BANNED,
     PAGES,
     WrittenLine,
     help_examples,
@@ -220,19 +221,6 @@ def test_the_readme_and_the_glossary_stay_short():
 
 
 # --- Language -----------------------------------------------------------------------------------
-
-
-BANNED = re.compile(
-    r"(?<!-)\b(?:beside(?!\n)|whoever|nobody|(?<!there )is no(?! longer)|of its own|in words"
-    r"|goes on|by heart|at hand"
-    r"|(?:says?|shows?|knows?|tells?|reads?|yields?|breaks|keeps) what"
-    r"|(?:of|with|by|from|for|and|than) what)\b",
-    re.IGNORECASE,
-)
-"""Turns of speech to avoid, the last ones "what ..." clauses as objects.
-
-``beside`` at the end of a line is the parameter of that name.
-"""
 
 
 def public_docstrings():

@@ -95,3 +95,16 @@ def help_examples() -> list[WrittenLine]:
         for name in names
         for line in Command.named(name).examples()
     ]
+
+
+BANNED = re.compile(
+    r"(?<!-)\b(?:beside(?!\n)|whoever|nobody|(?<!there )is no(?! longer)|of its own|in words"
+    r"|goes on|by heart|at hand"
+    r"|(?:says?|shows?|knows?|tells?|reads?|yields?|breaks|keeps) what"
+    r"|(?:of|with|by|from|for|and|than) what)\b",
+    re.IGNORECASE,
+)
+"""Turns of speech to avoid, the last ones "what ..." clauses as objects.
+
+``beside`` at the end of a line is the parameter of that name.
+"""

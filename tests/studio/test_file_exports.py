@@ -20,7 +20,7 @@ from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Pose
 from vinefab.studio.file_exports import EXPORTS, _world, export_answer
 from vinefab.studio.state import StudioState
-from vinefab.studio.workspace import LaunchOptions, Workspace
+from vinefab.studio.workspace import LaunchOptions, StudioWorkspace
 
 
 @pytest.fixture(autouse=True)
@@ -231,7 +231,7 @@ def test_an_export_that_somebody_changed_is_not_overwritten(here, what, out):
 def test_the_page_does_not_say_where_may_be_written(here):
     state = opened()
     ask = {"out": "p", "roots": ["/"], "state": {"map": {"source": {"file": "/etc/passwd"}}}}
-    asked = Workspace(LaunchOptions(folder=here)).allowed("export", state, ask)
+    asked = StudioWorkspace(LaunchOptions(folder=here)).allowed("export", state, ask)
     assert asked == {"out": "p", "roots": [str(here)], "state": state}
 
 

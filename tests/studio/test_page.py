@@ -60,7 +60,7 @@ def studio(tmp_path_factory, start_studio):
         assert "Traceback" not in started.said()
 
 
-class Session:
+class TabSession:
     """A page in a context of its own, and what went wrong in it."""
 
     def __init__(self, page):
@@ -155,7 +155,7 @@ def open_tab(studio, browser):
             viewport={"width": width, "height": height}, locale="de-DE", reduced_motion="reduce"
         )
         contexts.append(context)
-        tabs.append(Session(context.new_page()))
+        tabs.append(TabSession(context.new_page()))
         return tabs[-1].open(address or studio.address)
 
     yield opened
@@ -689,7 +689,7 @@ def test_the_token_leaves_the_address_and_stays_known(tab, studio):
     assert tab.page.url == f"{studio.origin}/"
     tab.page.reload()
     tab.page.wait_for_selector("#scores .score")
-    beside = Session(tab.page.context.new_page()).open(f"{studio.origin}/")
+    beside = TabSession(tab.page.context.new_page()).open(f"{studio.origin}/")
     assert beside.problems == []
 
 
@@ -699,12 +699,12 @@ def test_without_the_token_the_page_says_what_to_do(browser, tmp_path, start_stu
     with start_studio(tmp_path) as before:
         page.goto(f"{before.origin}/")
         page.wait_for_selector("text=Open the whole address")
-        Session(page).open(before.address)
+        TabSession(page).open(before.address)
     with start_studio(tmp_path, "--port", before.port) as after:
         page.wait_for_selector("#status:has-text('started anew')")
         page.goto(f"{after.origin}/")  # with the token of the server before
         page.wait_for_selector("text=Open the whole address")
-        Session(page).open(after.address)
+        TabSession(page).open(after.address)
         assert page.url == f"{after.origin}/"
     context.close()
 

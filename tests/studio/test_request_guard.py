@@ -17,7 +17,7 @@ from websockets.sync.client import connect
 from vinefab.studio.live_answers import current_engine
 from vinefab.studio.request_guard import DROP, MOST_PENDING, MOST_TABS, PATIENCE_S
 from vinefab.studio.server import SUBPROTOCOL
-from vinefab.studio.sessions import Session
+from vinefab.studio.sessions import TabSession
 from vinefab.studio.state import StudioState
 
 MOST_MB = 600  # of the server with the simulator loaded; one such message is a sixth of it
@@ -395,11 +395,11 @@ def test_an_enormous_design_is_a_line_at_once(studio):
 
 def test_interpreted_growth_is_bounded(tmp_path):
     from vinefab.studio import live_answers  # noqa: PLC0415
-    from vinefab.studio.workspace import LaunchOptions, Workspace  # noqa: PLC0415
+    from vinefab.studio.workspace import LaunchOptions, StudioWorkspace  # noqa: PLC0415
 
     if current_engine() == "kernel":
         pytest.skip("the simulator of this process is compiled")
-    state = Workspace(LaunchOptions(folder=tmp_path)).hello()["state"]
+    state = StudioWorkspace(LaunchOptions(folder=tmp_path)).hello()["state"]
     content = StudioState.of(with_branches(state, 13, 13, 10))
     found = live_answers.live_answer(content, {}, lambda *_: None)
     assert found["robot_svg"] == ""
@@ -433,7 +433,9 @@ def test_who_does_not_read_is_asked_nothing_more(studio):
 def test_who_reads_no_events_is_dropped():
     """They come without a question, so that asking nothing more does not bound them."""
     dropped = []
-    unread = Session(None, SimpleNamespace(scope={"state": {DROP: lambda: dropped.append(True)}}))
+    unread = TabSession(
+        None, SimpleNamespace(scope={"state": {DROP: lambda: dropped.append(True)}})
+    )
     for _ in range(40):
         unread.put({"event": "x" * (1 << 20)})
     assert dropped

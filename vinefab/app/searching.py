@@ -744,10 +744,10 @@ def studio(
         serve(opened, port=port, browser=browser, say=lambda words: note(words, only_in_shell=True))
         return None
     from vinefab.studio.snapshot import SnapshotOptions, write_snapshot
-    from vinefab.studio.workspace import Workspace
+    from vinefab.studio.workspace import StudioWorkspace
 
     options = SnapshotOptions(family=family, file=opened.design)
     with told("snapshot", progress) as tell:
-        write_snapshot(Workspace(opened).state, page, options, tell, force=force)
+        write_snapshot(StudioWorkspace(opened).state, page, options, tell, force=force)
     wrote(page)
     return WrittenFile(path=page)

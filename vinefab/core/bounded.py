@@ -43,8 +43,8 @@ _OVER_LIMITS = {-getattr(signal, name, 0) for name in ("SIGKILL", "SIGXCPU")} - 
 _START = """\
 import pickle, sys
 sys.path[:] = pickle.load(sys.stdin.buffer)
-from vinefab.core.bounded import serve
-serve()
+from vinefab.core.bounded import serve_files
+serve_files()
 """
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "VECLIB")}
 """The stacks of more would count as memory."""
@@ -170,7 +170,7 @@ def end_children() -> None:
         child.end()
 
 
-def serve() -> None:
+def serve_files() -> None:
     """Read files as the parent asks, until it is gone: the child's main program."""
     requests: SimpleQueue[tuple[str, int, bytes]] = SimpleQueue()
     threading.Thread(target=_listen, args=(requests,), daemon=True).start()

@@ -18,7 +18,7 @@ from threading import Thread
 from threading import enumerate as enumerate_threads
 
 from vinefab.core.errors import BadInputError
-from vinefab.studio.workspace import LaunchOptions, Workspace
+from vinefab.studio.workspace import LaunchOptions, StudioWorkspace
 
 LOOPBACK = "127.0.0.1"
 PAGE_FOLDER = Path(__file__).with_name("page")
@@ -134,7 +134,7 @@ def serve(
     # Matrices of the page are small: threads of BLAS would wait for each other, on busy computers
     # for seconds. Read when SciPy is first imported, here or in a process of a panel.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    workspace = Workspace(options)
+    workspace = StudioWorkspace(options)
     bound = bound_socket(port)
     endpoint = Endpoint(port=bound.getsockname()[1])
 
@@ -158,7 +158,10 @@ def serve(
 
 
 async def _until_stopped(
-    workspace: Workspace, endpoint: Endpoint, bound: socket.socket, announce: Callable[[], None]
+    workspace: StudioWorkspace,
+    endpoint: Endpoint,
+    bound: socket.socket,
+    announce: Callable[[], None],
 ) -> None:
     def stop() -> None:  # called while this waits: there is a server then
         server.should_exit = True

@@ -29,7 +29,7 @@ from vinefab.studio.executors import (
 )
 from vinefab.studio.request_guard import DROP, Connections, RequestGuard
 from vinefab.studio.server import MODULES, PAGE_FOLDER, SUBPROTOCOL, Endpoint
-from vinefab.studio.workspace import TIP, Workspace
+from vinefab.studio.workspace import TIP, StudioWorkspace
 
 _FIRST_PICTURE_S = 2.0
 """Time that everything else leaves to the first picture."""
@@ -50,7 +50,7 @@ _KINDS = {".js": "text/javascript", ".css": "text/css"}
 class StudioServer:
     """The executors, the workspace and the events that all sessions share."""
 
-    def __init__(self, workspace: Workspace) -> None:
+    def __init__(self, workspace: StudioWorkspace) -> None:
         self.workspace = workspace
         self.live = ThreadExecutor()
         names = {name for _, name in PANELS.values()} - {LIVE, CUT}
@@ -60,7 +60,7 @@ class StudioServer:
             CUT: ThreadExecutor(),
             **{name: ProcessExecutor(name) for name in sorted(names)},
         }
-        self._sessions: set[Session] = set()
+        self._sessions: set[TabSession] = set()
 
     def broadcast(self, event: Mapping[str, Any]) -> None:
         """Send an event to every tab."""
@@ -93,7 +93,7 @@ class StudioServer:
     async def socket(self, socket: WebSocket) -> None:
         """Serve a tab until it is closed."""
         await socket.accept(SUBPROTOCOL)
-        session = Session(self, socket)
+        session = TabSession(self, socket)
         self._sessions.add(session)
         try:
             with suppress(WebSocketDisconnect):
@@ -103,7 +103,7 @@ class StudioServer:
             session.close()
 
 
-class Session:
+class TabSession:
     """One open page: its questions, one at a time for each panel."""
 
     def __init__(self, studio: StudioServer, socket: WebSocket) -> None:
@@ -233,7 +233,7 @@ def live_scripts() -> tuple[str, str]:
     return html, f"sha256-{digest}"
 
 
-def make_app(workspace: Workspace, endpoint: Endpoint, connections: Connections) -> ASGIApp:
+def make_app(workspace: StudioWorkspace, endpoint: Endpoint, connections: Connections) -> ASGIApp:
     """Return the guarded application.
 
     The files of the page are read once: a flood of requests waits for no disk.

@@ -61,7 +61,7 @@ class LaunchOptions:
         return tuple(path for path in paths if path.suffix or path.parent != Path())
 
 
-class Workspace:
+class StudioWorkspace:
     """Files and searches of the folder that the command was started in.
 
     Raises

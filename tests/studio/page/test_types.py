@@ -16,7 +16,7 @@ from vinefab.model.target import Target
 from vinefab.studio.executors import PANELS, answer_of
 from vinefab.studio.file_store import FILE_REQUESTS
 from vinefab.studio.searches import SEARCH_REQUESTS
-from vinefab.studio.workspace import TIP, LaunchOptions, Workspace
+from vinefab.studio.workspace import TIP, LaunchOptions, StudioWorkspace
 
 PAGE = STATE.parent
 KEY = "abcdef012345"
@@ -79,7 +79,7 @@ def workspace(tmp_path, monkeypatch):
     (tmp_path / "mine.toml").write_text(design_text(design))
     world = replace(generate("pegs", 1), targets=(Target(name="A", point_mm=(100.0, 100.0)),))
     (tmp_path / "pegs.geojson").write_text(map_text(world))
-    return Workspace(LaunchOptions(design="mine.toml", map_file=tmp_path / "pegs.geojson"))
+    return StudioWorkspace(LaunchOptions(design="mine.toml", map_file=tmp_path / "pegs.geojson"))
 
 
 def answers(workspace):

@@ -133,7 +133,7 @@ def test_code_is_compiled_without_a_cache_where_none_can_be_written(monkeypatch)
     assert [options.get("cache", False) for options in settings] == [True, False]
 
 
-@pytest.mark.parametrize("module", ["options", "terrain", "arrays", "simulator"])
+@pytest.mark.parametrize("module", ["options", "terrain", "arrays", "batch"])
 def test_compiler_is_not_imported_before_it_is_needed(module):
     code = f"import sys, vinefab.growth.{module}; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -464,7 +464,7 @@ def test_every_design_of_a_front_is_manufacturable(fabricable, maps):
         (("coverage", "paint"), "nsga2", "other tasks \\(reach, anchoring\\) and costs"),
         (("coverage", "film_length", "film_length"), "nsga2", "each objective once"),
         (("branches", "film_length"), "nsga2", "'coverage', among them"),
-        (("coverage",), "nsga2", "or another task beside the score"),
+        (("coverage",), "nsga2", "or another task with the score"),
         (("coverage", "branches"), "pso", "'nsga2' for several objectives"),
     ],
 )

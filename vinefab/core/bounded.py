@@ -58,7 +58,7 @@ copyreg.pickle(MappingProxyType, lambda proxy: (_read_only, (dict(proxy),)))
 
 
 def bounded(path: Path, read: Callable[P, R], *arguments: P.args, **options: P.kwargs) -> R:
-    """Return what a reader returns for a file, or raise its error.
+    """Return the result of a reader for a file, or raise its error.
 
     The reader is a function of a module, its arguments and result can be pickled.
 
@@ -103,7 +103,7 @@ class _Child:
     def __init__(self) -> None:
         self.owner = os.getpid()
         self.overdue = False
-        # In a session of its own: Ctrl-C reaches the parent alone, which ends it.
+        # In its separate session: Ctrl-C reaches the parent alone, which ends it.
         self.process = subprocess.Popen(  # noqa: S603  this interpreter
             [sys.executable, "-P", "-c", _START],
             stdin=subprocess.PIPE,

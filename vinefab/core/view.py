@@ -284,7 +284,7 @@ class Origin:
             code=self.command,
             tables=(
                 Rows(
-                    caption="Fingerprints of what went in (SHA-256, shortened)",
+                    caption="Fingerprints of the inputs (SHA-256, shortened)",
                     headings=("input", "fingerprint"),
                     rows=tuple(self.inputs.items()),
                 ),

@@ -21,7 +21,7 @@ class WallArrays(NamedTuple):
     ----------
     wall
         Start x, start y, tangent x, tangent y, length; shape (n, 5), mm. A wall ends where the
-        following one starts, and what is left out of memory need not be fetched from it: on large
+        following one starts, and data left out of memory need not be fetched from it: on large
         maps, growth waits for that.
     link
         Wall before and wall after in the same wedge of free space, start point and end point
@@ -78,7 +78,7 @@ class TreeArrays(NamedTuple):
         Tension, kPa, with which the working pressure can still evert each branch; infinite where
         pressure stops nothing. See `vinefab.growth.plan.Feed`.
     store
-        Tension of each branch's film as it leaves its store, with the drag of what rides inside,
+        Tension of each branch's film as it leaves its store, with the drag of the film inside,
         kPa.
     """
 
@@ -105,7 +105,7 @@ class Rules(NamedTuple):
         Directions that differ by up to this count as parallel.
     tie
         Angles (rad), and shares of a pressure, that differ by up to this count as equal: a tip that
-        meets a wall at the half-angle stops, and one that has just enough pressure goes on.
+        meets a wall at the half-angle stops, and one that has just enough pressure continues.
     most_events
         Limit of a branch's events; it then ends as ``corner``. A guard, never reached in tests.
     friction

@@ -135,7 +135,7 @@ class Launches:
     start: Floats  # base x and y (mm) and heading ux, uy of each trunk, shape (l, 4)
     # head-on half-angle of each launch, shape (l,); None: that of the growth model's options
     half_angle_rad: Floats | None = None
-    # seed of what is drawn in each launch, shape (l,); empty: their numbers
+    # seed of the random draws in each launch, shape (l,); empty: their numbers
     draw_seeds: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @classmethod
@@ -157,7 +157,7 @@ class Launches:
         half_angles_rad
             Head-on half-angle of each pose, map by map; empty: as the growth model's options say.
         draw_seeds
-            Seed of what is drawn in each deployment, map by map; empty: their numbers.
+            Seed of the random draws in each deployment, map by map; empty: their numbers.
 
         Raises
         ------
@@ -179,7 +179,7 @@ class Launches:
 
     @property
     def seeds(self) -> Ints:
-        """Seed of what is drawn in each launch, the same for all designs, shape (l,)."""
+        """Seed of the random draws in each launch, the same for all designs, shape (l,)."""
         return self.draw_seeds if len(self.draw_seeds) else np.arange(len(self))
 
     def __len__(self) -> int:
@@ -467,7 +467,7 @@ def grow_on(
     engine: Engine = "auto",
     plan: Plan | None = None,
 ) -> Deployment:
-    """Return how a design deploys from a pose: a batch of one.
+    """Return the deployment of a design from a pose: a batch of one.
 
     Parameters
     ----------

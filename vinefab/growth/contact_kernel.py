@@ -7,7 +7,7 @@ path that was grown by then. A meeting belongs to the tip that comes later; tips
 other stop both. Branches that touch where one sets out are free of each other until they were
 apart.
 
-A tip on one segment, and what is laid of another: the times at which they are within some reach
+A tip on one segment, and the laid part of another: the times at which they are within some reach
 are an interval, because the reach is convex and both move evenly. It is the union of the times
 within reach of the segment's start, of its sides, of its end once that is laid, and of the other
 tip until then; each has a closed form.
@@ -23,7 +23,7 @@ import numpy as np
 from vinefab.core.compiling import called, compiled, inlined
 
 # mypy: allow-untyped-defs, allow-untyped-calls
-# ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of what it compiles
+# ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of compiled functions
 # ruff: noqa: PLR0913, PLR0917  scalars are the compiled way to hand things over
 
 FULL_LENGTH = 0
@@ -98,7 +98,7 @@ def _sides(along, gain, across, drift, size, laid, reach, high):
 
 @inlined
 def _touch(tip, body, reach):
-    """Return from when to when a tip is within reach of what is laid of a segment.
+    """Return the start and end of a tip's time within reach of the laid part of a segment.
 
     ``tip`` and ``body`` are (x, y, ux, uy, begin, end): a segment from its start, and when the tip
     of its branch moves along it. Infinity and minus infinity if it never is.
@@ -143,7 +143,7 @@ def _touch(tip, body, reach):
 
 @inlined
 def _measure(chains, first, last):
-    """Write how long a chain is up to each of its points, and which way it goes on from there."""
+    """Write how long a chain is up to each of its points, and its direction from there."""
     points, length, ux, uy = chains
     length[first] = 0.0
     for i in range(first, last - 1):
@@ -230,7 +230,7 @@ def _meeting(chains, first_point, work, one, other, reach, step, until):
 
 @inlined
 def _reach(radius, one, other, step):
-    """Return how near the middle of a tip comes to that of another body: two steps inside it."""
+    """Return the least distance of a tip's middle to that of another body: two steps inside."""
     return max(radius[one] + radius[other] - 2.0 * step, 2.0 * step)
 
 
@@ -327,7 +327,7 @@ def _is_outdated(chains, first_point, radius, work, one, out, now, step):
     for place in range(out):
         cut = int(work[place, OUT])
         if _is_cut(work, cut, now):
-            # Of a body that it set out beside, and that ended sooner, it may be apart sooner.
+            # A tip that started next to a body, which ended sooner, may be apart from it sooner.
             reach = _reach(radius, one, cut, step) + step
             if (
                 (x >= work[cut, LEFT] - reach)

@@ -1,4 +1,4 @@
-"""Engines: what computes growths, the rules that they take, and what follows a growth."""
+"""Engines: the computation of growths, their rules, and the steps after a growth."""
 
 import sys
 from collections.abc import Callable
@@ -55,7 +55,7 @@ class Settling:
 
     @classmethod
     def of(cls, options: GrowthOptions) -> "Settling":
-        """Return what some options of the growth model ask for."""
+        """Return the settling that some options of the growth model ask for."""
         return cls(stops=options.branch_contact == "stop", emergence=options.emergence)
 
     @property

@@ -153,7 +153,7 @@ def _without(bounds: BaseGeometry, obstacles: Shapes, grid_mm: float) -> BaseGeo
 
 
 def _stand_alone(bounds: BaseGeometry, obstacles: Shapes, apart_mm: float) -> NDArray[np.bool_]:
-    """Tell which obstacles are plain, inside the bounds and clear of all else, shape (n,)."""
+    """Return the mask of plain obstacles inside the bounds and clear of all else, shape (n,)."""
     edge = bounds.boundary
     shapely.prepare(bounds)
     shapely.prepare(edge)
@@ -168,7 +168,7 @@ def _stand_alone(bounds: BaseGeometry, obstacles: Shapes, apart_mm: float) -> ND
 
 
 def _are_wide(obstacles: Shapes, apart_mm: float) -> NDArray[np.bool_]:
-    """Tell which obstacles have no corners or walls of their own closer to each other."""
+    """Return the mask of the obstacles without corners or walls closer to each other."""
     few = shapely.get_num_coordinates(obstacles) <= FEW_CORNERS
     wide = np.ones(len(obstacles), dtype=np.bool_)
     wide[few] = shapely.minimum_clearance(obstacles[few]) > apart_mm
@@ -249,7 +249,7 @@ def _places(corner: Floats) -> tuple[Ints, Ints]:
 
 
 def _bulge(rings: Rings) -> Floats:
-    """Return how far each corner stands out from the line between its neighbours."""
+    """Return the distance of each corner from the line between its neighbours."""
     back = rings.corner - rings.corner[rings.before]
     on = rings.corner[rings.after] - rings.corner
     chord = np.hypot(*(back + on).T)
@@ -407,7 +407,7 @@ def _lists_at_starts(grid: _Grid, wall: Floats, first: Ints32) -> Iterator[tuple
 
 
 def _crowded(walls: FreeSpaceWalls, owner: Ints, other: Ints, near_mm: float) -> NDArray[np.bool_]:
-    """Tell which walls another one comes near to, except where they join, given pairs to look at.
+    """Return the mask of walls near another one, except at a join, given pairs to look at.
 
     Walls do not cross, so what comes nearest is an end of one of the two.
     """

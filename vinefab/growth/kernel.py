@@ -26,7 +26,7 @@ import numpy as np
 from vinefab.core.compiling import compiled, inlined
 
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code=arg-type
-# ruff: noqa: ANN001, ANN202, ANN201, FBT003  numba infers the types of what it compiles
+# ruff: noqa: ANN001, ANN202, ANN201, FBT003  numba infers the types of compiled functions
 # ruff: noqa: PLR0913, PLR0917  scalars are the compiled way to hand things over
 
 
@@ -158,7 +158,7 @@ def _passes_end(walls, rules, dx, dy, wall, at_end, distance):
 
 @inlined
 def _meeting(walls, rules, ox, oy, dx, dy, wall):
-    """Return how far along a ray a wall is met, and where on it; infinity if it is not.
+    """Return the distances along a ray and along a wall at which they meet; else infinity.
 
     A wall within the tolerance of the origin counts as in front of it, at distance zero.
     """
@@ -256,7 +256,7 @@ def _wall_ahead(walls, rules, ray, skip, reach):
 
 @inlined
 def _sweep_to(walls, rules, vertex, sweep, skip, reach):
-    """Return how far the tip slides until the turning body meets a vertex.
+    """Return the distance that the tip slides until the turning body meets a vertex.
 
     Infinity if it never does, if it may as well be left out because it is farther than ``reach``,
     or if the vertex is at one of the places in ``skip``. A vertex that the body touches already
@@ -364,7 +364,7 @@ def _length(dx, dy):
 
 @inlined
 def _length_distance(qx, qy, sx, sy, room, reach):
-    """Return how far the tip slides until the body from the pivot is ``room`` long.
+    """Return the distance that the tip slides until the body from the pivot is ``room`` long.
 
     Infinity if it is shorter after ``reach``: most slides need no square root.
     """
@@ -380,7 +380,7 @@ def _length_distance(qx, qy, sx, sy, room, reach):
 
 @inlined
 def _release_distance(growth, tip, base, qx, qy, sx, sy):
-    """Return how far the tip slides until the body straightens over its last contact.
+    """Return the distance that the tip slides until the body straightens over its last contact.
 
     Whole growths never get that far: only a free flight can reverse the turning, and then the
     corner that it left blocks the turn first. A body that bows off corners will need the rule.
@@ -442,7 +442,7 @@ def _meet(walls, rules, tip, wall, place):
 
 @inlined
 def _place_on(walls, x, y, wall):
-    """Return how far along a wall the point nearest to (x, y) is."""
+    """Return the distance along a wall of its point nearest to (x, y)."""
     rx, ry = x - walls.wall[wall, 0], y - walls.wall[wall, 1]
     along = rx * walls.wall[wall, 2] + ry * walls.wall[wall, 3]
     return min(max(along, 0.0), walls.wall[wall, 4])
@@ -554,7 +554,7 @@ def _slide(walls, rules, growth, tip, base, length):
 
 @inlined
 def _capstan(growth, rules, base, before, pivot, ux, uy):
-    """Return the factor of the turn at a pivot, for a body that goes on along u.
+    """Return the factor of the turn at a pivot, for a body that continues along u.
 
     ``before`` is the heading with which the film comes to the base.
     """

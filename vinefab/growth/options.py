@@ -33,14 +33,14 @@ BranchContact = Literal["stop", "pass"]
 _BEFORE: BranchContact = "pass"
 
 DEFAULT_BRANCH_CONTACT: BranchContact = _BEFORE
-"""What a tip does at the body of another branch, where nobody says it [assumed]."""
+"""What a tip does at the body of another branch, where no option gives it [assumed]."""
 
 BRANCH_CONTACTS: tuple[BranchContact, ...] = ("pass", "stop")
-"""Both are shown beside each other: real tubes climb over or jam, and nobody measured which."""
+"""Both are shown together: real tubes climb over or jam, and no measurement tells which."""
 
 EMERGENCES = (1.0, 0.95, 0.9)
 """Probabilities that a child comes out, which predictions are shown for [assumed]: growth was seen
-to be prevented at branching points, and nobody counted how often."""
+to be prevented at branching points, and no count of it exists."""
 
 _CONTACT_WORDS = {
     "pass": "bodies pass through each other (assumed)",
@@ -167,7 +167,7 @@ class GrowthOptions(Table):
         given
             Any of the options' names; the head-on half-angle is a number or ``[low, high]``, and
             ``contacts`` the numbers of measured contacts: they replace the half-angle and the
-            ratio of widths where these are not given beside them.
+            ratio of widths where these are not given with them.
         base
             What the other options are; the defaults if None.
 
@@ -206,7 +206,7 @@ class GrowthOptions(Table):
         return {HALF_ANGLE_DEG: self.half_angle_deg, **plain, "contacts": measured}
 
     def radius_mm(self, width_mm: float) -> float:
-        """Return how far the centre line of a body of some lay-flat width keeps from walls."""
+        """Return the distance of a body's centre line from walls, for some lay-flat width."""
         if self.body == "centerline":
             return 0.0
         return inflated_radius_mm(width_mm) * self.body_width_ratio
@@ -227,7 +227,7 @@ class GrowthOptions(Table):
 
     @property
     def draws_half_angle(self) -> bool:
-        """Whether every evaluation has a head-on half-angle of its own."""
+        """Whether every evaluation has its own head-on half-angle."""
         low_rad, high_rad = self.half_angle_range_rad
         return low_rad < high_rad
 
@@ -361,7 +361,7 @@ _SAYING_NOTHING: dict[str, object] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GrowthChoice:
-    """The growth options that a command takes, and what its user should know about them."""
+    """The growth options that a command takes, and the notes about them for its user."""
 
     options: GrowthOptions
     notes: tuple[str, ...] = ()  # a sentence each
@@ -439,7 +439,7 @@ def _origin_key(name: str = "") -> str:
 
 
 def growth_text(options: GrowthOptions, designs: Sequence[Design]) -> str:
-    """Return by which rules designs grow, as it stands beside every score."""
+    """Return the rules by which designs grow, as printed with every score."""
     parts = [
         f"{options.body} body",
         f"head-on half-angle {options.half_angle_text} ({options.half_angle_standing})",
@@ -474,7 +474,7 @@ def half_angle_ends_deg(found: MeasuredNumber) -> tuple[float, float]:
 
 
 def _measured_standing(found: MeasuredNumber) -> str:
-    """Return what of a range of half-angles was measured, and from what."""
+    """Return the measured part of a range of half-angles, and its source."""
     words = f"measured: {found.text('deg')}"
     low, high = half_angle_ends_deg(found)
     other = {"both": "", "upper": f"; {low:g} deg assumed", "lower": f"; {high:g} deg assumed"}
@@ -497,7 +497,7 @@ def measured_values(given: object) -> dict[str, Any]:
 
 
 def _width_text(options: GrowthOptions) -> list[str]:
-    """Return how wide bodies are taken to be; nothing where that is lay-flat width / pi."""
+    """Return the assumed width of bodies as text; empty where it is lay-flat width / pi."""
     ratio = options.body_width_ratio
     if ratio == 1.0 or options.body == "centerline":
         return []

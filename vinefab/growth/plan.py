@@ -19,7 +19,7 @@ from vinefab.physics.tube import inflated_diameter_mm
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Feed:
-    """How film comes to the tips of a design's levels: what growth costs and what there is.
+    """How film comes to the tips of a design's levels: film taken by growth, film available.
 
     All is in terms of the tube that the constants were fitted to: a level of another diameter
     needs pressures inverse to it (assumed), so its working pressure counts in proportion.

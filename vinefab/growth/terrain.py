@@ -34,7 +34,7 @@ WARM_UP_QUERIES = 64
 """So many queries of prepared polygons build their index (one is not enough for GEOS 3.14)."""
 
 _BUILD_LOCK = RLock()
-"""Threads share terrains, and what one builds another must not build again or drop meanwhile."""
+"""Threads share terrains; no thread may rebuild or drop the terrain that another one builds."""
 
 MOST_RADII = 64
 """Walls are kept for so many radii, then the oldest are dropped: memory stays bounded."""
@@ -121,7 +121,7 @@ class Terrain:
         return self.contains(pose.x_mm, pose.y_mm, radius_mm)
 
     def start_mm(self, pose: Pose) -> tuple[float, float]:
-        """Return the base (mm) of a robot started at a pose: there, or on the wall just beside it.
+        """Return the base (mm) of a robot started at a pose: there, or on the wall next to it.
 
         Raises
         ------

@@ -38,7 +38,7 @@ _FEW_PIECES = 2.0
 """The search begins with circles over no more median pieces of wall: few pairs to look at."""
 
 _LEAST_SHARE = 0.1
-"""A dead end of at least this share of its free part is no notch, however wide the body is."""
+"""A dead end of at least this share of its free part is not a notch, however wide the body is."""
 
 _PAIRS_AT_ONCE = 2_000_000
 
@@ -186,7 +186,7 @@ class _Walls:
     def gaps(self, least_mm: float, most_mm: float) -> list[Floats]:
         """Return all passages within a range of widths, each shape (n, 2, 2), some twice.
 
-        Where walls run beside each other, the middle of that stretch comes first.
+        Where walls run next to each other, the middle of that stretch comes first.
         """
         least_mm = max(least_mm, _EXACT_SHARE * self.size_mm)
         return [*self._parallel_gaps(least_mm, most_mm), *self._corner_gaps(least_mm, most_mm)]
@@ -236,7 +236,7 @@ class _Walls:
         return np.asarray(np.sqrt(4.0 / math.pi * np.maximum(room, 0.0)))
 
     def _loop(self, ends: tuple[Floats, Floats], walls: tuple[int, int], side: int) -> Polygon:
-        """Return what one of the loops along a ring encloses: 0 from the first wall to the last."""
+        """Return the area in one of the loops along a ring: 0 from the first wall to the last."""
         first, last = walls
         begin, end = ends
         if side == 0:
@@ -260,7 +260,7 @@ class _Walls:
         return np.asarray(distance[np.argsort(index[0], kind="stable")])
 
     def is_free(self, points: Floats) -> NDArray[np.bool_]:
-        """Return which points are in the free space, shape (n,)."""
+        """Return the mask of the points in the free space, shape (n,)."""
         free = np.zeros(len(points), dtype=np.bool_)
         point, part = self.inside.query(shapely.points(points))
         free[point[shapely.contains_xy(self.parts[part], points[point])]] = True

@@ -66,7 +66,7 @@ def draw_poses(
 
 
 def spread_notes(maps: Sequence[Map], count: int, *, repeats: bool = False) -> list[str]:
-    """Return what a user should know of how many poses starts gave; nothing if all that were asked.
+    """Return notes for the user on the number of poses that starts gave; empty if all asked.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def spread_notes(maps: Sequence[Map], count: int, *, repeats: bool = False) -> l
     return [
         *notes,
         f"{which} no spread: {deployments} per map; give spread_heading_deg, spread_x_mm and "
-        "spread_y_mm beside heading_deg in the map file, or in the start of a run file's [maps], "
+        "spread_y_mm with heading_deg in the map file, or in the start of a run file's [maps], "
         "or --start, to draw more (see docs/maps.md)",
     ]
 

@@ -149,7 +149,7 @@ class Start:
 
 
 def are_valid(polygons: NDArray[np.object_]) -> NDArray[np.bool_]:
-    """Tell which polygons are valid, shape (n,); jagged ones are looked at once."""
+    """Return the mask of valid polygons, shape (n,); jagged ones are looked at once."""
     valid: NDArray[np.bool_] = np.ones(len(polygons), dtype=np.bool_)
     many = shapely.get_num_coordinates(polygons) > _MANY_CORNERS
     valid[~many] = shapely.is_valid(polygons[~many])

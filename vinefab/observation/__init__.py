@@ -1,1 +1,1 @@
-"""A grown robot on a photo against its prediction, and what photos say of assumed numbers."""
+"""A grown robot on a photo against its prediction, and evidence of photos on assumed numbers."""

@@ -1,4 +1,4 @@
-"""What was seen beside what was predicted: shapes, contacts, stops, and which half-angle fits.
+"""Comparison of observation and prediction: shapes, contacts, stops, and which half-angle fits.
 
 A line is the best explanation of the film, and it may be wrong. So every branch is looked at again,
 at its base, at its tip and along its line; `branch_sights` lists the doubts that remain.
@@ -36,7 +36,7 @@ from vinefab.observation.observed_contacts import (
 )
 from vinefab.physics.tube import inflated_radius_mm
 
-GOES_ON: Final = "film goes on beyond its tip"
+GOES_ON: Final = "film continues beyond its tip"
 AT_OTHERS: Final = "its tip lies at other film"
 TIP_UNSEEN: Final = "its tip is not seen"
 BASE_UNSEEN: Final = "its base is not seen"
@@ -58,10 +58,10 @@ AHEAD_DEG = 60.0
 """To both sides of a tip's heading film would go on."""
 
 BEYOND_MM = 2.0, 4.5
-"""From a tip's edge: there lies neither its blur nor its seam, but film that goes on would."""
+"""From a tip's edge: there lies neither its blur nor its seam, but film that continues would."""
 
 WIDE_ENOUGH = 0.5
-"""Film that goes on is at least this share of the tube wide."""
+"""Film that continues is at least this share of the tube wide."""
 
 NEAR_MM, NEAR_RADII = 15.0, 4.0
 """Film so near to a tip should belong to a line."""
@@ -99,7 +99,7 @@ class BranchSight:
 def branch_sights(
     film: SeenFilm, traced: TracedTree, widths_mm: tuple[float, ...]
 ) -> tuple[BranchSight, ...]:
-    """Return how well each branch of a tree was seen, parents before their children.
+    """Return the visibility of each branch of a tree, parents before their children.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ class _Looks:
         return cls(film, traced, radii, areas, np.asarray(left))
 
     def doubts(self, index: int) -> list[str]:
-        """Return what could be otherwise of one branch."""
+        """Return the doubts about one branch."""
         branch = self.traced.branches[index]
         if not branch.deployed:
             return self._absent(index)
@@ -228,7 +228,7 @@ class _Looks:
         return found
 
     def _launch(self, index: int) -> float | None:
-        """Return how far a branch's heading is from the planned one at its base, in degrees."""
+        """Return the difference of a branch's heading from the plan at its base, in degrees."""
         tree, branch = self.traced.tree, self.traced.branches[index]
         parent = int(tree.parent[index])
         if parent < 0 or not branch.deployed or not self.traced.branches[parent].deployed:
@@ -328,7 +328,7 @@ def _longest(there: NDArray[np.bool_]) -> int:
 
 
 def _drawn(areas: Sequence[shapely.Geometry], film: SeenFilm) -> NDArray[np.bool_]:
-    """Return which pixels of a plan lie in areas."""
+    """Return the mask of the pixels of a plan in areas."""
     rows, columns = film.share.shape
     area = shapely.union_all(areas)
     inside = np.zeros((rows, columns), dtype=np.bool_)
@@ -455,7 +455,7 @@ class HalfAngleFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compared:
-    """A photo's robot beside its prediction."""
+    """A photo's robot with its prediction."""
 
     is_read: bool  # whether this design from this pose can be what the photo shows
     prediction: Deployment
@@ -479,7 +479,7 @@ def compare_with_prediction(
     *,
     sights: Sequence[BranchSight] = (),
 ) -> Compared:
-    """Return a traced robot beside what the growth model says.
+    """Return a traced robot with the prediction of the growth model.
 
     Parameters
     ----------
@@ -522,7 +522,7 @@ def _as_seen(branch: ComparedBranch, sight: BranchSight) -> ComparedBranch:
 
 
 def _unclaimed(branch: ComparedBranch) -> ComparedBranch:
-    """Return a branch without claims of what walls did to it."""
+    """Return a branch without claims about the effect of walls on it."""
     contacts = tuple(contact.changed(outcome="unclear") for contact in branch.contacts)
     at_wall = branch.stop_observed in (Stop.HEAD_ON.label, Stop.CORNER.label)
     stop = UNCLEAR if at_wall else branch.stop_observed
@@ -586,7 +586,7 @@ def _compared(
 def _seen_branch(
     index: int, traced: TracedTree, prediction: Deployment, radius: float
 ) -> SeenBranch:
-    """Return what the replay of a branch begins with."""
+    """Return the initial data for the replay of a branch."""
     seen, tree = traced.branches[index], traced.tree
     parent = int(tree.parent[index])
     if parent < 0:
@@ -653,7 +653,7 @@ def _half_angle_fits(
     pose: Pose,
     options: GrowthOptions,
 ) -> tuple[HalfAngleFit, ...]:
-    """Return how well predictions over the contact range have the shape seen."""
+    """Return the fits of predictions over the contact range to the shape seen."""
     own = deg(options.only_half_angle_rad)
     rows = []
     for angle in sorted({*HALF_ANGLES_DEG, own}):

@@ -193,7 +193,7 @@ class _Tracing:
     # --- Choosing courses ---
 
     def _choose(self, branches: list[int]) -> None:
-        """Choose the courses of one level's branches together: each the best beside the others."""
+        """Choose the courses of one level's branches together: each the best given the others."""
         courses = {branch: self._courses(branch) for branch in branches}
         alive = [branch for branch in range(len(self.tree)) if len(self.chains[branch])]
         cover = self.coarse.cover(_wide_patches(self, alive))
@@ -242,7 +242,7 @@ class _Tracing:
         return sorted(courses, key=lambda course: -alone[id(course)])[:_PAIRED]
 
     def _worth_of(self, pair: tuple[_Course, _Course], cover: NDArray[np.int64]) -> float:
-        """Return what two courses gain together beside all others."""
+        """Return the joint gain of two courses, given all others."""
         one, other = pair
         total = self.coarse.gain(one.cells, cover) + one.worth + other.worth
         cover[one.around] += 1
@@ -257,7 +257,7 @@ class _Tracing:
         chosen: dict[int, _Course | None],
         cover: NDArray[np.int64],
     ) -> None:
-        """Choose the best course of one branch beside those of the others; none may be best."""
+        """Choose the best course of one branch, given those of the others; none may be best."""
         now = chosen[branch]
         if now is not None:
             cover[now.around] -= 1
@@ -268,7 +268,7 @@ class _Tracing:
             cover[courses[best].around] += 1
 
     def launch(self, branch: int) -> tuple[Floats, float] | None:
-        """Return base and planned heading of a branch by what was seen of its parent."""
+        """Return base and planned heading of a branch from the seen part of its parent."""
         parent = int(self.tree.parent[branch])
         if parent < 0:
             return np.array([self.pose.x_mm, self.pose.y_mm]), self.pose.heading_rad
@@ -360,7 +360,7 @@ class _Tracing:
     def _result(self) -> TracedTree:
         lines = _fine_lines(self)
         for branch, (points, width, _) in enumerate(lines):
-            # Seams lie beside a tube: its film is as wide as it is seen.
+            # Seams lie next to a tube: its film is as wide as it is seen.
             if len(points) and width > 2.0 * self.radius_mm[branch]:
                 chain = self.chains[branch]
                 self.patches[branch] = self.coarse.tube(self.film, chain, 0.5 * width)
@@ -458,7 +458,7 @@ class _Coarse:
         return np.unique(np.concatenate(found)) if found else np.zeros(0, dtype=np.int64)
 
     def cover(self, patches: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:
-        """Return how many tubes cover each cell."""
+        """Return the number of tubes that cover each cell."""
         cover = np.zeros(len(self.value), dtype=np.int64)
         for patch in patches:
             cover[patch] += 1
@@ -510,7 +510,7 @@ def _stations(chain: Floats, step: float) -> tuple[NDArray[np.int64], Floats, Fl
 
 
 def _film_along(film: SeenFilm, chain: Floats, radius: float) -> float:
-    """Return how far along a line film is seen, without longer gaps; the tip's cap is left off."""
+    """Return the length of film seen along a line, without longer gaps and the tip's cap."""
     _, _, points, way = _stations(chain, 1.0)
     step = _length(chain) / len(points)
     side = np.column_stack([-way[:, 1], way[:, 0]])
@@ -526,7 +526,7 @@ def _film_along(film: SeenFilm, chain: Floats, radius: float) -> float:
 
 
 def _bends_mm(chain: Floats) -> float:
-    """Return what the corners of a line cost, in millimetres of film."""
+    """Return the cost of the corners of a line, in millimetres of film."""
     way = np.diff(chain, axis=0)
     turn = np.diff(np.unwrap(np.arctan2(way[:, 1], way[:, 0])))
     is_kink = np.abs(turn) > rad(_KINK_DEG)
@@ -577,7 +577,7 @@ def _followed(
 ) -> list[Floats]:
     """Return runs of film that bend, each from the end of a chain and a direction on.
 
-    A run keeps to the middle between both edges; where other film lies beside it, it goes straight.
+    A run keeps to the middle between both edges; next to other film, it goes straight.
     """
     if not begun:
         return []
@@ -650,7 +650,7 @@ def _straight(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Edges:
-    """The edges of film beside stations of a line."""
+    """The edges of film at stations of a line."""
 
     stretch: NDArray[np.int64]
     share: Floats
@@ -771,7 +771,7 @@ def _wide_patches(work: _Tracing, alive: list[int]) -> list[NDArray[np.int64]]:
 def _hold_length(
     work: _Tracing, system: "_System", branch: int, chain: Floats, ids: NDArray[np.int64]
 ) -> None:
-    """Hold a parent's length, whose end nobody sees; move the end of others to the film's end."""
+    """Hold a parent's length, whose end is hidden; move the end of others to the film's end."""
     strides = np.diff(chain, axis=0)
     way = strides / np.maximum(np.hypot(*strides.T), 1e-9)[:, None]
     has_children = bool((work.tree.parent == branch).any()) and not work.early[branch]
@@ -790,7 +790,7 @@ def _hold_length(
 
 
 def _film_end(work: _Tracing, branch: int, tip: Floats, way: Floats) -> float:
-    """Return how far beyond a line's end its film ends, the round cap left off; NaN if unseen."""
+    """Return the distance from a line's end to its film's end, without the cap; NaN if unseen."""
     radius, film = work.radius_mm[branch], work.film
     out = np.arange(-6.0, radius + 7.0, 0.2)
     side = np.array([-way[1], way[0]])

@@ -57,7 +57,7 @@ _LEAST_SHARE = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThresholdFit:
-    """The threshold between tips that stopped and tips that slid, with what it rests on."""
+    """The threshold between tips that stopped and tips that slid, with its evidence."""
 
     value_deg: float | None  # most likely half-angle; None where there is only a bound
     # 95 % interval by profile likelihood, or a one-sided 95 % bound and the end of the scale
@@ -214,11 +214,11 @@ class ShapeFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ContactFit(WrittenResult):
-    """What photos measured together, and what a user should know about it."""
+    """The numbers that photos measured together, with notes for the user."""
 
     contacts: MeasuredContacts
     threshold: ThresholdFit | None  # None without any contact that slid or stopped
-    shapes: ShapeFit | None  # None where designs and maps are not at hand
+    shapes: ShapeFit | None  # None where designs and maps are not available
     photos: tuple[str, ...]  # their names
     left_out: Mapping[str, int]  # contacts that were not counted, by reason
     notes: tuple[str, ...]
@@ -226,7 +226,7 @@ class ContactFit(WrittenResult):
 
     @property
     def agreement(self) -> str:
-        """Whether contacts and whole shapes give the same half-angle, in words."""
+        """Whether contacts and whole shapes give the same half-angle, as text."""
         one, two = self.threshold, self.shapes
         if one is None or two is None:
             return "not compared: only one of the two ways can be gone"
@@ -258,7 +258,7 @@ class ContactFit(WrittenResult):
     schema = CONTACTS_SCHEMA
 
     def view(self) -> Iterator[Block]:
-        """Yield what the photos measured, each with its interval, and what to know about it."""
+        """Yield the numbers that the photos measured, each with its interval and notes."""
         found, photos = self.contacts, counted(len(self.photos), "photo")
         out = ", ".join(f"{count} {why}" for why, count in self.left_out.items() if count)
         yield Answer(f"{photos}{f'; contacts left out: {out}' if out else ''}")
@@ -297,7 +297,7 @@ class ContactFit(WrittenResult):
 
 
 def fit_files(paths: Sequence[Path], error_deg: float = ANGLE_ERROR_DEG) -> ContactFit:
-    """Return what the observations in some files measured together.
+    """Return the joint fit of the observations in some files.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ def fit_files(paths: Sequence[Path], error_deg: float = ANGLE_ERROR_DEG) -> Cont
 
 
 def fit_photos(photos: Sequence[ObservedPhoto], error_deg: float = ANGLE_ERROR_DEG) -> ContactFit:
-    """Return what photos measured together."""
+    """Return the joint fit of photos."""
     notes = [note for photo in photos for note in photo.notes]
     notes += [
         f"{photo.photo}: no verdict, so that none of its contacts counts"
@@ -372,7 +372,7 @@ def fit_photos(photos: Sequence[ObservedPhoto], error_deg: float = ANGLE_ERROR_D
 
 
 def _few(photos: int) -> str:
-    """Return how a source begins that rests on too few photos: the words go with the number."""
+    """Return the prefix of a source with too few photos: the words go with the number."""
     return f"too few photos ({photos}, from {FEW_PHOTOS} on); " if photos < FEW_PHOTOS else ""
 
 
@@ -390,7 +390,7 @@ def _tangent(angle_deg: float) -> float:
 def _threshold_notes(
     fit: ThresholdFit | None, photos: Sequence[ObservedPhoto], error_deg: float
 ) -> list[str]:
-    """Return what a user should know about the half-angle, a sentence each."""
+    """Return the notes for a user about the half-angle, a sentence each."""
     if fit is None:
         return ["no contact slid or stopped: the half-angle stays assumed"]
     notes = list[str]()
@@ -447,7 +447,7 @@ def _shape_fit(photos: Sequence[ObservedPhoto], width_ratio: float) -> ShapeFit 
 def _log_likely(squared_mm2: Floats, weight: Floats, error_mm: float) -> Floats:
     """Return the log likelihood of branches' distances at each half-angle, shape (angles,).
 
-    A t distribution of two coordinates: a branch that went another way for a reason of its own is
+    A t distribution of two coordinates: a branch that went another way for a different reason is
     an outlier, and does not decide alone.
     """
     far = np.log1p(squared_mm2 / (TAILS * error_mm**2))
@@ -500,7 +500,7 @@ def _mean_square_mm2(one_mm: Floats, other_mm: Floats) -> float:
 def _over_photos(
     values: Sequence[Sequence[float]], photos: Sequence[ObservedPhoto]
 ) -> tuple[MeasuredNumber | None, list[str]]:
-    """Return the ratio of widths with its t interval over photos, and what to know about it."""
+    """Return the ratio of widths with its t interval over photos, and notes about it."""
     each = [np.array(some) for some in values if len(some)]
     count = sum(len(some) for some in each)
     if count < FEWEST_RATIOS:

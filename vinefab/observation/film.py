@@ -85,7 +85,7 @@ class SeenFilm:
         return np.column_stack([across / depth, up / depth])
 
     def at(self, points_mm: Floats, z_mm: float) -> Floats:
-        """Return how much film is seen at points at a height above the floor, shape (n,)."""
+        """Return the amount of film seen at points at a height above the floor, shape (n,)."""
         seen = self.view.to_pixels(self.moved(points_mm, z_mm, self.sight.plane_mm)) - 0.5
         places = [seen[:, 1], seen[:, 0]]
         return np.asarray(
@@ -93,14 +93,14 @@ class SeenFilm:
         )
 
     def is_solid(self, points_mm: Floats) -> NDArray[np.bool_]:
-        """Tell which points of the floor lie in obstacles or outside the bounds, shape (n,)."""
+        """Return the mask of floor points in obstacles or outside the bounds, shape (n,)."""
         cells = np.floor(self.view.to_pixels(points_mm)).astype(np.int64)
         rows, columns = self.solid.shape
         row, column = cells[:, 1].clip(0, rows - 1), cells[:, 0].clip(0, columns - 1)
         return np.asarray(self.solid[row, column])
 
     def hidden(self, points_mm: Floats, z_mm: float) -> NDArray[np.bool_]:
-        """Tell which points at a height an obstacle stands before, as the camera sees, (n,)."""
+        """Return the mask of points at a height that obstacles hide from the camera, (n,)."""
         if self.sight.camera is None or self.sight.obstacle_mm <= z_mm:
             return np.zeros(len(points_mm), dtype=np.bool_)
         if z_mm not in self._hidden:
@@ -115,7 +115,7 @@ class SeenFilm:
         return max(1, round(HIDDEN_CELL_MM / self.view.mm_per_pixel))
 
     def _hidden_raster(self, z_mm: float) -> NDArray[np.bool_]:
-        """Return which cells, of about a millimetre, obstacles stand before at a height."""
+        """Return the mask of the cells, of about 1 mm, that obstacles hide at a height."""
         rows, columns = (size // self._times + 1 for size in self.solid.shape)
         x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
         points = self.view.to_map(self._times * np.column_stack([x.ravel(), y.ravel()]))
@@ -128,7 +128,7 @@ class SeenFilm:
 
 
 def solid_raster(world: Map, view: PlanView) -> NDArray[np.bool_]:
-    """Return which pixels of a plan lie outside the free space, shape (rows, columns)."""
+    """Return the mask of the pixels of a plan outside the free space, shape (rows, columns)."""
     return ~_inside(world.free_space, view)
 
 
@@ -141,7 +141,7 @@ def found_film(
     *,
     colour: FilmColour | None = None,
 ) -> SeenFilm:
-    """Return the film on a plan, by its colour or by what differs from the floor.
+    """Return the film on a plan, by its colour or by its difference from the floor.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def found_film(
     share = _without_gloss(share, view.mm_per_pixel)
     is_film = share > 0.5
     if is_film[~solid].mean() < LEAST_FILM_SHARE:
-        allowed = "a photo with a robot on it; --film-colour R,G,B says what its film looks like"
+        allowed = "a photo with a robot on it; --film-colour R,G,B gives its film's colour"
         raise BadInputError("photo", "no film found between the obstacles", allowed)
     seen = np.median(view.pixels[is_film], axis=0).astype(int).tolist()
     return SeenFilm(
@@ -261,7 +261,7 @@ def _mode(hues: Floats, step: float = 0.012) -> Floats:
 
 
 def _strip(view: PlanView, pose: Pose, width_mm: float) -> NDArray[np.bool_]:
-    """Return which pixels show the trunk just ahead of its base."""
+    """Return the mask of the pixels that show the trunk just ahead of its base."""
     ahead = np.array([np.cos(pose.heading_rad), np.sin(pose.heading_rad)])
     base = np.array([pose.x_mm, pose.y_mm])
     line = shapely.LineString([base, base + 1.5 * width_mm * ahead])
@@ -293,11 +293,11 @@ def _film_hue(
         other &= np.hypot(*np.moveaxis(hue - block, -1, 0)) > 0.5 * off_floor
     if other.mean() < LEAST_FILM_SHARE:
         return None, "by lightness"
-    return _mode(hue[other]), "by what differs from floor and obstacles"
+    return _mode(hue[other]), "by its difference from floor and obstacles"
 
 
 def _by_hue(hue: Floats, floor: Floats, film: Floats, block: Floats | None) -> Floats:
-    """Return how far each pixel is on the way from the floor's hue to the film's, 0 to 1."""
+    """Return the place of each pixel between the floor's hue and the film's, 0 to 1."""
     way = film - floor
     along = ((hue - floor) @ way) / float(way @ way)
     share = np.clip(along, 0.0, 1.0)
@@ -316,7 +316,7 @@ def _by_light(
     ratio = light / floor - 1.0
     at_base = float(np.median(ratio[strip])) if strip.any() else 0.0
     if abs(at_base) < LEAST_LIGHT_SHARE:
-        allowed = "a photo with a robot on it; --film-colour R,G,B says what its film looks like"
+        allowed = "a photo with a robot on it; --film-colour R,G,B gives its film's colour"
         raise BadInputError("photo", "nothing at the base that differs from the floor", allowed)
     share = np.clip(ratio / at_base, 0.0, 1.0)
     return np.asarray(share, dtype=np.float64), "by lightness at the base"
@@ -334,7 +334,7 @@ def _without_gloss(share: Floats, mm_per_pixel: float) -> Floats:
 
 
 def _inside(area: BaseGeometry, view: PlanView) -> NDArray[np.bool_]:
-    """Return which pixels' middles lie in an area, shape (rows, columns)."""
+    """Return the mask of the pixels with middles in an area, shape (rows, columns)."""
     rows, columns = view.pixels.shape[:2]
     inside = np.zeros((rows, columns), dtype=np.bool_)
     if area.is_empty:

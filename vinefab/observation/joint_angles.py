@@ -101,7 +101,7 @@ def _outer_heading_rad(
     across = side * np.array([-along[1], along[0]])
     end = points[-1] @ along
     places = np.linspace(*_CHILD, _EDGE_POINTS) * (end - points[0] @ along) + points[0] @ along
-    # Out from the line, which may stand beside the axis by half a radius, past its edge.
+    # Out from the line, which may stand off the axis by half a radius, past its edge.
     outward = np.linspace(0.0, 2.0 * radius, _EDGE_STEPS)
     middle = np.interp(places, points @ along, points @ across)
     grid = places[:, None, None] * along + (middle[:, None] + outward)[..., None] * across

@@ -1,4 +1,4 @@
-"""A photo of a grown robot, from the file to what it says beside the prediction."""
+"""A photo of a grown robot, from the file to its comparison with the prediction."""
 
 import json
 import math
@@ -271,7 +271,7 @@ class Observation(WrittenResult):
     photo, map_file, design_file
         How they are called.
     rectified_by
-        By what the photo was rectified.
+        The features by which the photo was rectified.
     error_mm
         Root mean square distance, in the map, of the points that it was rectified by; None where
         they are just enough, so that no error shows.
@@ -463,7 +463,7 @@ class Observation(WrittenResult):
         yield _branch_section(self.compared.branches)
 
     def _data(self) -> dict[str, object]:
-        """Return what stands in JSON alone: lengths in mm, angles in degrees.
+        """Return the data that stand in JSON alone: lengths in mm, angles in degrees.
 
         What comes from the photo is measured; what is called predicted is simulated.
         """
@@ -506,7 +506,7 @@ class Observation(WrittenResult):
 
     @property
     def error_text(self) -> str:
-        """How well the photo is rectified, in words."""
+        """The accuracy of the rectified photo, as text."""
         if self.error_mm is None:
             return "error unknown: four points fit exactly"
         return f"error {self.error_mm:.2f} mm, measured"
@@ -532,12 +532,12 @@ class Observation(WrittenResult):
             )
         return (
             "as predicted: every branch ended as simulated, "
-            f"{self.mean_error_mm:.1f} mm beside its predicted line in the mean (measured)"
+            f"{self.mean_error_mm:.1f} mm off its predicted line in the mean (measured)"
         )
 
 
 def _branch_data(branch: ComparedBranch) -> dict[str, object]:
-    """Return what of a branch stands in JSON; ``contacts`` are read again."""
+    """Return the data of a branch for JSON; ``contacts`` are read again."""
     error = {"mean": branch.mean_mm, "most": branch.most_mm, "hausdorff": branch.hausdorff_mm}
     plain = {
         "id": branch.id,
@@ -636,7 +636,7 @@ def _branch_section(branches: Sequence[ComparedBranch]) -> Section:
 
 
 def _ending(stop: str, length_mm: float) -> str:
-    """Return how a branch ended, in words."""
+    """Return the ending of a branch, as text."""
     words = _ENDINGS.get(stop, "ended early without a wall")
     return words if stop == Stop.NOT_DEPLOYED.label else f"{words} after {length_mm:.0f} mm"
 
@@ -700,7 +700,7 @@ def observe_photo(  # noqa: PLR0913
     map_file: str = "",
     design_file: str = "",
 ) -> Observation:
-    """Return what a photo shows, beside the prediction.
+    """Return the observation of a photo, with the prediction.
 
     Parameters
     ----------
@@ -774,7 +774,7 @@ def observe_photo(  # noqa: PLR0913
 def _camera(
     photo: Photo, world: Map, setup: PhotoSetup
 ) -> tuple[PhotoCamera, str, MarkerSpread | None]:
-    """Return the camera, by what it is known, and how markers lie beside where they should."""
+    """Return the camera, the source of its data, and the offsets of markers from their places."""
     if setup.corners_px is not None:
         left, low, right, top = world.bounds.bounds
         corners = np.array([(left, low), (right, low), (right, top), (left, top)])
@@ -810,7 +810,7 @@ def _place_words(spread: MarkerSpread, camera: PhotoCamera) -> str:
 
 
 def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list[str]:
-    """Return what makes an observation uncertain, a sentence each."""
+    """Return the causes of an observation's uncertainty, a sentence each."""
     found: list[str] = []
     branches = seen.compared.branches
     if not seen.fits:

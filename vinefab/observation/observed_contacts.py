@@ -227,7 +227,7 @@ class Replays:
         )
 
     def _wall(self, tip_mm: Floats) -> str:
-        """Return the name of what a tip touches."""
+        """Return the name of the object that a tip touches."""
         point = shapely.Point(tip_mm)
         edge = float(self.world.bounds.boundary.distance(point))
         if not self.shapes:
@@ -274,7 +274,7 @@ class SeenBranch:
 
 
 def seen_meetings(replays: Replays, seen: SeenBranch) -> tuple[tuple[WallMeeting, ...], str]:
-    """Return where a branch's tip met walls and what it did there, and why it stopped.
+    """Return the meetings of a branch's tip with walls, and the reason why it stopped.
 
     The stop is ``full_length``, ``head_on``, ``corner``, or ``unclear`` where it is short of its
     length without a wall at its end. A tip that stopped has the heading that it came with, so that
@@ -300,7 +300,7 @@ def seen_meetings(replays: Replays, seen: SeenBranch) -> tuple[tuple[WallMeeting
 def _passed(
     replays: Replays, seen: SeenBranch, meeting: WallMeeting, turn_deg: float, *, fits: bool
 ) -> WallMeeting:
-    """Return a meeting of a replay, with what the photo says that the tip did there."""
+    """Return a meeting of a replay, with the tip's behaviour there on the photo."""
     away = _touching_mm(replays, seen, meeting.wall)
     # What is met within the error of the length may not have been met at all.
     is_met = meeting.front_mm <= seen.length_mm - SAME_PLACE_MM
@@ -314,7 +314,7 @@ def _passed(
 
 
 def _touching_mm(replays: Replays, seen: SeenBranch, wall: str) -> float | None:
-    """Return how far a line passes from a wall; None where the body does not touch it."""
+    """Return the distance at which a line passes a wall; None where the body does not touch it."""
     away = float(shapely.distance(replays.wall_shape(wall), LineString(seen.points_mm)))
     return away if abs(away - seen.radius_mm) <= max(1.5, 0.3 * seen.radius_mm) else None
 
@@ -561,7 +561,7 @@ def json_object(text: str, path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise UnreadableFileError(path, f"is not JSON: {str(error)[:100]}") from error
     if not isinstance(content, dict):
-        raise UnreadableFileError(path, "is no JSON object")
+        raise UnreadableFileError(path, "is not a JSON object")
     return content
 
 
@@ -615,7 +615,7 @@ def _contacts(form: ObservationForm) -> tuple[tuple[SeenContact, ...], int, int]
 
 
 def _found(form: ObservationForm, path: Path) -> tuple[Design | None, Map | None, tuple[str, ...]]:
-    """Return design and map of an observation where they still can be read, and what cannot."""
+    """Return design and map of an observation if still readable, and notes on the rest."""
     notes = list[str]()
     design: Design | None = None
     world: Map | None = None
@@ -633,7 +633,7 @@ def _found(form: ObservationForm, path: Path) -> tuple[Design | None, Map | None
 
 
 def _beside(name: str, path: Path) -> str:
-    """Return a file named in an observation: as it stands, else beside the observation."""
+    """Return a file named in an observation: as it stands, else next to the observation."""
     if "\0" in name or Path(name).is_file():
         return name
     for near in (path.parent / name, path.parent / Path(name).name):

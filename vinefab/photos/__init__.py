@@ -10,6 +10,6 @@ What other rooms use:
   ``PhotoCamera.to_map`` and ``to_photo`` convert places, at any height;
   ``rectified``: a `PlanView` of an area, at any height.
 
-``maps`` imports maps from what this room gives, ``observation`` compares robots with it. OpenCV
+``maps`` imports maps from the results of this room, ``observation`` compares robots with it. OpenCV
 (extra ``vision``) is loaded only where it is needed.
 """

@@ -35,7 +35,7 @@ class FoundMarker:
         Of its black frame, shape (4, 2): (column, row) of the upper left one, as it was printed,
         and the others clockwise; middles of pixels end in .5.
     noise_px
-        How far they may be off: standard deviation, by what the fit leaves.
+        How far they may be off: standard deviation, from the residuals of the fit.
     blur_px
         How far light is spread over its edges: standard deviation.
     mixing
@@ -43,7 +43,7 @@ class FoundMarker:
         that was smoothed or made smaller as it was stored. Between, the middle of an edge lies at
         another brightness.
     misfit
-        Root mean square of what the fit leaves, over the contrast of black and white.
+        Root mean square of the residuals of the fit, over the contrast of black and white.
     """
 
     corners_px: Floats
@@ -125,7 +125,7 @@ _MIXING = 0.35, 1.1
 """Least and most exponent of stored light."""
 
 _LEAST_NOISE_PX, _OF_BLUR = 0.05, 0.035
-"""How far corners may be off at least, and by what share of the blur, whose shape is not known
+"""Least error of corners, and its share of the blur, whose shape is not known
 [assumed, above what rendered photos show]."""
 
 _CORRELATED = 2.0
@@ -215,7 +215,7 @@ def _mean_side(corners: Floats) -> float:
 
 
 def _blurred_cells(places: Floats, pattern: Floats, spread: float) -> Floats:
-    """Return how white a pattern of cells is at places (in cells), spread by a normal blur."""
+    """Return the whiteness of a pattern of cells at places (in cells), spread by a normal blur."""
     edges = np.arange(-1.0, MARKER_SIDE_CELLS + 2.0)
     across, down = (scipy.special.ndtr((places[:, axis, None] - edges) / spread) for axis in (0, 1))
     shares = []
@@ -292,13 +292,13 @@ class MarkerSpread:
         """Whether they clearly lie elsewhere, and it is not a lens that bends straight lines.
 
         A lens moves corners along rays from the middle, but hardly makes squares wider across
-        them: about half of what it does looks like another distance.
+        them: about half of its effect looks like another distance.
         """
         return self.is_clear and self.explained > _LENS_EXPLAINED
 
 
 def marker_spread(control: ControlPoints) -> MarkerSpread:
-    """Return how much farther apart the markers of control points lie, from `marker_points`."""
+    """Return the extra spread of the markers of control points, from `marker_points`."""
     corners = control.points_mm.reshape(-1, 4, 2)
     middles = corners.mean(axis=1)
     middle = 0.5 * (middles.min(axis=0) + middles.max(axis=0))

@@ -83,8 +83,8 @@ class PhotoCamera:
     focal_share
         How far it may be off, as a share (standard deviation); infinite where it is unknown.
     parallax_mm_per_mm
-        By how much the places of what lies one millimetre above or below the control points may be
-        off at worst (within the control points): 95 % of the focal length's error; where that is
+        Worst error of the places of points one millimetre above or below the control points
+        (within the control points): 95 % of the focal length's error; where that is
         unknown, all of the parallax of a lens of 13 mm (assumed).
     """
 
@@ -280,7 +280,7 @@ class _Pose:
         return cls(float(np.exp(fit.x[0])), share, turn, fit.x[4:7], middle)
 
     def rise(self, homography: Floats) -> Floats:
-        """Return what a homography's last column gains per mm of height."""
+        """Return the gain of a homography's last column per mm of height."""
         inner = np.array(
             [
                 [self.focal_px, 0, self.middle_px[0]],
@@ -400,9 +400,9 @@ def rectified(
     Parameters
     ----------
     area_mm
-        Left, low, right and top of what to show, in map coordinates.
+        Left, low, right and top of the area to show, in map coordinates.
     plane_mm
-        Height above the floor of what is looked at; that of the control points when None.
+        Height above the floor of the plane to show; that of the control points when None.
     mm_per_pixel
         When None, as fine as the photo is where it is finest.
     """
@@ -440,7 +440,7 @@ def rectified(
 def shown_in(
     photo: Photo, camera: PhotoCamera, view: PlanView, plane_mm: float
 ) -> NDArray[np.bool_]:
-    """Return which pixels of a plan its photo shows, shape (rows, columns)."""
+    """Return the mask of the pixels of a plan that its photo shows, shape (rows, columns)."""
     rows, columns = view.pixels.shape[:2]
     corners = view.to_map(np.array([(0.0, 0.0), (columns, 0.0), (0.0, rows)]))
     to_map = np.eye(3)
@@ -460,7 +460,7 @@ def shown_in(
 
 
 def most_pixels_per_mm(homography: Floats, area_mm: AreaMm) -> float:
-    """Return how many pixels of a photo a millimetre of the plane has where it has most."""
+    """Return the largest number of photo pixels on a millimetre of the plane."""
     left, low, right, top = area_mm
     corners = np.array([(left, low), (right, low), (right, top), (left, top)])
     depth = np.column_stack([corners, np.ones(4)]) @ homography[2]

@@ -56,7 +56,7 @@ def pouch_contacts_mm2(length_mm: Floats, width_mm: Floats, gap_mm: Floats) -> F
     Returns
     -------
     Floats
-        0 where the inflated pouch, 2 w_p / pi wide, is no wider than the gap; shape (m,).
+        0 where the inflated pouch, 2 w_p / pi wide, is not wider than the gap; shape (m,).
 
     Notes
     -----
@@ -84,7 +84,7 @@ def branch_limit_n(width_mm: float, weaker_n_mm: float) -> float:
     width_mm
         Lay-flat lumen width of the branch; its circumference is 2 w.
     weaker_n_mm
-        The smaller of what film and seam stand, N per mm of circumference. The pull is assumed to
+        The smaller strength of film and seam, N per mm of circumference. The pull is assumed to
         load the whole circumference evenly, and no part of it to carry more than a seam does
         [assumed].
     """

@@ -172,7 +172,7 @@ def planned_paths(tree: BranchTree) -> tuple[GrowthPath, ...]:
 
 
 def riding_mm(tree: BranchTree, widths_mm: tuple[float, ...]) -> Floats:
-    """Return the film inside each branch for its descendants, as a length of its own film.
+    """Return the film inside each branch for its descendants, as a length of the branch's film.
 
     Parameters
     ----------

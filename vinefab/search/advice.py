@@ -86,7 +86,7 @@ def with_trunk_for_film(settings: RunSettings) -> RunSettings:
 
 
 def said_before(evaluator: Evaluator) -> str:
-    """Return what a user should know of a run's trunk and targets; empty if nothing."""
+    """Return the notes for a user on a run's trunk and targets; empty if none."""
     penalty, settings = evaluator.penalty, evaluator.spec.settings
     if not isinstance(penalty, ManufacturabilityPenalty):
         return ""
@@ -202,7 +202,7 @@ def _has_room(prepared: PreparedMap, pose: Pose, radius_mm: float) -> bool:
 
 
 def _away_mm(prepared: PreparedMap, pose: Pose) -> float:
-    """Return how far a start is from the nearest wall."""
+    """Return the distance of a start from the nearest wall."""
     walls = shapely.boundary(prepared.terrain.free_space())
     return float(shapely.distance(walls, shapely.Point(pose.x_mm, pose.y_mm)))
 
@@ -435,20 +435,20 @@ class BestCheck:
                 break
             found[row] = FAILED
             failures += 1
-        # From what is recorded alone, so that a resumed run continues alike.
+        # From the record alone, so that a resumed run continues alike.
         self._failures += int((found == FAILED).sum())
         self._best = max(self._best, float(self._evaluator.fitness(composite, found, costs).max()))
         return found
 
     def judged(self, progress: Progress) -> Progress:
-        """Return the progress of the run with what is known of its best design."""
+        """Return the progress of the run with the known facts of its best design."""
         if self.passes is False and progress.share >= ADVICE_AT:
             self._advice = self._advice or advice(self._evaluator, progress.history)
         shown = self._advice if self.passes is False else ""
         return replace(progress, passes=self.passes, advice=shown or self._outset)
 
     def notes(self, finalists: Sequence[Finalist]) -> tuple[str, ...]:
-        """Return what was advised, where no finalist may win or the winner misses targets."""
+        """Return the advice given, where no finalist may win or the winner misses targets."""
         beaten = all(finalist.penalty > 0.0 for finalist in finalists)
         targets = finalists[0].score.targets
         misses = targets is not None and not targets.all_touched
@@ -467,7 +467,7 @@ def rules_broken(evaluator: Evaluator, x: Iterable[Floats]) -> str:
 
 
 def advice(evaluator: Evaluator, history: Sequence[Generation]) -> str:
-    """Return which rules stop the designs of a run, and which single changes let some pass."""
+    """Return the rules that stop the designs of a run, and single changes that let some pass."""
     penalty, settings = evaluator.penalty, evaluator.spec.settings
     if not isinstance(penalty, ManufacturabilityPenalty):
         return ""

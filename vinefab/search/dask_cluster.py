@@ -143,12 +143,12 @@ class Pace:
         return unit_rows(weights, self.workers, least_s / self.work_s)
 
     def seconds_here(self, weight: float) -> float:
-        """Return how long points take in the threads here."""
+        """Return the time that points take in the threads here."""
         usual_s = self.work_s / (EFFICIENCY * max(1, self.threads))
         return weight * (usual_s if self.here_s is None else self.here_s)
 
     def seconds_there(self, weights: Floats) -> float:
-        """Return how long points take on the cluster."""
+        """Return the time that points take on the cluster."""
         usual_s = self.work_s / (EFFICIENCY * self.workers)
         working_s = float(weights.sum()) * (usual_s if self.there_s is None else self.there_s)
         return self.costs.overhead_s(len(self.units(weights))) + working_s
@@ -208,7 +208,7 @@ class RemoteWorkers(Protocol):
         ...
 
     def costs(self) -> HandingOut:
-        """Return what handing out costs; assumed before `connect`, then measured."""
+        """Return the costs of handing out; assumed before `connect`, then measured."""
         ...
 
     def begin(self, x: Floats, conditions: Conditions, units: Sequence[Ints]) -> Finish:
@@ -384,7 +384,7 @@ MOST_RETRIES = 20
 
 
 NEEDED = ("distributed", "cryptography")
-"""What the extra installs: the cluster, and what makes the certificates of a local one."""
+"""What the extra installs: the cluster, and the maker of certificates for a local one."""
 
 TLS_FILES = {
     "DASK_DISTRIBUTED__COMM__TLS__CA_FILE": "tls_ca_file",
@@ -418,10 +418,10 @@ class WorkerPayload:
 
 
 class DaskEvaluator:
-    """The workers of a dask scheduler, and threads here for what is too little to hand out.
+    """The workers of a dask scheduler, and threads here for work too small to hand out.
 
-    The first designs are evaluated here and timed; then every generation goes where it is done
-    sooner by what was measured. Workers of this computer are started only when that pays.
+    The first designs are evaluated here and timed; then every generation goes to the
+    place measured as faster. Workers of this computer are started only when that pays.
 
     Parameters
     ----------
@@ -611,7 +611,7 @@ class _DaskWorkers:
         return self._count
 
     def costs(self) -> HandingOut:
-        """Return what handing out costs."""
+        """Return the costs of handing out."""
         return self._costs or ASSUMED_COSTS
 
     def _measured_costs(self) -> HandingOut:

@@ -188,7 +188,7 @@ class Ledger:
         self._work = Work.total((self._work, work))
 
     def split(self) -> TimeSplit:
-        """Return how the time has been spent so far."""
+        """Return the split of the time spent so far."""
         total_s = time.perf_counter() - self._began_s
         spent_s = sum(self._spent_s.values()) - self._spent_s["beside_s"]
         other_s = max(0.0, total_s - spent_s)
@@ -420,7 +420,7 @@ class TableCheck(Protocol):
     """A full check that simulates nothing, fast enough for the best designs of a search."""
 
     def broken(self, design: Design) -> tuple[Finding, ...] | None:
-        """Return what forbids a design; None where only a simulation tells."""
+        """Return the findings that forbid a design; None where only a simulation tells."""
         ...
 
 
@@ -432,7 +432,7 @@ class PenaltyWithLimits:
     space: Space
 
     def __call__(self, design: Design) -> float:
-        """Return how far a design is from one that can win."""
+        """Return the distance of a design from one that can win."""
         penalty = 0.0 if self.rules is None else self.rules(design)
         return penalty + float(self.space.limit_excess(DesignBatch.of(design))[0])
 
@@ -608,7 +608,7 @@ class Evaluator:
         return PenaltyWithLimits(rules=self.penalty, space=self.space)
 
     def broken(self, design: Design) -> tuple[Finding, ...] | None:
-        """Return what forbids a design by the full check; None where only a simulation tells.
+        """Return the full check's findings against a design; None where only a simulation tells.
 
         Remembered, because the best of a generation may be finalists.
         """
@@ -804,7 +804,7 @@ class Evaluator:
         }
 
     def joint_costs(self, x: Floats) -> Floats:
-        """Return what the sleeve joints of designs cost of their fitness, shape (m,)."""
+        """Return the cost of the designs' sleeve joints in fitness, shape (m,)."""
         weight, counter = self.evaluation.joint_weight, self.penalty_of_batch
         if weight == 0.0 or not isinstance(counter, BatchPenalty):
             return np.zeros(len(x))

@@ -55,9 +55,9 @@ def minimized(
 
 
 def non_dominated(fitness: Floats, costs: Floats) -> NDArray[np.bool_]:
-    """Return which points no other point dominates, shape (m,).
+    """Return the mask of the points that no other point dominates, shape (m,).
 
-    A point dominates another when it is no worse in fitness and all costs and better in at least
+    A point dominates another when it is not worse in fitness and all costs and better in at least
     one. Of equal points, the first counts as non-dominated.
 
     Parameters
@@ -176,7 +176,7 @@ class RepairResults:
     """The results of the repairs of a run, all within one budget."""
 
     repaired: list[Floats] = field(default_factory=list)  # points of designs that pass now
-    message: str = ""  # what was tried, and with what result
+    message: str = ""  # the attempt and its result
 
     @classmethod
     def of(

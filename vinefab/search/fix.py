@@ -1,6 +1,6 @@
 """``check --fix``: the smallest change of a design that clears its errors.
 
-The search is deterministic and goes by what a maker would try first: smaller fillets alone; then
+The search is deterministic and follows the order of a maker's attempts: smaller fillets alone; then
 widths, tapers, lengths and angles together; then fewer branches. What comes later is tried only if
 all before it found nothing. At first one value, or a group of them, is moved at a time: what lowers
 the penalty most for its cost, in steps that grow and shrink, until no penalty is left. Where that
@@ -250,7 +250,7 @@ class FixTargets:
         return RULES[rule.id].limits_with(self.limits.get(rule.id, {}))
 
     def penalties(self, designs: Sequence[Design]) -> Floats:
-        """Return how far designs are from keeping the error limits, 0 if they keep them; (m,).
+        """Return the distances of designs from the error limits, 0 if they keep them; (m,).
 
         Of the rules about the laser's paths only those that go by the joints are included.
         """
@@ -258,7 +258,7 @@ class FixTargets:
         return found + np.log1p(excess + [self._excess(one) for one in designs])
 
     def _excess(self, design: Design) -> float:
-        """Return how far mouth, pouch and the pressure for growth are from their limits."""
+        """Return the excess of mouth, pouch and the pressure for growth over their limits."""
         build, window = design.build, self.of_rule(WINDOW)
         allowed_kpa = growth_limit_kpa(build.widest_mm, self.profile.material, window)
         wide = relative_excess(build.mouth_width_mm, self.of_rule(CLAMP)["error"])
@@ -349,7 +349,7 @@ _LEAST_TAPER = 0.05
 
 
 def parsed_keeps(texts: Iterable[str]) -> frozenset[str]:
-    """Return what to keep from texts like ``branches,length``.
+    """Return the names of values to keep, from texts like ``branches,length``.
 
     >>> sorted(parsed_keeps(["branches, length", "angle"]))
     ['angle', 'branches', 'length']
@@ -434,7 +434,7 @@ class FixSpace:
         return self.targets.settled(changed)
 
     def penalty(self, x: Floats) -> float:
-        """Return how far the design at a vector is from its targets; 0 if it meets them."""
+        """Return the distance of the design at a vector from its targets; 0 if it meets them."""
         return float(self.targets.penalties([self.at(x)])[0])
 
     def assessed(self, points: Iterable[Floats]) -> list[tuple[Floats, float, float]]:

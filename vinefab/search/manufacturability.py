@@ -102,7 +102,7 @@ class ManufacturabilityPenalty:
         return not check_design(design, self.profile).blocking
 
     def broken(self, design: Design) -> tuple[Finding, ...] | None:
-        """Return what forbids a design by the full check, with joints from the table that ships.
+        """Return the findings that forbid a design by the full check, with the shipped joints.
 
         Nothing is simulated, so that it takes some hundredths of a second. None for designs with a
         joint that the table does not have, and for very large ones.
@@ -114,7 +114,7 @@ class ManufacturabilityPenalty:
         return run_checks(subject_of(design, self.profile, pattern=pattern)).blocking
 
     def violations(self, design: Design) -> str:
-        """Return which rules block a design, with the message of the first; empty if none.
+        """Return the rules that block a design, with the message of the first; empty if none.
 
         The full check decides: a design with a penalty may still pass it, cut in tiles.
         """
@@ -289,7 +289,7 @@ def _bed(query: SpaceQuery) -> Iterator[BadInputError]:
 
 
 def film_in_trunk(query: SpaceQuery, design: Design) -> tuple[float, float]:
-    """Return how much of a lumen folded film fills, percent, and the trunk that holds it, mm.
+    """Return the share of a lumen that folded film fills, percent, and the trunk that holds it, mm.
 
     Wider by a factor, every level holds so many times as much.
     """

@@ -374,7 +374,7 @@ class PenaltyRules:
         return self._at_once(designs).found(*_rows(designs), self._known_sides(designs))
 
     def with_path_excess(self, designs: Sequence[Design]) -> tuple[Floats, Floats]:
-        """Return the penalties of some designs, and how far they are from what the laser can run.
+        """Return the penalties of some designs, and their distances from paths fit for the laser.
 
         That is the summed excess of straight sides and drawn fillets that are too small; (m,) each.
         """
@@ -628,7 +628,7 @@ class _Laws(NamedTuple):
 
 
 def _tables(rules: PenaltyRules, builds: Sequence[Build], laws: _Laws) -> LevelTables:
-    """Return what depends on a build and a level alone."""
+    """Return the tables that depend on a build and a level alone."""
     profile, changed, limits = rules.profile, rules.changed, rules.limits
     material, window = profile.material, _limits_of(WINDOW, changed)
     fitted_mm = GrowthConstantsRange.of(profile, window).diameter_mm

@@ -11,7 +11,7 @@ import math
 from vinefab.core.compiling import called, compiled, inlined
 
 # mypy: allow-untyped-defs, allow-untyped-calls
-# ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of what it compiles
+# ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of compiled functions
 # ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
 
 
@@ -72,7 +72,7 @@ def penalize_pieces(designs, tables, limits, scratch, cutting, penalty, joints):
 
 @compiled
 def add_path_excess(designs, tables, limits, scratch, excess):
-    """Add how far every design is from what the laser can run: side lengths and drawn fillets.
+    """Add every design's distance from paths fit for the laser: side lengths and drawn fillets.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def _compensate(designs, d, row, below, children, fan, place, tables, scratch):
         # Lengths of one fan are even: their mean is that of the first and the last.
         last = designs.growth[d, further] if designs.branches[d, further] > 1 else 1.0
         away_mm += designs.size[d, further] * (1.0 + last) / 2.0
-    # Children stand beside their designed axes: turned a little, their tips come nearer.
+    # Children stand off their designed axes: turned a little, their tips come nearer.
     offset_mm = width * _at(law, fan, 2 * most)
     most_rad = min(tables.most_turn, fan / 10.0)
     cut = fan - 2.0 * min(max(offset_mm / away_mm, -most_rad), most_rad)
@@ -261,9 +261,9 @@ def _joints(designs, d, tables, limits, scratch):
 
 @inlined
 def _short_sides(designs, d, least_mm, tables, limits, scratch):
-    """Return how much is missing, over all levels, for straight sides of a least length.
+    """Return the missing amount, over all levels, for straight sides of a least length.
 
-    The shortest branch of each level counts. The side of an even trunk goes on along the tail.
+    The shortest branch of each level counts. The side of an even trunk continues along the tail.
     """
     found, build, base_mm = 0.0, designs.build[d], 0.0
     length_mm = scratch.short[0]
@@ -290,7 +290,7 @@ def _short_sides(designs, d, least_mm, tables, limits, scratch):
 def _drawn_fillets(designs, d, tables, limits, scratch):
     """Return by how much the fillets of each level's two tightest gaps fall short of the least.
 
-    These are the gap beside the parent and the one between the two shortest children.
+    These are the gap next to the parent and the one between the two shortest children.
     """
     found, above_mm, build = 0.0, scratch.short[0], designs.build[d]
     for below in range(designs.depth[d] - 1):
@@ -311,7 +311,7 @@ def _drawn_fillets(designs, d, tables, limits, scratch):
 
 @inlined
 def _beside(designs, d, below, lean, tables, limits, scratch):
-    """Return the least angle beside a parent: the shortest leans most, its children least."""
+    """Return the least angle at a parent: the shortest leans most, its children least."""
     build, gap = designs.build[d], scratch.gap[below + 1]
     half, end = tables.half[build, below], tables.end_half[build, below]
     bare = min(gap[0], gap[designs.branches[d, below]])
@@ -351,7 +351,7 @@ def _lean(half, end, length, limits):
 def _small_arcs(gap, run, branches, wide, narrow, above_mm, fillet, limits):
     """Return by how much fillets, and the arcs between them, fall short of rules and laser.
 
-    Fans are their own mirror images: of two gaps alike the one beside the shorter branch counts.
+    Fans are their own mirror images: of two gaps alike the one next to the shorter branch counts.
     """
     found, disc = 0.0, max(wide, narrow)
     for place in range((branches + 2) // 2):
@@ -389,7 +389,7 @@ def _largest_turn(angle, one, two, radius, disc):
 
 @inlined
 def _shorter(run, branches, place):
-    """Return the length of the shortest child beside a gap between children or its mirror image."""
+    """Return the length of the shortest child at a gap between children or its mirror image."""
     other = branches - place
     return min(run[place - 1], run[place], run[other - 1], run[other])
 
@@ -408,13 +408,13 @@ def _excess(value, limit, most):
 
 @inlined
 def _crowded(room_mm, length_mm, least_mm, limits):
-    """Return how much of a branch is missing for its side to keep a least length, capped."""
+    """Return the share of a branch missing for its side to keep a least length, capped."""
     return min(limits.most, max(0.0, (least_mm - room_mm) / length_mm))
 
 
 @inlined
 def _bare_reach(angle, one, two, disc):
-    """Return how far from the joint two sides part: where they cross, or at the joint's disc."""
+    """Return the distance from the joint to where two sides part: a crossing or the disc's edge."""
     if math.asin(one / disc) + math.asin(two / disc) <= angle:
         return disc
     sin, cos = math.sin(angle), math.cos(angle)
@@ -425,7 +425,7 @@ def _bare_reach(angle, one, two, disc):
 
 @inlined
 def _straight_begins(angle, one, two, fillet, least_disc):
-    """Return how far from the joint the straight sides of two neighbours begin."""
+    """Return the distance from the joint at which straight sides of two neighbours begin."""
     disc = max(least_disc, one, two)
     a, b = one + fillet, two + fillet
     if math.asin(a / (disc + fillet)) + math.asin(b / (disc + fillet)) <= angle:
@@ -725,7 +725,7 @@ _GOLDEN, _STEPS = (math.sqrt(5.0) - 1.0) / 2.0, 48
 """Golden section: 1e-10 of a branch is left of the search interval."""
 
 _PARTED = 1.0 - 1e-9
-"""A further cut must leave at most this share of what is left without it."""
+"""A further cut must leave at most this share of the rest without it."""
 
 TOO_MANY = 1_000_000
 """Cuts needed to part a pair between which no branch may be cut."""
@@ -796,7 +796,7 @@ def _find_straight_sides(designs, d, tables, limits, scratch, cutting):
             reach_mm = max(0.5 * min(one_mm, two_mm), disc)
             fillet = min(fillets[below + 1], _largest_fillet(angle, one, two, reach_mm))
             for place in range(3):
-                # Sockets beside each other lie on children alone, beyond the straight and a blend.
+                # Sockets next to each other lie on children alone, beyond the straight and a blend.
                 out = (0.0, limits.reach_mm, limits.beside_mm)[place]
                 less = (0.0, 0.0, limits.before_mm + limits.blend_ratio * limits.rise_mm)[place]
                 none = (0.0, 0.0, math.inf)[place]
@@ -897,7 +897,7 @@ def _meet(designs, base, a, b):
 
 @called
 def _outer_clears(k, capsules, row, limits, scratch, cutting):
-    """Return whether a branch may be cut, and what is left beyond the cut is clear of a capsule."""
+    """Return whether a branch may be cut with its rest beyond the cut clear of a capsule."""
     if cutting.can[k] == 0:
         return False
     outer, socket = capsules + 3 * k + OUTER, capsules + 3 * k + SOCKET
@@ -955,7 +955,7 @@ def _in_pieces(designs, d, capsules, pairs, tables, limits, scratch, cutting):
 
 @inlined
 def _further_cut(designs, d, capsules, pairs, tables, limits, scratch, cutting):
-    """Return the further cut that leaves least, and what it leaves."""
+    """Return the further cut that leaves least, and its remainder."""
     chosen, least = -1, math.inf
     for k in range(designs.first[d + 1] - designs.first[d]):
         if cutting.can[k] == 1 and cutting.cut[k] == 0:
@@ -969,7 +969,7 @@ def _further_cut(designs, d, capsules, pairs, tables, limits, scratch, cutting):
 
 @called
 def _left(designs, d, capsules, pairs, tables, limits, scratch, cutting):
-    """Return what the cuts leave: conflicts within a piece, excess over the sheet and of laps."""
+    """Return the rest after the cuts: conflicts in a piece, excess over the sheet and of laps."""
     _label(designs, d, cutting)
     left = _stubs_left(designs, d, capsules, pairs, limits, scratch, cutting)
     left += _sockets_left(designs, d, capsules, limits, scratch, cutting)
@@ -1221,7 +1221,7 @@ def _expand(designs, d, capsules, pairs, made, most, step, limits, scratch, cutt
     """Write the branches that may part the first conflict; return 0 if there is none, else 1.
 
     There are no such branches if more cuts than ``most`` are needed for certain: each of some pairs
-    needs one of its own (Garg, Vazirani and Yannakakis 1997: pairs are taken in the order in which
+    needs its own cut (Garg, Vazirani and Yannakakis 1997: pairs are taken in the order in which
     they meet farthest from the base). That number is written to ``cutting.needed``.
     """
     base, first, needed = designs.first[d], -1, 0
@@ -1251,7 +1251,7 @@ def _expand(designs, d, capsules, pairs, made, most, step, limits, scratch, cutt
 
 @inlined
 def _claim(p, step, cutting):
-    """Return how many cuts a pair needs beside those of the pairs before: 0, 1, or too many."""
+    """Return the number of cuts a pair needs after those of the pairs before: 0, 1, or too many."""
     free = 0
     for way in range(cutting.ways[p]):
         k = cutting.between[p, way]

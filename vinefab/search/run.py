@@ -255,7 +255,7 @@ class Search:
         )
 
     def _without_rules(self, finalists: Sequence[Finalist]) -> tuple[str, ...]:
-        """Return why the winner misses targets: the rules, or the space; nothing where it does not.
+        """Return the reason for a winner's missed targets: the rules, or the space; empty without.
 
         A short search that no rule stops tells them apart.
         """
@@ -365,7 +365,7 @@ def _check_reach(evaluator: Evaluator) -> None:
 
 
 def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | None:
-    """Return why a run with such a history ends, or None if it continues."""
+    """Return the reason why a run with such a history ends, or None if it continues."""
     if len(history) >= search.generations:
         return "generations"
     if search.evaluations and sum(len(g.fitness) for g in history) >= search.evaluations:
@@ -452,7 +452,7 @@ def recipe_of(settings: RunSettings) -> RunRecipe | None:
 def violations_of(
     result: RunResult, settings: RunSettings, profile: LaserProfile | None = None
 ) -> str:
-    """Return which rules and limits a run's winner violates; empty if none, or none was checked.
+    """Return the rules and limits that a run's winner violates; empty if none, or none was checked.
 
     Parameters
     ----------

@@ -222,7 +222,7 @@ class SeedSummary:
 
 def list_runs(folders: Sequence[Path]) -> RunListing:
     """Return the records below folders; one that is unreadable does not hide the others."""
-    paths: dict[Path, Path] = {}  # by what they are without links: folders may overlap
+    paths: dict[Path, Path] = {}  # keyed without links: folders may overlap
     for folder in folders:
         below = records_in(folder)
         if not below:
@@ -463,7 +463,7 @@ class _BestSoFar:
         self._seen = len(history)
 
     def view(self) -> Iterator[Block]:
-        """Yield what it is, with a picture."""
+        """Yield the best design so far, with a picture."""
         design = self._design
         if design is None:
             yield Text("No point of the space was a design yet.")
@@ -476,7 +476,7 @@ class _BestSoFar:
         )
 
     def _pieces_words(self, design: Design) -> str:
-        """Return how many pieces the search takes a design for; empty where it must be one."""
+        """Return the search's number of pieces of a design, as text; empty where it must be one."""
         settings, evaluation = design.build.pieces, self._settings.evaluation
         if settings is None or not evaluation.fabricable:
             return ""
@@ -499,7 +499,7 @@ class _BestSoFar:
 
 
 def run_facts(settings: RunSettings) -> tuple[Fact, ...]:
-    """Return name and value of what a run was asked for."""
+    """Return names and values of a run's settings."""
     search, maps = settings.search, settings.maps
     where = "from files" if maps.files else f"of {maps.environment}, seed {maps.seed}"
     evaluation = settings.evaluation

@@ -567,7 +567,7 @@ def check_objectives(objectives: Sequence[str], task: str, optimizer: str) -> No
         raise BadInputError(key, list(objectives), f"the task's score, {task!r}, among them")
     if len(objectives) < 2:
         allowed = (
-            f"a cost ({', '.join(COSTS)}) or another task beside the score, or no objectives at all"
+            f"a cost ({', '.join(COSTS)}) or another task with the score, or no objectives at all"
         )
         raise BadInputError(key, list(objectives), allowed)
     if optimizer != "nsga2":

@@ -82,7 +82,7 @@ def _level_lengths_mm(designs: DesignBatch) -> Floats:
 def sheet_areas_mm2(designs: DesignBatch, build_of: BuildOf) -> Floats:
     """Return the area of the rectangle along the trunk that holds the flat robot.
 
-    With tail, widths and pouches; without seam, kerf and what a machine leaves free at the edge.
+    With tail, widths and pouches; without seam, kerf and the machine's free margin.
     """
     # Some at a time, because large trees take much memory.
     ends = np.flatnonzero(np.diff(np.cumsum(designs.sizes) // BRANCHES_AT_ONCE)) + 1
@@ -133,7 +133,7 @@ def _children(
 
 
 def _tip_reach_mm(heading: Floats, build: Build) -> Floats:
-    """Return how far pouches reach from their tips along x and y, shape (k, 2)."""
+    """Return the reach of pouches from their tips along x and y, shape (k, 2)."""
     pouch = build.pouch
     if pouch is None:
         return np.zeros((len(heading), 2))
@@ -585,7 +585,7 @@ class Space:
         )
 
     def _values(self, x: Floats) -> Floats:
-        """Return what `SearchVariable.value` would, for all variables at many points."""
+        """Return the results of `SearchVariable.value` for all variables at many points."""
         low, high = self._low, self._high
         numbers = np.minimum(high, low + np.trunc(x * (high - low + 1.0)))
         values = np.minimum(high, np.maximum(low, _rounded(low + x * (high - low))))
@@ -602,7 +602,7 @@ class Space:
         return list(exceeded_limits(batch, self.build_of, self.most))
 
     def limits_text(self, design: Design) -> str:
-        """Return what a design takes of what the space limits; empty without limits."""
+        """Return a design's use of the limits of the space; empty without limits."""
         batch, most = DesignBatch.of(design), self.most
         return ", ".join(
             f"{cost_text(name, float(COSTS[name].of(batch, self.build_of)[0]))} of {limit:g}"

@@ -115,7 +115,7 @@ class WorkerProcesses:
             self._pool.shutdown(cancel_futures=True)
 
     def map(self, work: Callable[[_Job], Found], jobs: Sequence[_Job]) -> Iterator[Found]:
-        """Yield what the work makes of each job, in the order of the jobs."""
+        """Yield the result of the work for each job, in the order of the jobs."""
         with stops_deferred():
             others = set(multiprocessing.active_children())
             futures = [self._pool.submit(work, job) for job in jobs]

@@ -104,7 +104,7 @@ class Turns(NamedTuple):
 
     @classmethod
     def of(cls, grown: GrownBatch, joints_rad: Floats | None = None) -> "Turns":
-        """Return the turns of some growths; ``joints_rad``, one per branch, count beside them."""
+        """Return the turns of some growths; ``joints_rad``, one per branch, count too."""
         count = len(grown.stop)
         own = np.zeros(count) if joints_rad is None else joints_rad.copy()
         found = cls(own, np.empty(count), np.empty(count, dtype=np.bool_))
@@ -152,7 +152,7 @@ class Leaves:
         )
 
     def of_growths(self, one: int, two: int) -> slice:
-        """Return which leaves belong to the growths ``one .. two - 1``."""
+        """Return the slice of the leaves of the growths ``one .. two - 1``."""
         first, last = np.searchsorted(self.growth, [one, two]).tolist()
         return slice(first, last)
 
@@ -209,7 +209,7 @@ class Pouches(NamedTuple):
 def contacts(
     leaves: Leaves, pouches: Pouches, places: Sequence[Place]
 ) -> tuple[NDArray[np.bool_], Floats]:
-    """Return which leaves are engaged, and the area that each pouch presses on a wall.
+    """Return the mask of engaged leaves, and the area that each pouch presses on a wall.
 
     Without a pouch, every leaf is.
     """
@@ -274,7 +274,7 @@ class AnchoredRobots:
         return np.min([*some_idle, *every], axis=0), np.max([*some_idle, *every], axis=0)
 
     def pulls_n(self, friction: float, share: float = 1.0) -> tuple[Floats, Floats, Floats]:
-        """Return what each robot would hold if nothing failed, what it holds, and limited branches.
+        """Return each robot's pull without failures, its pull, and its number of limited branches.
 
         Each of shape (j,); the last is how many branches pull as much as film or seam stands.
         From the tips to the base, every branch carries what those beyond it hold, times its own
@@ -308,7 +308,7 @@ class AnchoredRobots:
         return sums.astype(np.float64, copy=False)
 
     def are_among_first(self, share: float) -> NDArray[np.bool_]:
-        """Tell which leaves are among the share of the engaged that turned least, shape (m,)."""
+        """Return the mask of the leaves in the share of the engaged that turned least, (m,)."""
         rank = np.cumsum(self.engaged)
         count = self.summed(self.engaged)
         before = np.cumsum(count) - count
@@ -411,7 +411,7 @@ class Anchoring(Table):
         return self._anchored(GrownBatch.of(deployment), robots, first, [(context, 0, 1)])
 
     def parts(self, score: float, terms: Mapping[str, float]) -> dict[str, float]:
-        """Return what the engaged pouches hold alone, and what turns on the way to them add."""
+        """Return the force of the engaged pouches alone, and the part added by turns before."""
         name, alone = "engaged pouches, each alone", terms["engaged"]
         if terms[IDEAL_CASE]:
             name, alone = "leaves that came out, each alone (ideal case)", terms["leaves"]

@@ -77,7 +77,7 @@ class Coverage(Table):
         return self.changed(area="fast") if self.area == "auto" else self
 
     def cover(self, context: MapContext) -> Cover:
-        """Return what several robots see together: free space alone, and nothing is subtracted."""
+        """Return the joint area that several robots see: free space alone, nothing subtracted."""
         edges_mm = context.edges_mm if self.clip == "sight" else None
         grid = CellGrid.of(context, self.radius_mm)
         return TipCover(grid=grid, radius_mm=self.radius_mm, edges_mm=edges_mm)
@@ -113,7 +113,7 @@ class Coverage(Table):
         }
 
     def evaluate_block(self, block: GrowthBlock, contexts: Sequence[MapContext]) -> TaskOutcomes:
-        """Return what `evaluate` would for every growth of a block."""
+        """Return the outcome of `evaluate` for every growth of a block."""
         is_fast = self.area == "fast"
         if not is_fast and (self.clip != "free" or not are_many(block, contexts)):
             return one_by_one(self, block, contexts)
@@ -147,7 +147,7 @@ class Coverage(Table):
         overlap = np.zeros_like(seen_mm2)
         sees = summed_mm2 > 0.0
         overlap[sees] = np.clip(1.0 - seen_mm2[sees] / summed_mm2[sees], 0.0, 1.0)
-        # A union of polygons beside a sum of true discs: a remainder this small is rounding.
+        # A union of polygons against a sum of true discs: a remainder this small is rounding.
         overlap[overlap <= _ROUNDING] = 0.0
         film = np.minimum(1.0, length_mm / (self.most_diagonals * context.diagonal_mm))
         area = np.minimum(1.0, seen_mm2 / context.area_mm2)
@@ -182,7 +182,7 @@ class Coverage(Table):
     def _free_areas_mm2(
         self, tips_mm: Floats, begins: Ints, context: MapContext
     ) -> tuple[Floats, Floats]:
-        """Return what `_areas_mm2` would within free space for several final states on one map."""
+        """Return `_areas_mm2` within free space for several final states on one map."""
         discs = disc_polygons(tips_mm, self.radius_mm)
         lines = np.arange(len(tips_mm) + 1)
         seen = context.rows.areas_mm2(discs, begins, tips_mm, lines, self.radius_mm)

@@ -25,7 +25,7 @@ else:
 
 USUAL_CELLS, MOST_COVER_CELLS = 20_000, 250_000
 CELLS_PER_RADIUS, FEWEST_PER_RADIUS = 10.0, 4.0
-"""Cells across the radius of what is covered: the first where `USUAL_CELLS` are enough for that,
+"""Cells across the radius of the covered area: the first where `USUAL_CELLS` are enough for that,
 at least the second."""
 
 
@@ -43,19 +43,19 @@ class Cover(Protocol):
         ...
 
     def covered(self, block: GrowthBlock) -> NDArray[np.bool_]:
-        """Return which elements each growth of a block covers, shape (j, e)."""
+        """Return the mask of the elements that each growth of a block covers, shape (j, e)."""
         ...
 
 
 def cover_of(task: Task, context: MapContext) -> Cover:
-    """Return what a task's deployments cover on a map.
+    """Return the measure of the area that a task's deployments cover on a map.
 
     A task may define ``cover(context: MapContext) -> Cover``.
 
     Raises
     ------
     BadInputError
-        If the task does not say what a deployment covers, or the map is too large.
+        If the task does not define the covered area, or the map is too large.
     """
     offered: Callable[[MapContext], Cover] | None = getattr(task, "cover", None)
     if offered is None:
@@ -73,7 +73,7 @@ class CellGrid:
 
     @classmethod
     def of(cls, context: MapContext, radius_mm: float) -> "CellGrid":
-        """Return the cells for what lies within a radius of something."""
+        """Return the cells for areas within a radius of something."""
         edges_mm = context.edges_mm
         low = edges_mm.min(axis=(0, 1))
         size = edges_mm.max(axis=(0, 1)) - low
@@ -109,7 +109,7 @@ class CellGrid:
         return np.asarray(self.box[:2] + self.box[2] * (np.column_stack([columns, rows]) + 0.5))
 
     def near(self, chains: Chains, radius_mm: float) -> NDArray[np.bool_]:
-        """Return which cells' centres are within a radius of each body, shape (j, e)."""
+        """Return the mask of cells with centres within a radius of each body, shape (j, e)."""
         count, is_free = len(chains.branch) - 1, self.is_free
         found = np.empty((count, int(is_free.sum())), dtype=np.bool_)
         level, mark = np.empty(self.free_mm2.shape), np.zeros(self.free_mm2.shape, dtype=np.int64)
@@ -151,7 +151,7 @@ class BodyCover:
         return f"free space within {self.radius_mm:g} mm of a body"
 
     def covered(self, block: GrowthBlock) -> NDArray[np.bool_]:
-        """Return which cells each growth comes near to."""
+        """Return the mask of the cells that each growth comes near to."""
         return self.grid.near(_bodies(block), self.radius_mm)
 
 
@@ -175,7 +175,7 @@ class TipCover:
         return f"free space within {self.radius_mm:g} mm of a tip{sight}"
 
     def covered(self, block: GrowthBlock) -> NDArray[np.bool_]:
-        """Return which cells each growth's sensors see."""
+        """Return the mask of the cells that each growth's sensors see."""
         tips_mm, first = block.tips_mm()
         if self.edges_mm is None:
             # A tip is a body of no length.
@@ -215,7 +215,7 @@ class TargetCover:
         return f"targets within {low_mm:g}{most} mm"
 
     def covered(self, block: GrowthBlock) -> NDArray[np.bool_]:
-        """Return which targets each growth reaches."""
+        """Return the mask of the targets that each growth reaches."""
         return np.asarray(self.away_mm(_bodies(block)) <= self.tolerance_mm)
 
 

@@ -27,12 +27,12 @@ Poses = tuple[tuple[Pose, ...], ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditions:
-    """What all designs of a generation meet: where they start, and what their contacts are like."""
+    """Conditions of all designs of a generation: their start poses and contact options."""
 
     poses: Poses
     # head-on half-angle of each pose, map by map, where a range of it is drawn from; else empty
     half_angles_rad: tuple[float, ...] = ()
-    # seed of what is drawn in each deployment, map by map, where children may stay in; else empty
+    # seed of the draws in each deployment, map by map, where children may stay in; else empty
     draw_seeds: tuple[int, ...] = ()
 
     def on_maps(self, taken: Sequence[int]) -> "Conditions":
@@ -116,7 +116,7 @@ def poses_on(
     seeds
         One seed per map.
     repeats
-        Whether it gives its pose as often as asked: where every deployment has contacts of its own.
+        Whether it gives its pose as often as asked: where every deployment has its own contacts.
 
     Raises
     ------

@@ -91,7 +91,7 @@ def _turn(first: Floats, last: Floats) -> Floats:
 def seen_areas(
     centres_mm: Floats, radius_mm: float, edges_mm: Floats
 ) -> tuple[Floats, BaseGeometry]:
-    """Return the area that each sensor sees, shape (n,), and the union of what they see.
+    """Return the area that each sensor sees, shape (n,), and the union of these areas.
 
     A point is seen when it lies within the radius and no wall is between. The areas are exact;
     in the union, arcs are polygons of the same area as their sectors. A sensor on a wall sees

@@ -181,7 +181,7 @@ class WallCells:
         return cls(walls_mm=walls_mm, grid=grid, first=first, item=item)
 
     def numbers_at(self, places_mm: Floats) -> Ints:
-        """Return how many walls the cells of some places list, shape (m,).
+        """Return the number of walls that the cells of some places list, shape (m,).
 
         Places outside the grid belong to the nearest cell.
         """

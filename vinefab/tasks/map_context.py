@@ -26,7 +26,7 @@ else:
 
 GRID = 2.0**-43
 """Corners are rounded to the map's size (a power of two) times this, 6e-11 mm for half a metre:
-what differs by rounding alone falls together, and what does not is apart by much more than it."""
+points that differ by rounding alone merge; others lie much farther apart."""
 
 CLOSED = 2.0**-43
 """An outline that is open by more than this share of the map's size is not taken."""
@@ -176,7 +176,7 @@ class MapContext:
         return replace(self, targets=())
 
     def free_area_mm2(self, shape: BaseGeometry) -> float:
-        """Return the area of what is in free space of a shape."""
+        """Return the area of a shape's part in free space."""
         if len(self.edges_mm) <= MOST_EDGES_AT_ONCE:
             return float(shapely.intersection(shape, self.free).area)
         shapely.prepare(shape)

@@ -145,7 +145,7 @@ class Reach(Table):
             raise BadInputError("task.tolerance_mm", self.tolerance_mm, allowed)
 
     def cover(self, context: MapContext) -> Cover:
-        """Return what several robots reach together."""
+        """Return the measure of the targets that several robots reach together."""
         targets = self.goals(context.targets)
         if not targets:
             return BodyCover(grid=CellGrid.of(context, self.buffer_mm), radius_mm=self.buffer_mm)
@@ -172,14 +172,14 @@ class Reach(Table):
         return _outcomes(np.array([reached_mm2]), np.array([grown_mm]), context).one(0)
 
     def parts(self, score: float, terms: Mapping[str, float]) -> dict[str, float]:
-        """Return the share of the targets that is touched, and what nearness earned."""
+        """Return the share of the targets that is touched, and the score earned by nearness."""
         if TOUCHED not in terms:
             return {"area reached": score}
         touched = terms[TOUCHED] / terms[TARGETS]
         return {"targets touched": touched, "nearness to the others": score - touched}
 
     def evaluate_block(self, block: GrowthBlock, contexts: Sequence[MapContext]) -> TaskOutcomes:
-        """Return what `evaluate` would for every growth of a block."""
+        """Return the outcome of `evaluate` for every growth of a block."""
         if any(self.goals(context.targets) for context in contexts):
             return concatenated_outcomes(
                 [
@@ -206,7 +206,7 @@ class Reach(Table):
     def _of_bodies(
         self, block: GrowthBlock, _terrain: int, one: int, two: int, context: MapContext
     ) -> TaskOutcomes:
-        """Return what `evaluate` would for the growths ``one .. two - 1``, on one map."""
+        """Return the outcomes of `evaluate` for the growths ``one .. two - 1``, on one map."""
         growth, branches = block.growth, np.arange(block.branch[one], block.branch[two])
         of_growth = np.repeat(np.arange(one, two), np.diff(block.branch[one : two + 1]))
         first = block.room[of_growth] + growth.first_point[branches + of_growth]

@@ -21,7 +21,7 @@ TARGETS, TOUCHED = "targets", "targets_reached"
 
 
 def nearest_mm(chains: Chains, targets: Sequence[Target], *, tips: bool = False) -> Floats:
-    """Return how far targets are from the bodies of several growths, shape (j, t).
+    """Return the distances of targets from the bodies of several growths, shape (j, t).
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def check_targets_on(task: Task, worlds: Sequence[Map]) -> None:
 def touched_targets(
     deployments: Iterable[tuple[Deployment, Map]], task: Task | None = None
 ) -> TargetsResult | None:
-    """Return which targets deployments touch; None where no map and no task has any.
+    """Return the targets that deployments touch; None where no map and no task has any.
 
     Targets of one name on several maps count as one.
 
@@ -87,7 +87,7 @@ def touched_targets(
     deployments
         Each with its map.
     task
-        Has targets of its own, or says that only tips touch; None: the maps' targets, by bodies.
+        Has its own targets, or says that only tips touch; None: the maps' targets, by bodies.
     """
     tips = getattr(_inner(task), "reached_by", "body") == "tip"
     aimed = ((one, task_targets(task, world)) for one, world in deployments)

@@ -135,7 +135,7 @@ def concatenated_outcomes(parts: Sequence[TaskOutcomes]) -> TaskOutcomes:
 
 
 def score_parts(task: Task, score: float, terms: Mapping[str, float]) -> dict[str, float]:
-    """Return what earned and cost how much of a score, by name; they add up to it.
+    """Return the gains and costs in a score, by name; they add up to it.
 
     A task may define ``parts(score, terms) -> Mapping[str, float]``; of others nothing is known.
     """
@@ -182,7 +182,7 @@ class HeadOnPenalty:
         return score - self.weight * share, {**terms, "head_on": share}
 
     def evaluate_block(self, block: GrowthBlock, contexts: Sequence[MapContext]) -> TaskOutcomes:
-        """Return what `evaluate` would for every growth of a block."""
+        """Return the outcome of `evaluate` for every growth of a block."""
         share = _shares(block.growth.stop, block.branch)
         score, terms = outcomes(self.task, block, contexts)
         return TaskOutcomes(score - self.weight * share, {**terms, "head_on": share})
@@ -190,7 +190,7 @@ class HeadOnPenalty:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskWithOthers:
-    """A task and others scored from the same final states: their scores are terms beside its own.
+    """A task and others scored from the same final states: their scores are terms with its own.
 
     A run with several tasks as objectives takes the other scores from there.
     """
@@ -215,7 +215,7 @@ class TaskWithOthers:
         return score, {**terms, **scores}
 
     def evaluate_block(self, block: GrowthBlock, contexts: Sequence[MapContext]) -> TaskOutcomes:
-        """Return what `evaluate` would for every growth of a block."""
+        """Return the outcome of `evaluate` for every growth of a block."""
         score, terms = outcomes(self.task, block, contexts)
         scores = {name: outcomes(o, block, contexts).score for name, o in self.others.items()}
         return TaskOutcomes(score, {**terms, **scores})

@@ -118,7 +118,7 @@ def test_what_is_missing_or_of_another_kind_is_one_line(tmp_path, monkeypatch):
     (tmp_path / "cave.prj").unlink()
     assert "no .prj" in import_map(path, ImportOptions()).facts["units"]
     (tmp_path / "cave.shx").unlink()
-    with pytest.raises(UnreadableFileError, match=r"needs cave[.]shx beside it"):
+    with pytest.raises(UnreadableFileError, match=r"needs cave[.]shx next to it"):
         import_map(path, ImportOptions())
     # GDAL would follow what such a file names.
     virtual = tmp_path / "virtual.gpkg"

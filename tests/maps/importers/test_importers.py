@@ -65,7 +65,7 @@ def ros_image() -> bytes:
 
 @cache
 def gis_sample(suffix: str) -> bytes:
-    """Return a file that GDAL wrote; of a Shapefile ``.shx`` is the index that lies beside it."""
+    """Return a file that GDAL wrote; of a Shapefile ``.shx`` is the index that lies next to it."""
     raw = pytest.importorskip("pyogrio.raw")
     shapes = shapely.to_wkb(np.array([shapely.Polygon(ring) for ring in (ROOM, PILLAR)]))
     with TemporaryDirectory() as folder, warnings.catch_warnings():
@@ -103,7 +103,7 @@ EVERY_SUFFIX = [(name, suffix) for name in NAMES for suffix in IMPORTERS[name].s
 
 
 def imported(folder: Path, suffix: str, data: bytes) -> Map:
-    """Import data as a file with a suffix; what ROS maps and Shapefiles need lies beside it."""
+    """Import data as a file with a suffix; what ROS maps and Shapefiles need lies next to it."""
     (folder / "cells.pgm").write_bytes(ros_image())
     if suffix.lower() == ".shp":
         (folder / "sample.shx").write_bytes(gis_sample(".shx"))
@@ -214,7 +214,7 @@ def test_a_kind_of_file_that_is_near_gets_a_hint(name: str, words: str) -> None:
 
 def test_the_image_of_a_ros_map_leads_to_its_yaml(tmp_path: Path) -> None:
     (tmp_path / "world.yaml").write_bytes(ros_sample())
-    with pytest.raises(BadInputError, match=r"give world\.yaml, which lies beside it"):
+    with pytest.raises(BadInputError, match=r"give world\.yaml, which lies next to it"):
         import_map(tmp_path / "world.pgm", ImportOptions())
 
 

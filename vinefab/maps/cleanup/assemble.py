@@ -347,7 +347,7 @@ def _cut(obstacles: list[Polygon], bounds: Polygon, changes: Changes) -> list[Po
 
 
 _MOST_HOLES_SHARE = 0.2
-"""Of what its outline encloses: a union with more holes may as well be walls around rooms."""
+"""Share of the area in its outline: a union with more holes may as well be walls around rooms."""
 _MOST_SINGLE_SHARE = 0.5
 """Of the union: an area that is more of it may as well be bounds, with obstacles half outside."""
 
@@ -401,7 +401,7 @@ def free_areas(parts: list[SolidRegion], join_mm: float, changes: Changes) -> Fr
 
 
 def _nested(parts: list[SolidRegion], changes: Changes) -> list[Polygon]:
-    """Return what unfilled outlines enclose by the even-odd rule."""
+    """Return the areas inside unfilled outlines by the even-odd rule."""
     outlines = [part for part in parts if not part.filled and part.role is None]
     if not outlines:
         return []
@@ -419,7 +419,7 @@ def _count(changes: Changes, name: str) -> int:
 
 
 def _patches(areas: NDArray[np.object_], join_mm: float) -> list[BaseGeometry]:
-    """Return what fills the gaps between areas that are near, but apart."""
+    """Return the patches for the gaps between areas that are near, but apart."""
     shapely.prepare(areas)
     tree = shapely.STRtree(areas)
     one, other = tree.query(areas, predicate="dwithin", distance=join_mm)
@@ -724,7 +724,7 @@ def _solid(
 def _ring(
     points_mm: Floats, shape: DrawnShape, options: AssembleOptions, changes: Changes
 ) -> list[Polygon]:
-    """Return what a ring encloses, simplified if the options say so."""
+    """Return the area inside a ring, simplified if the options say so."""
     polygons = ring_polygons(
         points_mm,
         shape.where,

@@ -174,7 +174,7 @@ def ring_polygons(
     even_odd: bool = False,
     may_be_line: bool = True,
 ) -> list[Polygon]:
-    """Return what a ring encloses, as valid polygons.
+    """Return the area inside a ring, as valid polygons.
 
     A self-crossing ring is cut at its crossings: both lobes of a bow-tie are inside, a hole that
     a bridge joins to its outline is not, spikes vanish. What it encloses twice is inside (the
@@ -250,7 +250,7 @@ def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
 
 
 def _end_nodes(lines: list[Line], same_mm: float) -> Ints:
-    """Return which node each line begins and ends at, shape (n, 2); near ends share a node."""
+    """Return the nodes at which each line begins and ends, shape (n, 2); near ends share a node."""
     ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
     pairs = scipy.spatial.cKDTree(ends).query_pairs(same_mm, output_type="ndarray")
     graph = scipy.sparse.coo_array((np.ones(len(pairs)), pairs.T), shape=(len(ends), len(ends)))

@@ -67,7 +67,7 @@ def boundary_loops(region: Mask) -> list[Floats]:
 
     The region lies to the left: outer boundaries run counter-clockwise, holes clockwise. Where
     two cells of the region touch only at a corner the loops keep them apart, so that the region
-    is 4-connected and what is not in it 8-connected: a wall drawn one cell thick along a
+    is 4-connected and the rest 8-connected: a wall drawn one cell thick along a
     diagonal stays closed. Outside the array is outside the region. (contourpy finds the same
     loops, in 26 bytes for each cell where this takes 4.)
 
@@ -179,7 +179,7 @@ class CellWalls:
         at least four each. Section k runs from break k to the next break of its loop.
     holds
         Shape (m,): how closely a corner is held: 0, where the two lines meet; 1, on the line of
-        the longer section, beside its break; 2, on its break.
+        the longer section, next to its break; 2, on its break.
     corners
         Shape (m, 2), the result; placed by `fit`.
     lines
@@ -329,7 +329,7 @@ class CellWalls:
         """Drop breaks at which a loop hardly turns, where one line does as well as two.
 
         The splitting leaves some inside walls that are straight: it only ever looks at chords
-        between traced points, which lie up to half a cell beside the wall.
+        between traced points, which lie up to half a cell off the wall.
         """
         needed = np.zeros(len(self.breaks), dtype=np.bool_)
         needed[self.opening] = True
@@ -403,7 +403,7 @@ class CellWalls:
 
 _STRAIGHT = 1.05
 """In cells: the middles of a straight wall's cell edges lie up to 0.5 to both of its sides, so a
-chord between two of them may have others 1 beside it and still all belong to one wall."""
+chord between two of them may have others 1 off it and still all belong to one wall."""
 
 _SMALL_CELLS = 20.0
 """Smaller loops are split more finely: a pillar has no straight walls."""
@@ -465,7 +465,7 @@ def _from_best_corner(walls: CellWalls) -> list[Floats]:
 
 
 def _breaks(loop: Floats, kept: Floats) -> Ints:
-    """Return the indices of the midpoints kept, and what else must be a break."""
+    """Return the indices of the midpoints kept, and the other necessary breaks."""
     # Twice a midpoint is whole, and no midpoint comes twice: a number names each exactly.
     weights = np.array([2.0, 2.0**27])
     names = loop @ weights
@@ -484,7 +484,7 @@ def _breaks(loop: Floats, kept: Floats) -> Ints:
 
 
 _LEAST_TOLERANCE = 0.75
-"""In cells. The corners of a straight wall's cells lie up to 0.71 beside it, so below this stairs
+"""In cells. The corners of a straight wall's cells lie up to 0.71 off it, so below this stairs
 could not be told from walls."""
 
 LEAST_GAP = 0.3
@@ -590,7 +590,7 @@ def _too_near(lines: Lines, ends: Ints) -> Ints:
     owner = np.searchsorted(ends, np.arange(len(lines)), side="right")
     size = np.diff(ends, prepend=0)[owner[one]]
     steps = np.minimum(two - one, size - (two - one))
-    # Next neighbours may be joined by a short wall; that is no fault unless they cross.
+    # Next neighbours may be joined by a short wall; that is a fault only if they cross.
     crossing = (steps == 2) & shapely.intersects(lines[one], lines[two])
     clash = (owner[one] != owner[two]) | (steps > 2) | crossing
     return np.concatenate([one[clash], two[clash]])
@@ -758,7 +758,7 @@ class _Islands:
 def _region(
     free: Mask, placement: GridPlacement, start: Pose | None
 ) -> tuple[Mask, Floats, dict[str, object]]:
-    """Return the selected region, cropped, its lower left corner in cells, and what is left out.
+    """Return the selected region, cropped, its lower left corner in cells, and the parts left out.
 
     The labels of all cells are freed here: they take four times as much as the cells.
     """

@@ -34,7 +34,7 @@ _PLANS = 50
 class Region(NamedTuple):
     """An axis-parallel rectangle of the floor, without the walls around it.
 
-    A hall through a region ends on the hall before it and does not run beside it, so ``way``
+    A hall through a region ends on the hall before it and does not run alongside it, so ``way``
     changes with every division.
     """
 
@@ -90,7 +90,7 @@ def floor_plan(
         parts = _with_halls(rng, floor._replace(way=1), halls, limits)
         if parts is not None:
             return [room for part in parts for room in _rooms(rng, part, limits)]
-    raise BadInputError("halls", halls, "fewer, so that rooms fit beside them")
+    raise BadInputError("halls", halls, "fewer, so that rooms fit next to them")
 
 
 def _with_halls(
@@ -110,7 +110,7 @@ def _with_halls(
 
 
 def _crossed(rng: np.random.Generator, part: Region, limits: FloorLimits) -> list[Region] | None:
-    """Return the two parts beside a hall, and the hall; None if there is no room for it."""
+    """Return the two parts next to a hall, and the hall; None if there is no room for it."""
     axis, wall_mm = 1 - part.way, limits.wall_mm
     inner_mm = wall_mm + limits.hall_mm
     # Neither of the two walls may stand in the keep-out.
@@ -246,7 +246,7 @@ def _borders(regions: Sequence[Region], wall_mm: float) -> list[_Border]:
 def _spanning(
     count: int, joined: Sequence[_Border], borders: Sequence[_Border]
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return which borders to open, the earliest first, so that all regions are connected."""
+    """Return the mask of the borders to open, the earliest first, to connect all regions."""
     group = list(range(count))
 
     def root(index: int) -> int:

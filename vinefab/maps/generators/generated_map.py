@@ -187,7 +187,7 @@ def generated_map(
     starts: tuple[Start, ...],
     **counted: object,
 ) -> Map:
-    """Return the map of an environment; its facts are the options and what was counted."""
+    """Return the map of an environment; its facts are the options and the counts."""
     names = type(options).model_fields
     # Starts last.
     ordered = sorted(names, key=lambda name: (name.startswith("start"), name != "starts"))

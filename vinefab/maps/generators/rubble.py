@@ -83,7 +83,7 @@ def _end(rng: np.random.Generator, thick_mm: float, raggedness: float) -> Floats
 
 
 def way_to_contact(mover: Floats, host: Floats, way: Floats) -> float:
-    """Return how far a convex polygon can move until it touches another; infinity if never.
+    """Return the distance that a convex polygon can move until a contact; infinity if never.
 
     Parameters
     ----------

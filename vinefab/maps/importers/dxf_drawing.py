@@ -332,7 +332,7 @@ def _document(path: Path) -> tuple[Document, int]:
         raise UnreadableFileError(path, "is empty")
     if data.startswith(_DWG):
         raise UnreadableFileError(path, "is a DWG file, not DXF: save it as DXF in a CAD program")
-    # Its warnings are not printed beside the one line that a user gets.
+    # Its warnings are not printed with the one line that a user gets.
     logging.getLogger("ezdxf").addHandler(_NO_OUTPUT)
     try:
         document, repaired = readfile(path), 0
@@ -424,7 +424,7 @@ class _Walk:
         return found
 
     def _hidden(self, entity: DXFGraphic, layer: str) -> str | None:
-        """Return why an entity is not drawn, None when it is."""
+        """Return the reason why an entity is not drawn, None when it is."""
         if self.layers and layer.lower() not in self.layers:
             return "on other layers"
         if entity.dxf.hasattr("invisible") and entity.dxf.invisible:

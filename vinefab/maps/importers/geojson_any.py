@@ -68,7 +68,7 @@ _ONLY_DRAWINGS = (
 _ROLES = ("bounds", "obstacle")
 
 _Leaf = tuple[str, dict[str, Any], object]
-"""Name in messages, a geometry that is no collection, and the role of its feature."""
+"""Name in messages, a geometry that is not a collection, and the role of its feature."""
 
 
 def import_geojson(path: Path, options: ImportOptions) -> Map:

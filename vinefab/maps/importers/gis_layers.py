@@ -39,7 +39,7 @@ _BEGINNINGS = {
     ".shp": b"\0\0\x27\x0a",
     ".fgb": b"fgb\x03fgb",
 }
-"""GDAL looks into files for what they are; only these kinds are given to it."""
+"""GDAL detects a file's kind from its content; only these kinds are given to it."""
 _ROLES = ("bounds", "obstacle")
 _MOST_WARNINGS = 5
 _SCALE = "--scale-mm-per-unit says how many mm a unit is"
@@ -58,7 +58,7 @@ def import_gis(path: Path, options: ImportOptions) -> Map:
         if file.read(len(begin)) != begin:
             raise UnreadableFileError(path, f"is not a {path.suffix.lower()} file, or is damaged")
     if path.suffix.lower() == ".shp" and _beside(path, ".shx") is None:
-        problem = f"needs {path.stem}.shx beside it: a Shapefile is several files, copy them all"
+        problem = f"needs {path.stem}.shx next to it: a Shapefile is several files, copy them all"
         raise UnreadableFileError(path, problem)
     with located(path), warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
@@ -186,7 +186,7 @@ def _ring(line: BaseGeometry) -> Ring:
 def _unit(system: str, path: Path) -> tuple[str, float]:
     """Return the unit of a reference system as text, and its mm."""
     if not system:
-        beside = " (no .prj beside it)" if path.suffix.lower() == ".shp" else ""
+        beside = " (no .prj next to it)" if path.suffix.lower() == ".shp" else ""
         return f"mm (taken; the file names no reference system{beside})", 1.0
     text = _well_known_text(system)
     if re.match(r"\s*GEO(GCS|GCRS|DCRS|GRAPHICCRS)\s*\[", text):
@@ -202,7 +202,7 @@ def _well_known_text(system: str) -> str:
     """Return the definition of a reference system that may be a code such as ``EPSG:32632``."""
     if "[" in system:
         return system
-    # GDAL holds the table of codes; it says what one means in the .prj of a Shapefile.
+    # GDAL holds the table of codes; it gives the meaning of a code in the .prj of a Shapefile.
     with TemporaryDirectory() as folder:
         place = Path(folder) / "unit.shp"
         spot = np.array([shapely.to_wkb(shapely.Point(0.0, 0.0))], dtype=np.object_)

@@ -20,7 +20,7 @@ SCALES = (
     "--points 'X,Y;X,Y' (pixels of the photo) with --distance-mm, four --points with "
     "--rectangle-mm W,H, --marker-mm SIDE, or --scale-mm-per-unit (mm per pixel)"
 )
-"""How a photo gets its scale, in words."""
+"""The source of a photo's scale, as text."""
 
 _MOST_PX = 1e5
 
@@ -127,7 +127,7 @@ class PhotoOptions:
             raise BadInputError(names[1], given[names[1]], f"not together with {names[0]}")
 
     def refuse(self, source: Path) -> None:
-        """Raise BadInputError naming an option that was given: the file is no photo."""
+        """Raise BadInputError naming an option that was given: the file is not a photo."""
         for field in fields(self):
             value = getattr(self, field.name)
             if value != field.default:
@@ -190,7 +190,7 @@ class ImportOptions:
     open_lines
         ``refuse`` or ``drop`` lines that enclose nothing.
     photo
-        What is known of a photo or scan: its scale, and what its obstacles look like.
+        The known facts of a photo or scan: its scale, and the look of its obstacles.
     """
 
     scale_mm_per_unit: float | None = None

@@ -30,7 +30,7 @@ class MapImporter:
     def read(self, path: Path, options: ImportOptions) -> Map:
         """Return the map in a file, read in this process and without limits."""
         module, _, function = self.reader.partition(":")
-        # Sizes near the limits of floats are refused, or found equal, by what is done with them.
+        # Later steps refuse sizes near the limits of floats, or find them equal.
         with np.errstate(all="ignore"):
             world: Map = getattr(import_module(module), function)(path, options)
         return world
@@ -91,7 +91,7 @@ IMPORTERS: Registry[MapImporter] = Registry(
 
 _SVG = "open it in Inkscape, or the program that drew it, and save as SVG or DXF"
 _CUT = (
-    "a solid is no plan: cut it at one height and save the section as DXF or SVG (FreeCAD: Part "
+    "a solid is not a plan: cut it at one height and save the section as DXF or SVG (FreeCAD: Part "
     "section; OpenSCAD: projection(cut = true))"
 )
 _DEGREES = (
@@ -100,7 +100,7 @@ _DEGREES = (
 _AS_LAYERS = "save it as GeoPackage in QGIS, or ogr2ogr plan.gpkg FILE"
 _PIXELS = "save it as PNG or JPEG"
 _UNPACK = "unpack it, and give the drawing in it"
-_CLOUD = "a cloud of points is no plan: make an occupancy grid of it (a ROS map: .yaml and .pgm)"
+_CLOUD = "a cloud of points is not a plan: make an occupancy grid of it (a ROS map: .yaml and .pgm)"
 _ADVICE = {
     "pdf": f"{_SVG} (or: pdftocairo -svg FILE plan.svg)",
     "ai eps ps cdr odg vsd vsdx drawio sketch fig afdesign": _SVG,
@@ -109,7 +109,7 @@ _ADVICE = {
     "stl obj 3mf amf step stp iges igs brep fcstd sldprt skp f3d blend scad glb gltf": _CUT,
     "ply las laz pcd e57 bt ot": _CLOUD,
     "kml kmz gpx": _DEGREES,
-    "shx dbf prj cpg": "give the .shp that lies beside it",
+    "shx dbf prj cpg": "give the .shp that lies next to it",
     "gml tab mif gdb sqlite geojsonl geojsons topojson osm": _AS_LAYERS,
     "qgz qgs": "a project: export its layer (Export, Save Features As, GeoPackage)",
     "th th2 thconfig lox": "export it in Therion: export map -format esri (or dxf), import that",
@@ -123,12 +123,12 @@ _ADVICE = {
 
 
 def _advice(source: Path) -> str:
-    """Return what to do with a file that no importer reads, as the end of a sentence."""
+    """Return the advice on a file that no importer reads, as the end of a sentence."""
     suffix = source.suffix.lower().removeprefix(".")
     if suffix in ("pgm", "pnm"):
         beside = source.with_suffix(".yaml")
         if beside.is_file():
-            return f"; of a ROS map give {beside.name}, which lies beside it"
+            return f"; of a ROS map give {beside.name}, which lies next to it"
         return (
             f"; a ROS map is given by its .yaml: {beside.name} with the lines image: "
             f"{source.name}, resolution: 0.05 (m per cell), origin: [0, 0, 0], negate: 0, "
@@ -154,7 +154,7 @@ def import_map(source: Path, options: ImportOptions) -> Map:
     ------
     BadInputError
         If no importer knows the suffix, an option means nothing for the format, or the content
-        is no map; the message says where in the file.
+        is not a map; the message says where in the file.
     UnreadableFileError
         If the file is missing, damaged or of another format than its suffix says, or takes too
         much time or memory to read (`bounded`).

@@ -52,7 +52,7 @@ _LEAST_OBSTACLE_SHARE = 5e-5
 """Default of the smallest obstacle that is kept, by the plan's area: 4 x 4 mm in 600 x 500 mm."""
 
 _SMOOTHING_PX = 0.7
-"""Evens out noise; less than what would cut the corners of cells."""
+"""Evens out noise; less than a width that cuts the corners of cells."""
 
 _POINT_NOISE_PX = 1.0
 """How far points that a person picks may be off (assumed)."""
@@ -64,8 +64,8 @@ _EDGE_SHARE = 0.5
 """A step of less than half of the contrast is a shadow's edge, not an obstacle's."""
 
 _TILE, _NEAR_CELLS = 128, 8
-"""Side of the parts of a plan that are looked at alone, in cells, and what the tones of a cell
-depend on around it: more than the reach of the two filters together."""
+"""Side of the parts of a plan that are looked at alone, in cells, and the surroundings
+that set the tones of a cell: more than the reach of the two filters together."""
 
 _TRIALS = 40
 
@@ -120,7 +120,7 @@ def read_photo_map(path: Path, options: ImportOptions) -> PhotoMap:
         views = [scene.view(height) for height in heights]
         shown = [scene.shown(view, height) for view, height in zip(views, heights, strict=True)]
         tones = _Tones.of(views[0], chosen, shown[0], scene.mixing)
-        # What stands upright is seen at its place at every height; its sides are seen beside it
+        # What stands upright is seen at its place at every height; its sides are seen next to it
         # on the floor or at the top. (In between: where one's side and another's top would meet.)
         solid = tones.solid(views[0].pixels)
         for view in views[1:]:
@@ -141,7 +141,7 @@ def read_photo_map(path: Path, options: ImportOptions) -> PhotoMap:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Scene:
-    """A photo whose camera is known, and what of it becomes the map."""
+    """A photo whose camera is known, and the part of it that becomes the map."""
 
     photo: Photo
     camera: PhotoCamera
@@ -229,7 +229,7 @@ class _Scene:
         )
 
     def shown(self, view: PlanView, height_mm: float) -> Mask:
-        """Return which cells of a plan the photo shows."""
+        """Return the mask of the cells of a plan that the photo shows."""
         return shown_in(self.photo, self.camera, view, height_mm)
 
     def markers_at(self, height_mm: float) -> Floats:
@@ -282,7 +282,7 @@ def _control(
 def _area_mm(
     photo: Photo, camera: PhotoCamera, control: ControlPoints, chosen: PhotoOptions
 ) -> AreaMm:
-    """Return what becomes the map: the crop, the rectangle, what markers enclose, or all."""
+    """Return the area of the map: the crop, the rectangle, the area inside markers, or all."""
     if chosen.crop_mm is not None:
         left, low, right, top = chosen.crop_mm
         if right <= left or top <= low:
@@ -336,7 +336,7 @@ def _placing_mm(
     noise_px: float,
     area_mm: AreaMm,
 ) -> float:
-    """Return how far places may be off because the points are: simulated, 95 %."""
+    """Return the error of places due to that of the points: simulated, 95 %."""
     control = _control(photo, chosen, found, None)
     left, low, right, top = area_mm
     places = np.array([(left, low), (right, low), (right, top), (left, top)])
@@ -369,7 +369,7 @@ def _placing_mm(
 
 
 def _parallax(camera: PhotoCamera, area_mm: AreaMm, chosen: PhotoOptions) -> dict[str, object]:
-    """Return by how much what stands higher, or lower, is seen beside its place."""
+    """Return the shift from its place at which a higher, or lower, point is seen."""
     left, low, right, top = area_mm
     places = np.array([(left, low), (right, low), (right, top), (left, top)])
     if camera.focal_px is None:
@@ -406,7 +406,7 @@ class _Tones:
         return cls(chosen, (low + high) / 2.0, high - low, mixing)
 
     def still_solid(self, pixels: Pixels, before: Mask) -> Mask:
-        """Return which obstacle cells of one plan are so in another: only they are looked at."""
+        """Return the mask of one plan's obstacle cells that are so in another: no others count."""
         after = np.zeros_like(before)
         rows, columns = before.shape
         for row, column in product(range(0, rows, _TILE), range(0, columns, _TILE)):
@@ -420,7 +420,7 @@ class _Tones:
         return after
 
     def solid(self, pixels: Pixels) -> Mask:
-        """Return which cells of a plan, or of a part of it, are obstacles."""
+        """Return the mask of the obstacle cells in a plan, or in a part of it."""
         if self.threshold is None:
             *colour, tolerance = self.chosen.colour or ()
             smooth = scipy.ndimage.gaussian_filter(
@@ -465,7 +465,7 @@ def _two_tones(bright: NDArray[np.float32]) -> tuple[float, float]:
 def _world(
     path: Path, scene: _Scene, view: PlanView, free: Mask, options: ImportOptions, tones: _Tones
 ) -> Map:
-    """Return the map of what is free in a plan."""
+    """Return the map of the free space in a plan."""
     rows, columns = free.shape
     least_mm2 = options.least_obstacle_mm2
     if least_mm2 is None:

@@ -119,8 +119,8 @@ def import_ros(path: Path, options: ImportOptions) -> Map:
     """Return the map in a ROS map_server file.
 
     The bounds are the outer boundary of the largest free region, or of the one with the start;
-    the solid islands in it are obstacles: see `raster_map`. The map's facts say what was read and
-    what was left out. ``scale_mm_per_unit`` is per metre, full size (1000) by default.
+    the solid islands in it are obstacles: see `raster_map`. The map's facts list the parts read
+    and left out. ``scale_mm_per_unit`` is per metre, full size (1000) by default.
     """
     options.refuse(_ONLY_DRAWINGS, "a ROS map", path)
     scale = _FULL_SIZE if options.scale_mm_per_unit is None else options.scale_mm_per_unit
@@ -160,7 +160,7 @@ def import_ros(path: Path, options: ImportOptions) -> Map:
 
 
 def _classify(values: Values, opacity: Values | None, source: _RosMap) -> tuple[Mask, Mask]:
-    """Return which cells are occupied and which are free by the rules of the map_server.
+    """Return the masks of occupied and of free cells by the rules of the map_server.
 
     With occupancy p = (255 - value) / 255 (value / 255 when negated): occupied when
     p > ``occupied_thresh``, free when p < ``free_thresh``, else unknown.
@@ -207,7 +207,7 @@ class _PlainLoader(yaml.SafeLoader):
             return super().construct_object(node, deep)
         except (ValueError, OverflowError, LookupError, TypeError) as error:
             kind = node.tag.rpartition(":")[2]
-            problem = f"{str(node.value)[:30]!r} is no {kind}"
+            problem = f"{str(node.value)[:30]!r} is not a valid {kind}"
             raise yaml.constructor.ConstructorError(
                 problem=problem, problem_mark=node.start_mark
             ) from error

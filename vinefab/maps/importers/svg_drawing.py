@@ -224,7 +224,7 @@ def transform(node: Node) -> Floats:
     text = node.attributes.get("transform", "")
     at, end = 0, len(text.rstrip())
     while at < end:
-        # svgelements leaves out what it does not know, and what lacks numbers.
+        # svgelements leaves out elements that it does not know, or that lack numbers.
         match = _TRANSFORM.match(text, at)
         if match is None:
             raise _bad_transform(node, text)
@@ -475,7 +475,7 @@ class _Walk:
     read: Counter[str] = field(default_factory=Counter)
     ignored: Counter[str] = field(default_factory=Counter)
     names: set[str] = field(default_factory=set)
-    drawn_in: set[tuple[str, ...]] = field(default_factory=set)  # groups of what was read
+    drawn_in: set[tuple[str, ...]] = field(default_factory=set)  # groups of the elements read
     by_id: dict[str, Node] = field(default_factory=dict)
     styles: dict[str, dict[str, str]] = field(default_factory=dict)
     backgrounds: list[DrawingItem] = field(default_factory=list)

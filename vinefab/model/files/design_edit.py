@@ -47,8 +47,8 @@ Order = list[int | None]
 def edited_text(text: str, design: Design, source: str | Path) -> str:
     """Return the text of a design file changed so that reading it gives a design.
 
-    Comments, order, spacing and every value that is the same stay as they stand; comments of what
-    was removed become lines of their own. Lengths that no number of the file gives exactly, as its
+    Comments, order, spacing and every value that is the same stay as they stand; comments of
+    removed parts become separate lines. Lengths that no number of the file gives exactly, as its
     scale is not a power of two, are off by at most one unit in the last place.
 
     Parameters

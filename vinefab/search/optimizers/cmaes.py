@@ -162,7 +162,7 @@ class Distribution:
         return np.concatenate([[len(history)], history, sigma, *map(np.ravel, arrays)])
 
     def unpack(self, vector: Floats) -> None:
-        """Continue from what `packed` returned."""
+        """Continue from the vector that `packed` returned."""
         count, size = int(vector[0]), len(self._mean)
         self._sigma, self._g = float(vector[count + 1]), int(vector[count + 2])
         rest = vector[count + 3 :]

@@ -184,7 +184,7 @@ class Islands:
     # --- One generation -------------------------------------------------------------------------
 
     def _samples(self) -> list["_Asked"]:
-        """Return what every active island asks for; more is drawn where few points are valid."""
+        """Return the points that every active island asks for; more where few are valid."""
         asked = []
         for island in self._active:
             place = (_STREAM, _SAMPLES, island.number, island.generations)

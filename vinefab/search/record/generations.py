@@ -88,7 +88,7 @@ class Progress:
     # Whether the best so far passes the full check, joints by the table; None where that is not
     # asked, or only a simulation tells.
     passes: bool | None = None
-    # What rules say of trunk and sheet, or which of them stop all designs so far and what to relax.
+    # Findings on trunk and sheet, or the rules that stop all designs so far, with limits to relax.
     advice: str = ""
     stage: str = ""  # what is done after the last generation
 

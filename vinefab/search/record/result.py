@@ -58,7 +58,7 @@ PLACED_OFF = 10.0
 
 
 def read_prediction(text: str) -> dict[str, Any]:
-    """Return what was recorded of a winner elsewhere, where all of it can be shown.
+    """Return the record of a winner elsewhere, where all of it can be shown.
 
     Text that was damaged raises what decoding and showing it raise, such as KeyError.
     """
@@ -96,7 +96,7 @@ def mean_score(score: Mapping[str, Any]) -> Number:
 
 
 def lead_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
-    """Return what leads a page: the score elsewhere, failures, and placed off."""
+    """Return the facts that lead a page: the score elsewhere, failures, and placed off."""
     score, *_, placed = elsewhere_facts(content)
     number = mean_score(content["unseen"]["score"])
     score = replace(
@@ -109,7 +109,7 @@ def lead_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
 
 
 def elsewhere_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
-    """Return what a winner is expected to score elsewhere, and how sure that is."""
+    """Return the expected score of a winner elsewhere, and its certainty."""
     task, unseen = content.get("title", content["task"]), content["unseen"]
     angles, standing = content["head_on_half_angles_deg"], angles_standing(content)
     (least, most), (low, high) = contact_ends(content), placed_off_range(content)
@@ -669,9 +669,9 @@ def completed(identity: RunIdentity) -> RunIdentity:
 def resumed_limits(folder: Path, settings: RunSettings) -> RunSettings:
     """Return the settings of a run with the limits that its record has, if it has one.
 
-    A run file says what was asked for first, also after the limits were raised. One that says
-    neither that nor what holds now is left as it is, to be refused when the record is opened. One
-    that leaves out ``build.compensation`` means that of the record: its default was another once.
+    A run file gives the first settings, also after the limits were raised. One that gives
+    neither these nor the present ones is left as it is, to be refused when the record is opened.
+    One that leaves out ``build.compensation`` means the record's: its default was another once.
     """
     path = folder / RECORD_FILE
     if not path.is_file():

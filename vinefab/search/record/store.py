@@ -205,7 +205,7 @@ class RunStore:
         return "" if row is None else str(row[0])
 
     def kept(self, key: str) -> Mapping[str, Any]:
-        """Return what `keep` recorded under a key; nothing where that is not recorded."""
+        """Return the values that `keep` recorded under a key; empty without a record."""
         with damage_errors(self.path):
             query = "SELECT value FROM run WHERE key = ?"
             row = self._connection.execute(query, (key,)).fetchone()

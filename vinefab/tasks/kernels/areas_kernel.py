@@ -12,7 +12,7 @@ import numpy as np
 from vinefab.core.compiling import compiled, inlined
 
 # mypy: allow-untyped-defs, allow-untyped-calls
-# ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of what it compiles
+# ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of compiled functions
 # ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
 
 
@@ -340,7 +340,7 @@ def _reach_from(ax, ay, dx, dy, radius, weight, level, mark, stamp):
 def _stretch(ax, y, dx, dy, radius):
     """Return from where to where a row is within a distance of a piece; inf and -inf if nowhere.
 
-    The outline of what is so near is made of two half circles and two straight sides.
+    The outline of the points so near consists of two half circles and two straight sides.
     """
     one, two = math.inf, -math.inf
     square = radius * radius - y * y
@@ -367,7 +367,7 @@ def _stretch(ax, y, dx, dy, radius):
 
 @inlined
 def _nearness(x, y, dx, dy, radius):
-    """Return how far a cell counts whose centre is at x, y from the start of a piece."""
+    """Return the weight of a cell whose centre is at x, y from the start of a piece."""
     square = dx * dx + dy * dy
     if square > 0.0:
         along = min(max((x * dx + y * dy) / square, 0.0), 1.0)

@@ -1,4 +1,4 @@
-"""Compiled measure of what sensors see past walls, line by line, and the walls by cells.
+"""Compiled measure of the area that sensors see past walls, line by line, and the walls by cells.
 
 The arrays are described in `vinefab.tasks.fast_areas`. Walls have free
 space on their left.
@@ -9,7 +9,7 @@ import math
 from vinefab.core.compiling import compiled, inlined
 
 # mypy: allow-untyped-defs, allow-untyped-calls
-# ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of what it compiles
+# ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of compiled functions
 # ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
 
 

@@ -5,7 +5,7 @@ import math
 from vinefab.core.compiling import compiled, inlined
 
 # mypy: allow-untyped-defs, allow-untyped-calls
-# ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of what it compiles
+# ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of compiled functions
 # ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
 
 
@@ -56,7 +56,7 @@ def _contact_turns(points, one, two):
     for k in range(one, two - 1):
         dx, dy = points[k + 1, 0] - points[k, 0], points[k + 1, 1] - points[k, 1]
         if (dx != 0.0) | (dy != 0.0):
-            # The first stretch turns at the base hinge, which is no contact.
+            # The first stretch turns at the base hinge, which is not a contact.
             if (ux != 0.0) | (uy != 0.0):
                 total += math.atan2(abs(ux * dy - uy * dx), ux * dx + uy * dy)
             ux, uy = dx, dy
@@ -157,7 +157,7 @@ def _crossing(x, y, ux, uy, wall):
 
 @inlined
 def _free(x, y, ux, uy, way, column, row, walls, grid, cell_first, item, tolerance):
-    """Return how far a line is free one way from a place, cell by cell; infinite without an end.
+    """Return the free distance of a line one way from a place, cell by cell; infinite if endless.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ import math
 from vinefab.core.compiling import compiled, inlined
 
 # mypy: allow-untyped-defs, allow-untyped-calls
-# ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of what it compiles
+# ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of compiled functions
 # ruff: noqa: FBT003, PLR0913, PLR0917  arrays are the compiled way to hand things over
 
 # Columns of an edge: its lower end, its upper end, x per y, and how the winding number changes
@@ -133,7 +133,7 @@ def _take_edges(corner, ring, polygon, one, two, edge, first, bounds, run):
                     edge[count, X_TOP], edge[count, Y_TOP] = corner[high, 0], corner[high, 1]
                     across = edge[count, X_TOP] - edge[count, X]
                     edge[count, SLOPE] = across / (edge[count, Y_TOP] - edge[count, Y])
-                    # A ring that turns left has what it encloses on the left of what rises.
+                    # A ring that turns left has its inside on the left of its rising edges.
                     edge[count, STEP] = -1.0 if up else 1.0
                     count += 1
         if doubled < 0.0:
@@ -248,7 +248,7 @@ def _meet(own, other, first, step, event, count):
             high = across
         else:
             low = across
-    # Mostly the other goes on where the one before it ended, or began: then both are one.
+    # Mostly the other continues where the one before it ended, or began: then both are one.
     if count > 0 and event[count - 1, 0] == low and event[count - 1, 1] == -step:
         event[count - 1, 0] = high
         return count

@@ -95,7 +95,7 @@ REFUSED = {
     "alias bomb": ("m.yaml", alias_bomb, "anchors (&) and aliases (*)"),
     "merge chain": ("m.yaml", merge_chain, "anchors (&) and aliases (*)"),
     "int of letters": ("m.yaml", lambda: ROS % "!!int abc", "line 2: 'abc' is not a valid int"),
-    "no such day": ("m.yaml", lambda: ROS % "2001-99-99", "line 2: '2001-99-99' is no timestamp"),
+    "no such day": ("m.yaml", lambda: ROS % "2001-99-99", "line 2: '2001-99-99' is not a valid timestamp"),
     "date": ("m.yaml", lambda: ROS % "2001-01-01", "resolution is datetime.date"),
     "long YAML integer": ("m.yaml", lambda: ROS % ("9" * 5000), "line 2: '9999"),
     "long integer": ("d.toml", lambda: PLAIN + "x = " + "9" * 5000, "line 5: an integer of over"),

@@ -13,7 +13,7 @@ from vinefab.model.start_place import start_record
 # As in records of before: searches no longer compute with cmaes, which fixes use.
 _PACKAGES = ("cmaes", "numba", "numpy", "pymoo", "pyswarms", "scipy", "shapely")
 
-_version = cache(version)  # to ask takes a millisecond
+_own_version = cache(version)  # to ask takes a millisecond; plug-ins are asked for each time
 
 
 def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
@@ -22,7 +22,7 @@ def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
     for name in (*_PACKAGES, *others):
         if name not in versions:
             try:
-                versions[name] = _version(name)
+                versions[name] = (_own_version if name in _PACKAGES else version)(name)
             except PackageNotFoundError:
                 versions[name] = "none"
     return versions

@@ -76,7 +76,7 @@ def maps() -> Iterator[tuple[str, bytes]]:
 
 
 def reality() -> Iterator[tuple[str, bytes]]:
-    """Yield the best place of a base, the rig, and photos beside their predictions."""
+    """Yield the best place of a base, the rig, and photos with their predictions."""
     vf.aim(SPRIG, "arena.geojson", "reach", deployments=20_000, out="aim.svg")
     yield "aim.svg", Path("aim.svg").read_bytes()
     left = vf.Map.read("arena.geojson").with_start("left side, heading 0+-20")

@@ -1,7 +1,7 @@
 """Render the photos of the tutorials anew: a table with three blocks, bare and with a grown robot.
 
-Run it as ``python docs/draw_photos.py`` in a checkout; the renderer is that of the tests. Nobody
-took these photos: the truth is known, which is what a tutorial and its tests need.
+Run it as ``python docs/draw_photos.py`` in a checkout; the renderer is that of the tests. No
+camera took these photos: the truth is known, as a tutorial and its tests need.
 """
 
 import io

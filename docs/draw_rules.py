@@ -1,4 +1,4 @@
-"""Draw every design rule: what breaks it beside what keeps it, with what is measured.
+"""Draw every design rule: a case that breaks it, a case that keeps it, and the measured value.
 
 `docs/draw_pictures.py` writes the files. Shapes are those that vinefab makes of a design: outline,
 paths of the laser, pieces, parts of a rig. Each rule is run on both sides: one that does not fire
@@ -50,7 +50,7 @@ class RuleScene:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Side:
-    """One half of a picture, with what the rule finds there."""
+    """One half of a picture, with the finding of the rule there."""
 
     kind: str  # ``wrong`` or ``right``
     finding: Finding | None
@@ -63,7 +63,7 @@ def rule_pictures() -> dict[str, str]:
 
 
 def sides_of(rule: str) -> list[Side]:
-    """Return what breaks a rule and what keeps it, the rule having been run on both."""
+    """Return the case that breaks a rule and the case that keeps it; the rule was run on both."""
     scene, sides = SCENES[rule], []
     for kind, build in (("wrong", scene.wrong), ("right", scene.right)):
         subject, sketch = build(), Sketch()
@@ -84,8 +84,8 @@ def rule_picture(rule: str, sides: list[Side]) -> str:
 
 
 def _verdict(finding: Finding) -> str:
-    """Return how bad a finding is, and the limit that it breaks."""
-    if not finding.limit:  # there is none, or it is the bare edge of what holds or not
+    """Return the severity of a finding, and the limit that it breaks."""
+    if not finding.limit:  # there is none, or it is the bare edge between holding and not
         return finding.severity.value
     return f"{finding.severity.value}: limit {short_number(finding.limit)} {finding.unit}".rstrip()
 

@@ -24,7 +24,7 @@ def word_pictures() -> dict[str, str]:
     """Return the pictures of the glossary by their names."""
     return {
         "anatomy.svg": single("The outline of a design with the names of its parts", anatomy()),
-        "growth.svg": single("One deployment with the names of what happens", growth()),
+        "growth.svg": single("One deployment with the names of its events", growth()),
     }
 
 

@@ -408,7 +408,7 @@ PLAIN = {"", "N", "NUMBER", "TEXT"}
 
 
 def option_line(option: Option) -> str:
-    """Return how an option is typed and what it means."""
+    """Return the typed form of an option and its meaning."""
     words = option.help.replace("``", "`").rstrip(".")
     known = [*(option.kind.known() if option.kind.known else ()), *option.choices]
     if not all(name in words for name in known):

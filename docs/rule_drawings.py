@@ -330,7 +330,7 @@ def draw_seam(subject: Subject, sketch: Sketch) -> None:
 
 
 def deployed(subject: Subject) -> tuple[Pattern, FlatLayout, list[shapely.Polygon]]:
-    """Return what a robot deploys as: its pattern, layout, and every inflated branch in plan."""
+    """Return a robot as deployed: its pattern, layout, and every inflated branch in plan."""
     pattern = subject.pattern or pattern_of(subject.design, subject.profile)
     capsules = deployed_capsules(pattern)
     ends = np.stack([capsules.start_mm, capsules.end_mm], axis=1)
@@ -486,7 +486,7 @@ def draw_lap_packing(subject: Subject, sketch: Sketch) -> None:
 
 
 def draw_labels(subject: Subject, sketch: Sketch) -> None:
-    """Draw the paths around a socket, with the label beside it or where it should be."""
+    """Draw the paths around a socket, with the label next to it or where it should be."""
     whole = pieced(*CROSSING)().job
     marks = [one for one in whole.along(Operation.MARK) if "socket B" in one.label]
     place = shapely.union_all([shapely.LineString(one.contour.flattened_mm()) for one in marks])

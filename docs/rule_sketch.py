@@ -1,6 +1,7 @@
 """The hand that draws rules and words: a sketch in millimetres with dimensions and labels.
 
-Left, or above, stands what breaks a rule, beside it what keeps it, both to one scale. Text is as
+The case that breaks a rule stands left or above, the case that keeps it next to it. Both have
+one scale. Text is as
 large as the page's own on a telephone, and the paper is white under every theme of the site.
 """
 
@@ -61,7 +62,7 @@ class Mark:
 class Sketch:
     """What stands on one side of a picture, y upward."""
 
-    says: str = ""  # beside the verdict
+    says: str = ""  # next to the verdict
     box_mm: Box | None = None  # what is seen; all of it by default
     marks: list[Mark] = field(default_factory=list)
 
@@ -179,7 +180,7 @@ class View:
 
 
 def long_px(words: str) -> float:
-    """Return how long words of 12 px are, about, in a wide font.
+    """Return the approximate length of words of 12 px in a wide font.
 
     >>> long_px("film") < long_px("mm mm")
     True
@@ -341,7 +342,7 @@ def _text(words: str, at_px: Point, view: View, anchor: str = "middle", kind: st
 
 
 def _dimension(mark: Mark, view: View) -> str:
-    """Return a dimension: arrows, extension lines where it stands aside, words beside it."""
+    """Return a dimension: arrows, extension lines where it stands aside, words next to it."""
     assert mark.ends_mm is not None  # noqa: S101  one of two kinds of marks
     ends = np.array([view.at(end) for end in mark.ends_mm])
     long = float(np.hypot(*(ends[1] - ends[0])))

@@ -171,7 +171,7 @@ def webp(film: Film, quality: int) -> bytes:
 
 
 def filmed(address: str, act: Callable[[Film, Page], None]) -> Film:
-    """Return the film of what is done on a page."""
+    """Return the film of the actions on a page."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light")

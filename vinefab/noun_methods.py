@@ -42,7 +42,7 @@ def grow_design(
     given = as_growth(growth, **shortcuts)
     (place,) = RunContext.of(design).with_places([as_map(world, "world")])
     if pose is None and not place.starts:
-        allowed = f"(x_mm, y_mm, heading_deg), as map {place.name} has no start of its own"
+        allowed = f"(x_mm, y_mm, heading_deg), as map {place.name} has no start"
         raise BadInputError("pose", None, allowed)
     start = None if pose is None else Pose.of(pose)
     grown = deploy(as_grown(design), place, start, given)
@@ -51,7 +51,7 @@ def grow_design(
 
 
 def _deployed(deployment: Deployment) -> DeployedDesign:
-    """Return a deployment with what its numbers and files need."""
+    """Return a deployment with the values that its numbers and files need."""
     from vinefab.growth.options import GrowthOptions
     from vinefab.growth.terrain import Terrain
     from vinefab.prediction.deploy import DeployedDesign
@@ -69,7 +69,7 @@ def _deployed(deployment: Deployment) -> DeployedDesign:
 
 
 def deployment_summary(deployment: Deployment) -> tuple[str, ...]:
-    """Return what became of the branches, a line each, as ``vinefab grow`` prints it."""
+    """Return the fates of the branches, a line each, as ``vinefab grow`` prints it."""
     return _deployed(deployment).summary
 
 
@@ -93,7 +93,7 @@ _MOST_TARGETS = 10
 
 
 def map_summary(world: Map) -> tuple[str, ...]:
-    """Return the size of a map, its starts and what is odd about it."""
+    """Return the size of a map, its starts and its oddities."""
     from vinefab.model.start_place import area_notes, start_words
     from vinefab.prediction.map_info import size_notes
 
@@ -117,12 +117,12 @@ def info_of(world: Map, *, width_mm: float | None, passages: int) -> MapInfo:
 
 
 def svg_of(noun: Design | Map | Deployment | Contour, *, longest_pt: float = 468.0) -> str | None:
-    """Return a noun as an SVG document for notebooks; None for what cannot be drawn.
+    """Return a noun as an SVG document for notebooks; None for a noun that cannot be drawn.
 
     Parameters
     ----------
     longest_pt
-        Longer side of the plan, without what stands around it.
+        Longer side of the plan, without the parts around it.
     """
     from vinefab.fabrication.outline.body_outline import body_outline
     from vinefab.pages.page_files import page_svg

@@ -151,7 +151,7 @@ def test_a_rule_of_another_package_is_checked_and_a_broken_one_is_named(vinefab,
     assert "MY-F01" in words
     assert "(10, at most 4)" in words
     assert "MY-F02  does not load (its id is MY-F01, not the name of its entry point)" in words
-    assert "MY-F03  does not load (is no vinefab.fabrication.rules.rule.Rule)" in words
+    assert "MY-F03  does not load (is not a vinefab.fabrication.rules.rule.Rule)" in words
     assert "MY-F04  does not load (ModuleNotFoundError" in words
     assert vinefab("check", "three_level_tree", "--limit", "MY-F01.error=10")[0] == 0
     # A run asks it of its designs too.

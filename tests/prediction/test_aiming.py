@@ -190,7 +190,7 @@ def test_a_map_without_a_start_says_so():
     bare = replace(ROOM, starts=())
     result = aim_robots([TREE], bare, TASK, AimPlan(deployments=5000, options=OPTIONS))
     assert (result.first.start, result.first.gain) == (None, None)
-    assert "no start of its own" in "\n".join(result.summary)
+    assert "no start to compare with" in "\n".join(result.summary)
 
 
 def test_a_start_without_room_is_said():

@@ -55,7 +55,7 @@ def test_the_folder_holds_a_page_and_its_pictures(folder: Path, few_unseen: int)
         "The winner on its training maps",
         "How branches end on unseen maps",
         "How wide the score is",
-        "The flat sheet and what the rules say",
+        "The flat sheet and the findings of the rules",
         "What limits it",
         "How it was found",
     ):

@@ -1,4 +1,4 @@
-"""The public functions of vinefab, one per verb: what Python calls and what the commands run.
+"""The public functions of vinefab, one per verb: Python calls them and the commands run them.
 
 `verbs` lists them with the words of their commands; `vinefab.cli` makes the command line from
 their signatures and docstrings. A verb takes what a user has (a name, a path, an object), calls

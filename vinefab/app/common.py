@@ -1,4 +1,4 @@
-"""What several verbs share: growth options, families of maps, tasks, and what is written."""
+"""Shared parts of verbs: growth options, families of maps, tasks, and written files."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def with_origin(
     families: Sequence[MapFamily],
     profile: LaserProfile | None = None,
 ) -> Answer:
-    """Return a result with what it takes to get it again: this call, and what went in."""
+    """Return a result with the means to get it again: this call, and its inputs."""
     from dataclasses import replace
 
     from vinefab.prediction.provenance import origin_of
@@ -126,7 +126,7 @@ def with_origin(
 
 
 def folder_to_write(key: str, out: str | PathLike[str], mark: str, *, force: bool) -> Path:
-    """Return the folder to fill, once it may be; name what lies beside it from a killed run."""
+    """Return the folder to fill, once it may be; name the remains next to it from a killed run."""
     from vinefab.core.replacement import moved_aside
 
     folder = as_path(key, out)
@@ -140,7 +140,7 @@ def folder_to_write(key: str, out: str | PathLike[str], mark: str, *, force: boo
 
 
 def ensure_apart(key: str, path: Path, source: object, what: str) -> None:
-    """Check that what is to be written is another file than what is read."""
+    """Check that the file to write is another one than the source."""
     import os
 
     if not isinstance(source, str | PathLike):
@@ -203,7 +203,7 @@ def context_of(
     targets: object = (),
     **shortcuts: object,
 ) -> Context:
-    """Return what a verb works with, and say in one line what of it is the design's run's.
+    """Return the context of a verb, and name in one line the parts from the design's run.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def context_of(
 
 
 _Words = tuple[tuple[str, ...], tuple[str, ...]]
-"""Words on the line about a context: what of it is the run's, and what else there is to say."""
+"""Words on the line about a context: the parts of it that are the run's, and other remarks."""
 
 _NOTHING: _Words = (), ()
 
@@ -413,7 +413,7 @@ class WrittenFile(Result):
         yield Notes(self.summary)
 
     def json_text(self) -> str:
-        """Return what was written as JSON: ``vinefab/written-1``."""
+        """Return the written files as JSON: ``vinefab/written-1``."""
         return _document("vinefab/written-1", {"files": [str(self.path)]})
 
 

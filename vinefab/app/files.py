@@ -1,4 +1,4 @@
-"""Verbs about files: what ships, what begins a file, and what is known of profiles and rules."""
+"""Verbs about files: the shipped ones, new ones, and the facts about profiles and rules."""
 
 from __future__ import annotations
 
@@ -17,8 +17,10 @@ _NEXT_STEPS = {
     "design": "vinefab studio {0}, or edit it and: vinefab check {0}",
     "run": "vinefab optimize {0} --out run",
     "recipe": "vinefab coupon --recipe {0} --out coupons, then vinefab calibrate",
-    "machine": 'put its numbers in; vinefab new recipe mine.toml beside it, with machine = "{1}"',
-    "material": 'put its numbers in; vinefab new recipe mine.toml beside it, with material = "{1}"',
+    "machine": 'put its numbers in; vinefab new recipe mine.toml next to it, with machine = "{1}"',
+    "material": (
+        'put its numbers in; vinefab new recipe mine.toml next to it, with material = "{1}"'
+    ),
     "map": "vinefab map info {0}, or: vinefab grow three_level_tree --map {0} --svg grown.svg",
 }
 

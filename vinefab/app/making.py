@@ -72,7 +72,7 @@ else:
 
 
 def _refuse_without_maps(maps: MapsLike, **given: object) -> None:
-    """Raise BadInputError for what would mean nothing without maps."""
+    """Raise BadInputError for options that mean nothing without maps."""
     for name, value in given.items():
         if value and not as_several(maps):
             raise BadInputError(name, value, "to be given together with maps (--map)")

@@ -129,7 +129,7 @@ def read(path: Annotated[PathText, Kind(metavar="MAP")]) -> Map:
     Raises
     ------
     BadInputError
-        If it is no path, or a value in the file cannot be used.
+        If it is not a path, or a value in the file cannot be used.
     UnreadableFileError
         If there is no such file, or it is not JSON.
 

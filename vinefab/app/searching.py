@@ -203,7 +203,7 @@ def optimize(
     from vinefab.prediction.run_winner import run_in_folder
 
     folder = as_path("out", out)
-    # The code of a task of one's own is no part of a run's identity: it may have changed.
+    # The code of a user's task is not part of a run's identity: it may have changed.
     if not resume and own_task is None and (folder / RECORD_FILE).is_file():
         resume = True
         note(f"{folder} holds a run: if it is this one, it is continued", only_in_shell=True)
@@ -293,7 +293,7 @@ def _generations(
     settings: RunSettings,
     given: Any,
 ) -> Iterator[Callable[[Generation], None]]:
-    """Return what a run tells its generations to."""
+    """Return the listener to a run's generations."""
     from vinefab.search.run import progress_line
 
     if callable(given):

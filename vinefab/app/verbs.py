@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 
 class Verb(NamedTuple):
-    """Where a verb is found, and what the list of commands says of it."""
+    """Where a verb is found, and its line in the list of commands."""
 
     where: str  # ``module:function``
     summary: str

@@ -1,4 +1,4 @@
-"""Commands from verbs: which one is meant, what was typed for it, and what it gives."""
+"""Commands from verbs: which one is meant, its typed values, and its result."""
 
 import difflib
 import inspect
@@ -160,7 +160,7 @@ class Command:
     function: Callable[..., Any]
     options: tuple[Option, ...]
     fixed: Mapping[str, Any] = field(default_factory=dict)  # parameters that its name says
-    about: str = ""  # in place of what the function's docstring says first
+    about: str = ""  # in place of the first sentence of the function's docstring
 
     @classmethod
     def named(cls, name: str) -> "Command":
@@ -188,7 +188,7 @@ class Command:
         return shell_examples(self.function)
 
     def description(self) -> tuple[str, str]:
-        """Return what it does in one sentence, and the rest."""
+        """Return its purpose in one sentence, and the rest."""
         return (self.about, "") if self.about else described(self.function)
 
     def run(self, typed: Sequence[str]) -> int:
@@ -279,7 +279,7 @@ class Command:
         return f"{line}; for example: {examples[0]}" if examples else line
 
     def _usage_line(self, error: Any, typed: Sequence[str]) -> str:  # noqa: ANN401  of cyclopts
-        """Return what is wrong with a command line, and one that works."""
+        """Return the fault of a command line, and one that works."""
         import cyclopts
 
         flags = [flag for one in all_options(self) for flag in flags_of(one)] + list(HELP)

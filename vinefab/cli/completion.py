@@ -53,7 +53,7 @@ _HOMES = {
 
 
 def completions(words: Sequence[str]) -> list[str]:
-    """Return what the last of some words may become.
+    """Return the possible completions of the last of some words.
 
     >>> completions(["fabr"])
     ['fabricate']

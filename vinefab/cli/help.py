@@ -137,7 +137,7 @@ def _plain(words: str) -> str:
 
 
 def _rows(rows: Iterable[tuple[str, str]], width: int) -> list[str]:
-    """Return names with words beside them, below where a name is long."""
+    """Return names with words next to them, below where a name is long."""
     lines = list[str]()
     for name, words in rows:
         begin = f"  {name}"

@@ -136,7 +136,7 @@ def run() -> None:
 def _explained(
     error: BaseException, arguments: Sequence[str], request: StopRequest
 ) -> tuple[str, int]:
-    """Return what to print of an error, and the exit code."""
+    """Return the text to print for an error, and the exit code."""
     if isinstance(error, InterruptedRunError):
         return str(error), request.exit_code
     # A request may have come where other code made another error of it.

@@ -110,7 +110,7 @@ def checked_design(
     corridors: tuple[MapCorridors, ...] = (),
     rig: RigFacts | None = None,
 ) -> tuple[Subject, CheckReport]:
-    """Return what the rules look at, its laser job included, and the report of all of them.
+    """Return the subject of the rules, its laser job included, and the report of all rules.
 
     A large design has no job where anything else forbids cutting it.
     """
@@ -157,7 +157,7 @@ def subject_of(
     limits: LimitChanges | None = None,
     pattern: Pattern | None = None,
 ) -> Subject:
-    """Return what the rules check: the design in its pieces, deployments with their maps' names.
+    """Return the subject of the rules: the design in its pieces, deployments with maps' names.
 
     Designs with more than `MANY_BRANCHES` branches are not looked at in pieces.
 

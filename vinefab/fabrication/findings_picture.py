@@ -146,7 +146,7 @@ def _line(number: int, group: Sequence[Finding]) -> Listed:
 
 
 def _excess(finding: Finding) -> float:
-    """Return how far a finding's value is from its limit, as a share of the limit."""
+    """Return the distance of a finding's value from its limit, as a share of the limit."""
     if finding.measured is None or finding.limit is None:
         return 0.0
     return abs(finding.measured - finding.limit) / max(abs(finding.limit), 1e-9)
@@ -275,7 +275,7 @@ def _marks(finding: Finding) -> list[BaseGeometry]:
 
 
 def _place(finding: Finding) -> tuple[float, float] | None:
-    """Return the place of a finding, or of what it marks; None for one about the whole robot."""
+    """Return the place of a finding or of its marks; None for one about the whole robot."""
     if finding.x_mm is not None and finding.y_mm is not None:
         return finding.x_mm, finding.y_mm
     marks = _marks(finding)
@@ -360,7 +360,7 @@ def _laid_out(
 
 
 def _marked(lines: Sequence[Listed], robot: "_Robot", view: _View) -> dict[Severity, BaseGeometry]:
-    """Return what is highlighted: marked branches and gaps, and the outline around a point."""
+    """Return the highlighted shapes: marked branches and gaps, and the outline around a point."""
     outlines = [view.geometry(_line_of(path)) for path in robot.paths]
     bands = {}
     for severity in reversed(Severity):
@@ -431,7 +431,7 @@ def _counted(report: CheckReport) -> str:
 
 
 def _draw_key(panel: Panel, page: FindingsPage) -> None:
-    """Draw the scale bar and what the lines and signs mean, in one row."""
+    """Draw the scale bar and the meaning of lines and signs, in one row."""
     robot, y = page.robot, page.below_pt - 18.0
     x = panel.scale_bar((_EDGE_PT, y), page.view.pt_per_mm, 130.0) + 16.0
     entries = [(Ink(line=_SEAM, width_pt=6.0, butt=True), f"seam, {robot.seam_mm:g} mm to scale")]

@@ -73,7 +73,7 @@ def _sum(found: dict[str, Any]) -> str:
 
 
 WITHIN_DEG = 0.25
-"""A joint is solved when every child deploys within this of what is wanted."""
+"""A joint is solved when every child deploys within this of the wanted angle."""
 
 MESH_DEG = 0.6
 """Meshes differ by as much: a joint within it that comes no nearer is taken as solved."""
@@ -114,7 +114,7 @@ class UnknownJointError(UnreachableJointError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlatJoint:
-    """A joint as it must be cut, and what becomes of it (simulated).
+    """A joint as it must be cut, and its deployed shape (simulated).
 
     Lengths are in widths of the joint's trunk; tuples have an entry for each child.
     """
@@ -163,7 +163,7 @@ def flat_joint(wanted: JointShape, *, exact: bool = False) -> FlatJoint:
     wanted
         The joint with its deployed angles in place of flat ones.
     exact
-        Whether the table is too coarse, as for what is cut.
+        Whether the table is too coarse, as for joints that are cut.
 
     Raises
     ------
@@ -182,7 +182,7 @@ def flat_joint(wanted: JointShape, *, exact: bool = False) -> FlatJoint:
 
 @lru_cache(maxsize=4096)
 def deployed_joint(flat: JointShape, *, exact: bool = False) -> FlatJoint:
-    """Return what becomes of a flat joint, from the table, the cache or a simulation.
+    """Return the deployed shape of a flat joint, from the table, the cache or a simulation.
 
     Parameters
     ----------
@@ -310,7 +310,7 @@ def _from_record(found: dict[str, Any] | None) -> FlatJoint | None:
 
 
 def simulated_deployed_joint(flat: JointShape) -> FlatJoint:
-    """Return what becomes of a flat joint, by one simulation; as `deployed_joint`."""
+    """Return the deployed shape of a flat joint, by one simulation; as `deployed_joint`."""
     try:
         return FlatJoint.of(inflated_joint(flat))
     except VinefabError as error:
@@ -320,9 +320,9 @@ def simulated_deployed_joint(flat: JointShape) -> FlatJoint:
 def simulated_flat_joint(wanted: JointShape) -> FlatJoint:
     """Return the flat joint whose children deploy at given angles, by simulations; as `flat_joint`.
 
-    Newton's method. Small steps keep their triangles, so that it converges; what differs from mesh
-    to mesh is left. Where children crowd it may stall: then it starts again from what the table
-    says, if it knows the joint.
+    Newton's method. Small steps keep their triangles, so that it converges; differences between
+    meshes are left. Where children crowd it may stall: then it starts again from the values of the
+    table, if that knows the joint.
     """
     try:
         return _solved(wanted, likely_flat_deg(np.array(wanted.angles_deg)))

@@ -1,4 +1,4 @@
-"""One joint under pressure: where its children point and lie, and what its crotches bear.
+"""One joint under pressure: where its children point and lie, and the load of its crotches.
 
 The joint is cut from the pattern with a stub of trunk and of each child, so long that more makes no
 difference. All lengths are in widths of the trunk.
@@ -390,7 +390,7 @@ def stub_axes(mesh: SheetMesh, positions: Floats) -> list[Axis]:
     axes: list[Axis] = []
     for straight, (right, left) in zip(mesh.straights, mesh.sides, strict=True):
         width = 2.0 * straight.half_end
-        # The trunk's stub begins at the mouth, which is no end.
+        # The trunk's stub begins at the mouth, which is not an end.
         leave = (_NEAR_JOINT * width, _NEAR_TIP * width) if axes else (0.0, _NEAR_JOINT * width)
         axes.append(axis_of(straight, (positions[right], positions[left]), leave))
     return axes

@@ -164,7 +164,7 @@ def quick_pattern(design: Design, material: Material) -> QuickPattern:
         width_mm = build.end_widths_mm[place]
         if fan_rad < law.least_rad:
             beyond += (law.least_rad - fan_rad) / law.least_rad
-        # Children stand beside their designed axes: turned a little, their tips come nearer.
+        # Children stand off their designed axes: turned a little, their tips come nearer.
         offset_mm = width_mm * float(_at(law.side_offsets, fan_rad))
         most_rad = min(MOST_TURN_RAD, fan_rad / 10.0)
         turn_rad = min(max(offset_mm / math.fsum(means_mm[place:]), -most_rad), most_rad)

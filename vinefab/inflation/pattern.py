@@ -57,7 +57,7 @@ class PatternJoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pattern:
-    """A design, the flat tree that is cut for it, and what that deploys as (simulated).
+    """A design, the flat tree that is cut for it, and that tree as deployed (simulated).
 
     Without compensation the flat tree is the design itself.
     """
@@ -106,8 +106,8 @@ def stretch_of(design: Design, material: Material, width_mm: float) -> float:
 
 _MOST_TARGETS = 8
 _MOST_TURN_DEG = 0.8
-"""Most by which children are turned so that their tips come near: with what meshes differ by, they
-stay within 1.5 degrees of the design."""
+"""Most by which children are turned so that their tips come near. With the differences of meshes,
+they stay within 1.5 degrees of the design."""
 
 
 @lru_cache(maxsize=64)
@@ -157,7 +157,7 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
     """Return the flat tree that a design is cut as.
 
     Every joint of a level is alike: each is solved once, whatever the number of branches. Angles
-    become those that deploy as designed, and lengths grow by what the joint pulls back. A level
+    become those that deploy as designed, and lengths grow by the pull-back of the joint. A level
     whose joint cannot be solved keeps its designed angles and has a problem.
 
     Parameters
@@ -166,8 +166,8 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
         Its film stretches; the strain at the working pressure decides. A measured closing gain says
         how far joints turn over the simulated.
     known_only
-        Simulate nothing: look joints up in milliseconds, for what follows a pointer. What the table
-        says is good for a degree or two; nothing may be cut by it.
+        Simulate nothing: look joints up in milliseconds, for views that follow a pointer. The
+        table's values are good for a degree or two; nothing may be cut by them.
     """
     material = profile.material
     build, flat, deployed = design.build, list(design.levels), list(design.levels)
@@ -237,7 +237,7 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
 
 
 def standing_of(material: Material) -> str:
-    """Return how far a simulated pattern of some film may be trusted.
+    """Return the standing of a simulated pattern of some film.
 
     It is simulated in any case; joint coupons measure what the simulation takes from the film.
     """
@@ -261,7 +261,7 @@ def _level_joint(
     width_mm = build.end_widths_mm[place]
     wanted_deg = tuple(round(math.degrees(one), 3) for one in fan_offsets_rad(level).tolist())
     levels = list(design.levels)
-    # Children stand beside their designed axes: turned a little, their tips come nearer.
+    # Children stand off their designed axes: turned a little, their tips come nearer.
     away_mm = sum(float(child_lengths_mm(below).mean()) for below in design.levels[place:])
     turn_deg, fillets = 0.0, tuple[float, ...]()
     if compensated:
@@ -302,7 +302,7 @@ _NOTHING = Number(None)
 def pattern_blocks(
     pattern: Pattern, in_robot_deg: dict[int, Floats] | None = None
 ) -> Iterator[Rows | Notes]:
-    """Yield what is cut for what is designed, what each joint becomes, and what cannot be.
+    """Yield the cut shape of the design, each joint as deployed, and the problems.
 
     Parameters
     ----------

@@ -96,7 +96,7 @@ class InflatedRobot:
         return np.remainder(turns + math.pi, math.tau) - math.pi
 
     def tip_errors_mm(self, designed: FlatLayout | None = None) -> Floats:
-        """Return how far each leaf's end is from where it was designed, shape (leaves,).
+        """Return the distance of each leaf's end from its designed place, shape (leaves,).
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ def with_short_tail(design: Design) -> Design:
 
 
 def _apart_words(layout: FlatLayout, found: tuple[Crossing, ...]) -> str:
-    """Return which branches must not cross on the sheet, and what keeps them apart."""
+    """Return the branches that must not cross on the sheet, and ways to keep them apart."""
     tree = layout.tree
     number = {name: branch for branch, name in enumerate(tree.ids)}
 

@@ -252,7 +252,7 @@ class FanTable:
         return self._fan(left, fan_deg * self.rows.even, x)
 
     def deployed(self, fan_deg: float, place: tuple[float, float, float]) -> Fan | None:
-        """Return what becomes of a flat fan; None where the table cannot be trusted."""
+        """Return a flat fan as deployed; None where the table cannot be trusted."""
         x = scaled(np.array([fan_deg]), np.array([place]))
         left = fan_deg * self.rows.even
         if not self._is_within(place) or not self._is_cut(left):
@@ -312,7 +312,7 @@ def figure_groups(children: int) -> list[slice]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bound:
-    """How far joints by the table deploy from what it says, by direct simulations of them.
+    """Errors of the table's joints against direct simulations of them.
 
     Over joints of the paper's Table 1 (two to four children, fans of 20 to 160 degrees) with random
     widths, default fillets and strains; those that the table leaves to simulations do not count.

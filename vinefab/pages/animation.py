@@ -159,7 +159,7 @@ class Scene:
 
     @property
     def level_words(self) -> list[tuple[int, str]]:
-        """Levels with what the legend calls them: the first one says what the numbers are."""
+        """Levels with their names in the legend: the first one explains the numbers."""
         return [(level, f"level {level}" if level == 1 else f"{level}") for level in self.levels]
 
     @property

@@ -1,4 +1,4 @@
-"""Blocks as HTML: one page without links, and what a notebook shows."""
+"""Blocks as HTML: one page without links, and the view in a notebook."""
 
 import base64
 import io

@@ -32,7 +32,7 @@ _FAN_POINTS = 33
 
 LEAST_SEEN = 0.3
 """Share of the map's longer side that is shown at least, if the robot was planned that long: walls
-say what stopped a stub."""
+show the cause of a stub."""
 
 
 def robot_view(world: Map, deployment: Deployment) -> Box:
@@ -115,7 +115,7 @@ def bounds_in(world: Map, box: Box) -> BaseGeometry:
 
 def _seen(polygons: list[Polygon], box: Box) -> list[BaseGeometry]:
     longest_mm = longer_mm(box)
-    # The cut lies outside of what is shown, margin included.
+    # The cut lies outside of the shown part, margin included.
     window = shapely.buffer(shapely.box(*box), 0.2 * longest_mm, join_style="mitre")
     near = [polygon for polygon in polygons if window.intersects(polygon)]
     inside = [p if window.covers(p) else shapely.intersection(p, window) for p in near]

@@ -145,7 +145,7 @@ def page_png(page: Page, dpi: int = 150) -> bytes:
     """Return a page as a PNG file."""
     painter = _Painter(page, _SHARPNESS * dpi / 72.0)
     for layer in page.layers:
-        # Only the part within its window of what a layer draws is kept.
+        # Only the part of a layer within its window is kept.
         around = painter.around(layer.window) if layer.window else []
         for primitive in layer.primitives:
             painter.paint(primitive)

@@ -53,7 +53,7 @@ _FAR_PT = (1.5, 4.0, 8.0, 13.0, 19.0, 26.0, 34.0, 44.0, 58.0, 76.0)
 _ANGLES = np.radians(45.0 + 22.5 * np.arange(16))
 
 _TAKEN, _LINE_COST, _OUTSIDE = 40.0, 0.8, 1000.0
-"""Cost of each square point of what is taken, of each point of a line, of leaving the page."""
+"""Cost of each square point of taken area, of each point of a line, of leaving the page."""
 
 _BETWEEN_PT, _CLEAR_PT = 2.0, 1.0
 """Least gaps, where labels have ways: from label to label, and from a way to anything."""
@@ -69,7 +69,7 @@ class Labels:
         lines_pt: Sequence[Floats] = (),
         taken: Sequence[BaseGeometry] = (),
     ) -> None:
-        """Begin with what labels keep off.
+        """Begin with the areas that labels keep off.
 
         Parameters
         ----------
@@ -329,13 +329,13 @@ _LINE = 1.35  # from one line of text to the next, as a share of its size
 
 @dataclass(slots=True, kw_only=True)
 class Panel:
-    """One plan or chart: primitives in its own units, and what stands around them.
+    """One plan or chart: primitives in its own units, and the parts around them.
 
     Methods draw; what has a higher ``rank`` lies on top, of the same rank what came later. With a
     ``label`` the first such primitive stands in the legend.
     """
 
-    box: Box  # least x, least y, greatest x, greatest y of what is shown
+    box: Box  # least x, least y, greatest x, greatest y of the shown part
     width_pt: float
     height_pt: float
     x_name: str = ""

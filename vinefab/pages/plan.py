@@ -172,7 +172,7 @@ def _draw_tips(panel: Panel, deployment: Deployment, size: float) -> None:
     for stop, sign in TIP_SIGNS.items():
         here = tips[stops == stop]
         if len(here):
-            # Open for what grew as planned, solid for what a wall stopped: seen before it is read.
+            # Open for tips that grew as planned, solid for stopped ones: seen before it is read.
             full = stop == Stop.FULL_LENGTH
             ink = Ink(
                 fill="#ffffff" if full else INK,

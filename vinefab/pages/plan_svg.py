@@ -87,7 +87,7 @@ def ground_svg(world: Map, *, detail: bool = True) -> str:
     whole = shapely.box(*world.bounds.bounds)
     outside = list[Polygon]()
     if world.bounds.interiors or not world.bounds.equals(whole):
-        # A cut may leave lines and points beside polygons.
+        # A cut may leave lines and points next to polygons.
         parts = shapely.get_parts(shapely.difference(whole, world.bounds)).tolist()
         outside = [part for part in parts if isinstance(part, Polygon)]
     shapes = [world.bounds, *outside, *world.obstacles]
@@ -242,7 +242,7 @@ def targets_svg(targets: Sequence[Target], states: Sequence[str] = ()) -> str:
 
 
 def frame_svg(place_mm: Callable[[float, float], tuple[float, float]]) -> str:
-    """Return the frame of what is chosen, with handles to resize and to turn it.
+    """Return the frame of the chosen object, with handles to resize and to turn it.
 
     Parameters
     ----------

@@ -106,7 +106,7 @@ from vinefab.tasks.task import Task, check_on_map, search_form
 FEWEST_DEPLOYMENTS, MOST_DEPLOYMENTS = 5_000, 10_000_000
 
 FRESH_DRAWS = 300
-"""Draws that no choice has seen, for what is reported of a pose."""
+"""Draws that no choice has seen, for the values that are reported of a pose."""
 
 WORST_SHARE = 0.1
 
@@ -159,7 +159,7 @@ class AimPlan:
 
     @property
     def placing_text(self) -> str:
-        """The placing errors, in words."""
+        """The placing errors, as text."""
         return f"placed within {self.placing_mm:g} mm and {self.placing_deg:g} deg (assumed)"
 
 
@@ -192,7 +192,7 @@ def plain_vine_of(design: Design) -> Design:
 def held_against(
     design: Design, against: Design | None = None, *, alone: bool = False
 ) -> list[Design]:
-    """Return a design and what it is held against: the plain vine of its length unless said."""
+    """Return a design and its rival: the plain vine of its length unless another is given."""
     if alone and against is not None:
         raise BadInputError("--alone", "together with --against", "one of them")
     if against is not None:
@@ -411,9 +411,9 @@ class AimResult(Result):
             if robot.team is not None:
                 yield _team_table(robot.name, robot.team)
                 yield Text(
-                    f"The poses of {robot.name} were chosen one after the other, each for what it "
-                    f"adds: at least {100 * GREEDY_SHARE:.0f} % (1 - 1/e) of what the best "
-                    f"{len(robot.team.poses)} of these poses cover, and by this case's own bound "
+                    f"The poses of {robot.name} were chosen one after the other, each for its "
+                    f"gain: at least {100 * GREEDY_SHARE:.0f} % (1 - 1/e) of the cover of the best "
+                    f"{len(robot.team.poses)} of these poses, and by this case's own bound "
                     f"at least {robot.team.least_percent:.1f} %."
                 )
         yield Facts(
@@ -590,14 +590,14 @@ def aim_robots(
             robots.append(_aimed(name, trial, task, plan, cover, tell))
     notes = [note for robot in robots for note in robot.notes]
     if not world.starts:
-        notes.append("the map has no start of its own to compare with")
+        notes.append("the map has no start to compare with")
     return AimResult(world=world, task=task, plan=plan, robots=tuple(robots), notes=tuple(notes))
 
 
 def _counted(
     progress: ProgressCallback, name: str, index: int, count: int, plan: AimPlan
 ) -> DeploymentCounter:
-    """Return what tells the share of the work that is done from numbers of deployments."""
+    """Return a function that reports the share of the work done from numbers of deployments."""
     expected = plan.deployments + 2 * FRESH_DRAWS + PROFILE_HEADINGS * PROFILE_DRAWS
     if plan.robots > 1:
         expected += plan.candidates * SET_DRAWS + plan.robots * FRESH_SET_DRAWS
@@ -673,7 +673,7 @@ def _aimed(
 
 
 def _robot_content(robot: AimedRobot, first: AimedRobot) -> dict[str, object]:
-    """Return what stands in JSON of a design beside the row that is shown."""
+    """Return the JSON values of a design that the shown row lacks."""
     found, best, team, together = robot.search, robot.best, robot.team, None
     if team is not None:
         names = ("count", "share", "low", "high", "search_bound", "search_share")
@@ -861,12 +861,12 @@ def turned_panel(robots: Sequence[AimedRobot]) -> Panel:
 
 
 def team_panel(found: AimResult, team: RobotSet, longest_pt: float = COLUMN_PT) -> Panel:
-    """Return what several robots cover together, each in a colour, and their bases by number."""
+    """Return the cover of several robots together, each in a colour, and their bases by number."""
     panel = plan_panel(found.world.bounds.bounds, longest_pt)
     colours = [series_colour(index) for index in range(len(team.poses))]
     cover = team.cover
     if isinstance(cover, BodyCover | TipCover):
-        # Which robot covers a cell first; none where nobody does.
+        # Which robot covers a cell first; none where no robot does.
         first = np.where(team.covered.any(axis=0), team.covered.argmax(axis=0), len(colours))
         rows, columns = cover.grid.free_mm2.shape
         shown = np.full(rows * columns, len(colours))

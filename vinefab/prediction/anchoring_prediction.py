@@ -1,4 +1,4 @@
-"""Anchoring over many deployments: what the simulation holds, beside the formula's ideal case."""
+"""Anchoring over many deployments: the simulated holding force, and the formula's ideal case."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -67,7 +67,7 @@ class AnchoringPrediction:
     mass_g: float  # film of the robot; 0 when it is not known
 
     def over_friction(self, part: str) -> tuple[float, float]:
-        """Return what 90 % of the maps lie between at any of the frictions."""
+        """Return the bounds of 90 % of the maps at any of the frictions."""
         every: list[OverMaps] = [getattr(held, part) for held in self.held]
         return min(one.low for one in every), max(one.high for one in every)
 
@@ -88,7 +88,7 @@ def anchoring_on(material: Material) -> Anchoring:
 def predict_anchoring(
     design: Design, result: FamilyDeployments, task: Anchoring, mass_g: float = 0.0
 ) -> AnchoringPrediction:
-    """Return what a design is expected to hold on one family of maps."""
+    """Return the expected holding force of a design on one family of maps."""
     frictions = (task.friction_low, task.friction, task.friction_high)
     numbers, engaged, limited, leaves = [], [], [], 0
     has_pouches = design.build.pouch is not None
@@ -130,7 +130,7 @@ def predict_anchoring(
 
 
 def anchoring_headline(found: AnchoringPrediction) -> Fact:
-    """Return what the simulation holds, with the ideal case beside it."""
+    """Return the simulated holding force, next to the ideal case."""
     likely, (least, _, most) = found.likely, found.held
     ideal, over = likely.ideal, f"friction {least.friction:g} to {most.friction:g} (assumed)"
     if not found.has_pouches:

@@ -90,11 +90,11 @@ class PairedDifference:
     p_adjusted: float
     won_percent: float  # share of the maps on which the first is better, ties as half
     pairs: int  # independent differences
-    over: str  # the same in words: maps, or poses where there is one map
+    over: str  # the same as text: maps, or poses where there is one map
 
     @property
     def pair(self) -> str:
-        """What is subtracted from what."""
+        """The two sides of the difference, as text."""
         return f"{self.first} minus {self.second}"
 
     @property
@@ -486,7 +486,7 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
 
 
 def _rule_tables(found: DesignComparison, measure: Measure) -> Iterator[Rows]:
-    """Yield the designs under each choice of what else is assumed of contacts."""
+    """Yield the designs under each choice of the other assumptions about contacts."""
     options = dict.fromkeys(rule.option for contacts in found.contacts for rule in contacts.rules)
     for option in options:
         rules = {

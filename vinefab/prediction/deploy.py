@@ -451,7 +451,7 @@ def deploy(
 def first_start(world: Map) -> Pose:
     """Return the pose of a map's first start, or raise BadInputError if it has none."""
     if not world.starts:
-        raise BadInputError("--pose", None, f"X,Y,DEG, as map {world.name} has no start of its own")
+        raise BadInputError("--pose", None, f"X,Y,DEG, as map {world.name} has no start")
     return world.starts[0].pose
 
 

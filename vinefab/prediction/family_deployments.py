@@ -1,4 +1,4 @@
-"""A design deployed on families of maps from many poses, and what each deployment measures."""
+"""A design deployed on families of maps from many poses, and the measures of each deployment."""
 
 import math
 from collections import Counter
@@ -132,7 +132,7 @@ def no_progress(_share: float, _words: str) -> None:
 
 
 def part_of(progress: ProgressCallback, start: float, end: float) -> ProgressCallback:
-    """Return what tells the progress of a part of the work."""
+    """Return a function that reports the progress of a part of the work."""
     return lambda share, words: progress(start + (end - start) * share, words)
 
 
@@ -263,12 +263,12 @@ def deploy_family(
 def deployment_notes(
     prepared: Sequence[PreparedFamily], plan: PredictionPlan, named: Mapping[str, Design]
 ) -> tuple[str, ...]:
-    """Return what a user should know about how often designs were deployed, and how they began.
+    """Return notes for the user on the number of deployments of designs, and their starts.
 
     Parameters
     ----------
     named
-        The designs by what their notes begin with; nothing for one alone.
+        The designs by the first words of their notes; nothing for one alone.
     """
     worlds = [place.world for family in prepared for place in family.maps]
     notes = spread_notes(worlds, plan.poses, repeats=plan.options.draws)
@@ -565,7 +565,7 @@ def spread_chart(measure: Measure, values: Mapping[str, Floats]) -> Page:
     return page_of(panel)
 
 
-# --- Where a design goes on one map: many deployments from varied poses, laid on each other -------
+# --- Where a design grows on one map: many deployments from varied poses, laid on each other ------
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -590,7 +590,7 @@ class HeatMap:
     share: Floats
     deployments: int  # how many there were
     spots: tuple[StuckSpot, ...]  # where branches got stuck, the most frequent first
-    spread: str  # how far the poses differ, in words
+    spread: str  # how far the poses differ, as text
 
     def __post_init__(self) -> None:
         if self.share.ndim != 2 or not ((self.share >= 0.0) & (self.share <= 1.0)).all():
@@ -623,7 +623,7 @@ MOST_SPOTS = 8
 def heat_map_of(
     design: Design, prepared_map: PreparedMap, trials: PredictionPlan, poses: int = POSES
 ) -> HeatMap:
-    """Return where a design goes on a map from varied poses."""
+    """Return where a design grows on a map from varied poses."""
     world = prepared_map.world
     # The default range of poses where the map gives none.
     spread: dict[str, Any] = {

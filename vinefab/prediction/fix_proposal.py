@@ -1,4 +1,4 @@
-"""Propose the smallest change of a design that clears its errors, and say what it costs."""
+"""Propose the smallest change of a design that clears its errors, and state its cost."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -209,7 +209,7 @@ def _rounds(
             return
         report = run_checks(subject_of(found.design, profile, grown(found.design), limits), limits)
         yield found, report
-        # How much of what growth takes on maps is allowed, 1 where that is no error.
+        # The share of the need of growth on maps that is allowed, 1 where that is not an error.
         shares = (
             finding.limit / finding.measured
             for finding in report.blocking
@@ -239,7 +239,7 @@ def score_change_lines(
     maps: Sequence[Map],
     growth: Mapping[str, object] | None = None,
 ) -> list[str]:
-    """Return what a change does to the predicted scores, in words; how to know it without maps."""
+    """Return the effect of a change on predicted scores as text; without maps, how to get it."""
     if not maps:
         return ["  what it costs in score: give maps with --map (vinefab map grid makes one)"]
     # The simulator and the tasks are loaded only when a map is given.

@@ -160,7 +160,7 @@ class DeployedPattern:
 
     @property
     def how(self) -> str:
-        """How it was cut, in words."""
+        """How it was cut, as text."""
         return _HOW[self.pattern.design.build.compensation]
 
     @property
@@ -186,7 +186,7 @@ class DeployedPattern:
 
 
 def _solvable_words(joint: PatternJoint) -> str:
-    """Return why the joint of a level cannot be cut so that it deploys, and what to change."""
+    """Return the reason why a joint of a level cannot be cut to deploy, and the remedy."""
     # The triangles' own words say nothing to the designer.
     why = joint.problem.partition(": outline is")[0]
     return (
@@ -351,7 +351,7 @@ class InflatedDesign(Result):
         modulus = film.modulus_mpa
         return Rows(
             caption=f"Straight tubes: hoop strain p W / (pi E t) with E {modulus.value:g} MPa "
-            f"({modulus.standing}), and what it makes of the film (computed)",
+            f"({modulus.standing}), and its effect on the film (computed)",
             headings=("level", "flat mm", "hoop strain", "diameter mm", "longer by"),
             rows=tuple(rows),
             key="tubes",
@@ -382,7 +382,7 @@ class InflatedDesign(Result):
         return [(name, tuple(row)) for name, row in zip(names, numbers.tolist(), strict=True)]
 
     def _content(self) -> dict[str, object]:
-        """Return what stands in JSON alone."""
+        """Return the values that stand in JSON alone."""
         film = self.profile.material
         content = {
             "design": self.design.name,
@@ -510,7 +510,7 @@ _OFF = Ink(line=ALERT, width_pt=1.2)
 
 
 def inflation_sheet(found: InflatedDesign) -> Page:
-    """Return the deployed shape over pattern and design, and that of the other choice beside."""
+    """Return the deployed shape over pattern and design, next to that of the other choice."""
     shapes = [found.deployed, *([] if found.other is None else [found.other])]
     outlines = [
         body_outline(with_short_tail(one.pattern.flat)).contour.flattened_mm() for one in shapes

@@ -68,7 +68,7 @@ _ARC_SEGMENTS_PER_QUARTER = 8
 
 
 LEAST_OUTSIDE_SHARE = 1e-6
-"""Of an obstacle's area: less is rounding of what ends at the bounds."""
+"""Of an obstacle's area: less is rounding of an obstacle that ends at the bounds."""
 
 _MOST_NAMED = 5
 """Obstacles that reach over the bounds, by number in one line."""
@@ -147,7 +147,7 @@ def body_room(free: BaseGeometry, starts: tuple[StartRoom, ...], width_mm: float
 
 
 def _swept(home: BaseGeometry, start: StartRoom, radius_mm: float) -> BaseGeometry:
-    """Return what a body can sweep of a region that holds its start.
+    """Return the part of a region with its start that a body can sweep.
 
     The middle of the body stays a radius away from all walls, in one piece with the start; the
     body fills a radius around that. The area falls as the radius grows.
@@ -431,7 +431,7 @@ _UNITS_MM = {1000.0: "metres", 25.4: "inches", 10.0: "centimetres", 1.0: "millim
 
 
 def size_notes(world: Map) -> list[str]:
-    """Return what to say of a map that is so small or large that its unit may be another one."""
+    """Return a note on a map that is so small or large that its unit may be another one."""
     longer_mm, (least_mm, most_mm) = max(world.size_mm), PLAUSIBLE_MM
     if world.seed is not None or least_mm <= longer_mm <= most_mm:  # a generator knows its unit
         return []

@@ -33,7 +33,7 @@ class Measure:
     """A number that every deployment has."""
 
     key: str  # its name in files, unit included
-    title: str  # its name in words
+    title: str  # its name as text
     unit: str  # shown behind the number; empty for a ratio
     digits: int  # decimals that are shown and written
     better: Literal["more", "less"]  # whether more or less of it is wanted

@@ -71,7 +71,7 @@ class PoseDraws:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseErrors:
-    """How far off a base is placed, and what its contacts may be like."""
+    """How far off a base is placed, and the possible properties of its contacts."""
 
     placing_mm: float  # the base is anywhere within so far
     placing_deg: float  # the heading is anywhere within so much to either side
@@ -166,7 +166,7 @@ class PoseTrial:
     def placed(self, poses: Floats, draws: PoseDraws) -> Floats:
         """Return where bases come to lie, shape (n * k, 3): pose by pose, draw by draw.
 
-        A base that is pushed against a wall stays beside it: at the nearest place with room.
+        A base that is pushed against a wall stays next to it: at the nearest place with room.
 
         Parameters
         ----------
@@ -194,7 +194,7 @@ class PoseTrial:
         work: Callable[[GrowthBlock], NDArray[Any]],
         count: DeploymentCounter = _count_nothing,
     ) -> NDArray[Any]:
-        """Return what ``work`` returns for every growth, shape (n, k) or (n, k, ...)."""
+        """Return the results of ``work`` for every growth, shape (n, k) or (n, k, ...)."""
         together, parts = max(1, MOST_TOGETHER // len(draws)), list[NDArray[Any]]()
         for first in range(0, len(poses), together):
             some = poses[first : first + together]
@@ -273,7 +273,7 @@ class BaseRegion:
     """Where a base may stand on a map."""
 
     room: BaseGeometry  # where the trunk has room
-    # border: lines beside the outer walls; there the base stands outside, and the trunk grows in
+    # border: lines next to the outer walls; there the base stands outside, and the trunk grows in
     border: BaseGeometry
     # starts, areas: lines and points, and polygons, where every heading is allowed
     starts: BaseGeometry
@@ -289,7 +289,7 @@ class BaseRegion:
         Parameters
         ----------
         where
-            One of `WHERE`, or a start in words, see `vinefab.model.start_place`.
+            One of `WHERE`, or a start as text, see `vinefab.model.start_place`.
 
         Raises
         ------
@@ -431,7 +431,7 @@ def _parts(shape: BaseGeometry, *kinds: str) -> BaseGeometry:
 
 
 def _border(trial: PoseTrial) -> BaseGeometry:
-    """Return where a trunk that comes in from outside has its base: beside the outer walls."""
+    """Return where a trunk that comes in from outside has its base: next to the outer walls."""
     free, room = trial.prepared.terrain.free_space(), trial.room
     outer = shapely.get_exterior_ring(shapely.get_parts(free))
     # Arcs around corners are polygons, a little nearer to the wall or farther from it.
@@ -581,7 +581,7 @@ def search_poses(
 ) -> PoseSearch:
     """Search a region for the pose with the best mean score, in searches from several starts.
 
-    The searches have 1, 1, 2, 3, 5, ... times `FIRST_SEARCH` deployments, each a grid of its own.
+    The searches have 1, 1, 2, 3, 5, ... times `FIRST_SEARCH` deployments, each a separate grid.
     So a longer search contains every shorter one, and it keeps the pose of that unless another is
     clearly better at the same draws: more deployments never find a pose that is clearly worse.
 

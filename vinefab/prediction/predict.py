@@ -125,7 +125,7 @@ class Predicted(WrittenResult):
     plan: PredictionPlan  # how it was deployed
     window: PressureWindow | None  # the pressure window; None where nothing ever emerged
     anchoring: tuple[AnchoringPrediction, ...]  # anchoring in each family
-    heat: HeatMap  # where it goes on the first map
+    heat: HeatMap  # where it grows on the first map
     # contacts, pressure: how wide predictions are; no pressure range without a working pressure
     contacts: ContactRange
     pressure: PressureRange | None
@@ -175,7 +175,7 @@ class Predicted(WrittenResult):
         return _ASKED.get(str(self.prepared.design.origin.get("task")), SEEN)
 
     def view(self) -> Iterator[Block]:
-        """Yield what it does, how often it fails, what it takes to make, then all the rest."""
+        """Yield its scores, its rate of failure, the cost to make it, then all the rest."""
         prepared, outcomes = self.prepared, self.main.outcomes
         design, profile = prepared.design, prepared.profile
         words, tone = verdict_on(prepared.report, self.window, profile.recipe.status)
@@ -234,7 +234,7 @@ class Predicted(WrittenResult):
         yield assumption_section(profile, model_assumptions(self.plan.options))
 
     def _deed(self, targets: TargetsResult | None) -> str:
-        """Return how much of what was asked it does, as a sentence."""
+        """Return the share of the request that it fulfils, as a sentence."""
         spread, name = self.main.outcomes.spread(self.asked), self.prepared.design.name
         if targets is not None:
             return f"{name}: {targets.headline}"
@@ -243,7 +243,7 @@ class Predicted(WrittenResult):
         return f"{name} {does} {found} {what}"
 
     def _typical(self) -> Iterator[Picture]:
-        """Yield the worst, the median and the best deployment by what was asked."""
+        """Yield the worst, the median and the best deployment by the measure asked for."""
         found, main = self.asked, self.main
         indices = typical(main.outcomes, [share for share, _ in _SHARES], found.key, SEEN.key)
         shown = dict(zip(indices[::-1], [words for _, words in _SHARES[::-1]], strict=True))
@@ -333,7 +333,7 @@ def predict(
     evaluator = VariantEvaluator(grown, main.prepared, plan)
     effects = sensitivity(evaluator, part_of(progress, 0.5, 0.7))
     scatter = tolerance(evaluator, plan.seed, part_of(progress, 0.7, 0.92))
-    progress(0.92, "where it goes on one map")
+    progress(0.92, "where it grows on one map")
     heat = heat_map_of(grown, prepared_families[0].maps[0], plan)
     progress(0.94, "design rules")
     # The rules ask what growth to every tip would take (VF-P03): no pressure may stop it before.

@@ -267,7 +267,7 @@ def pressure_range(
     ----------
     measured
         The family's measures; growth pressures are inverse to the fitted diameter, so that the
-        pressures in it are enough to know what every other assumption needs.
+        pressures in it give the need of every other assumption.
     """
     working_kpa = design.build.pressure_kpa
     if working_kpa <= 0.0:
@@ -332,7 +332,7 @@ COST_CAPTION = "What contacts cost, assumed unless said; line: predicted (grey: 
 def contact_costs(
     found: ContactRange, measured: MeasureTable, measure: Measure
 ) -> tuple[str, tuple[float, ...], tuple[tuple[str, tuple[float, ...]], ...]]:
-    """Return what `cost_chart` draws: a measure as predicted and over what is assumed."""
+    """Return the data of `cost_chart`: a measure as predicted and over what is assumed."""
     spread = measured.spread(measure)
     predicted = (math.nan,) if spread is None else (spread.mean, spread.low, spread.high)
 
@@ -366,7 +366,7 @@ RULE_WORDS = (
 
 
 def contact_words(found: ContactRange) -> str:
-    """Return what a range of half-angles means, and where it comes from."""
+    """Return the meaning of a range of half-angles, and its source."""
     if found.standing == "assumed":
         return CONTACT_WORDS
     return (
@@ -481,7 +481,7 @@ def contact_chart(shown: Mapping[str, ContactRange], measure: Measure) -> Page:
 def cost_chart(
     name: str, predicted: Sequence[float], changed: Sequence[tuple[str, Sequence[float]]]
 ) -> Page:
-    """Return what assumptions move a mean by, a bar for each of them, as wide as a column.
+    """Return the shifts of a mean by assumptions, a bar for each of them, as wide as a column.
 
     Parameters
     ----------
@@ -649,7 +649,7 @@ class VariantEvaluator:
         return table.reshape(len(launches), len(plans), -1).transpose(1, 0, 2)
 
     def effect(self, variant: PredictionVariant) -> Effect:
-        """Return what a change does, over the poses that are free with it and without."""
+        """Return the effect of a change, over the poses that are free with it and without."""
         is_free = np.array([pose is not None for row in variant.poses for pose in row])
         poses = tuple(tuple(pose for pose in row if pose is not None) for row in variant.poses)
         growth_plan = Plan.of(variant.design, variant.options)
@@ -673,7 +673,7 @@ class VariantEvaluator:
 def sensitivity(
     evaluator: VariantEvaluator, progress: ProgressCallback = no_progress
 ) -> tuple[Effect, ...]:
-    """Return what every change of the start, the lengths and the head-on angle does."""
+    """Return the effect of every change of the start, the lengths and the head-on angle."""
     variants = list(_variants(evaluator))
     effects = []
     for index, variant in enumerate(variants):
@@ -747,7 +747,7 @@ def _variants(evaluator: VariantEvaluator) -> Iterator[PredictionVariant]:
 
 
 def placings() -> Iterator[tuple[str, float, str, Callable[[Pose], Pose]]]:
-    """Yield how a base may be placed off: knob, step, unit, and what moves a pose so."""
+    """Yield the errors of a base's place: knob, step, unit, and the function that moves a pose."""
     for step in HEADING_STEPS_DEG:
         yield "heading", step, "deg", partial(turned_pose, turn_rad=rad(step))
     for step in SIDEWAYS_STEPS_MM:
@@ -789,7 +789,7 @@ def shifted_pose(pose: Pose, step_mm: float) -> Pose:
 
 
 def sensitivity_blocks(effects: Sequence[Effect], measures: Sequence[Measure]) -> Iterator[Section]:
-    """Yield what changes of start, lengths and model do."""
+    """Yield the effects of changes of start, lengths and model."""
     drawn = (measures[0], measures[-1])
     count = max(effect.count for effect in effects)
     words = (
@@ -878,7 +878,7 @@ def tolerance_blocks(tolerance: Tolerance) -> Iterator[Data | Section]:
 
 
 def effect_panels(effects: Sequence[Effect], measures: Sequence[Measure]) -> Page:
-    """Return what every change does: a column per knob, a row per measure."""
+    """Return the effect of every change: a column per knob, a row per measure."""
     knobs = list(dict.fromkeys(effect.knob for effect in effects))
     rows = []
     for measure in measures:

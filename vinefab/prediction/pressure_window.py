@@ -59,7 +59,7 @@ class Need:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PressureWindow:
-    """What growth to the worst tip needs beside what the widest part may take."""
+    """The pressure for growth to the worst tip, and the limit of the widest part."""
 
     # loose, tight: need with film that nothing holds back in its store, and on a tight spool
     loose: Need
@@ -128,7 +128,7 @@ def window_of(
 
 
 def burst_basis(profile: LaserProfile) -> str:
-    """Return what burst pressures and strains rest on, in words."""
+    """Return the basis of burst pressures and strains, as text."""
     film = profile.material
     return (
         f"from one test: {film.seam.words()}; strain "
@@ -251,7 +251,7 @@ _OPEN = "#1b7f4d"
 
 
 def window_chart(window: PressureWindow) -> Page:
-    """Return what growth needs, what each width may take, and the room between the two."""
+    """Return the need of growth, the limit of each width, and the room between the two."""
     rows = 2 + len(window.levels)
     low, high = window.needed_kpa, window.allowed_kpa
     panel = Panel(

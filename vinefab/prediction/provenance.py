@@ -94,13 +94,13 @@ def model_assumptions(options: GrowthOptions) -> Numbers:
 
 
 def _ends_of(found: MeasuredNumber) -> list[float]:
-    """Return what was measured of a number: value and interval, or the one bound."""
+    """Return the measurement of a number: value and interval, or the one bound."""
     bounds = {"both": [found.low, found.high], "upper": [found.high], "lower": [found.low]}
     return [*([] if found.value is None else [found.value]), *bounds[found.side]]
 
 
 def _contact_numbers(options: GrowthOptions) -> Numbers:
-    """Return how wide bodies are, and what photos measured beside what growth uses."""
+    """Return the width of bodies: the one measured on photos and the one that growth uses."""
     contacts, ratio = options.contacts, options.body_width_ratio
     found = None if contacts is None else contacts.body_width_ratio
     rows = list[tuple[str, Quantity]]()

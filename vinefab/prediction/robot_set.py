@@ -3,7 +3,7 @@
 What a set covers is a monotone submodular function of it: a further robot adds the less, the more
 others cover. So the greedy set of k robots covers at least 1 - 1/e of the best set of k among the
 candidates (Nemhauser, Wolsey and Fisher, 1978); and no set of k covers more than any set does plus
-the k largest gains that candidates still have beside it (Minoux, 1978; Leskovec et al., 2007),
+the k largest gains that candidates still have next to it (Minoux, 1978; Leskovec et al., 2007),
 which is much closer.
 """
 
@@ -29,7 +29,7 @@ from vinefab.prediction.pose_search import (
 from vinefab.tasks.covered_cells import Cover
 
 GREEDY_SHARE = 1.0 - 1.0 / math.e
-"""The greedy set covers at least this share of what the best one does."""
+"""The greedy set covers at least this share of the cover of the best one."""
 
 Bits = NDArray[np.uint8]
 
@@ -45,7 +45,7 @@ class CoveredSets:
         return len(self.bits)
 
     def alone(self, index: int) -> NDArray[np.bool_]:
-        """Return what one candidate covers, shape (k, e)."""
+        """Return the cover of one candidate, shape (k, e)."""
         found = np.unpackbits(self.bits[index], axis=-1, count=len(self.weight))
         return found.astype(np.bool_)
 
@@ -66,7 +66,7 @@ class CoveredSets:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GreedyChoice:
-    """Candidates chosen one after the other, each for what it adds."""
+    """Candidates chosen one after the other, each for its gain."""
 
     chosen: tuple[int, ...]
     covered: tuple[float, ...]  # share of the whole that the first 1, 2, ... cover
@@ -93,7 +93,7 @@ def chosen_greedily(sets: CoveredSets, count: int) -> GreedyChoice:
 
 
 def _tighten(bounds: Floats, share: float, gains: Floats) -> None:
-    """Lower the bounds to what a set covers plus the largest gains beside it."""
+    """Lower the bounds to the cover of a set plus the largest gains next to it."""
     largest = np.sort(gains)[::-1][: len(bounds)]
     largest = np.pad(largest, (0, len(bounds) - len(largest)))
     np.minimum(bounds, share + np.cumsum(largest), out=bounds)
@@ -107,7 +107,7 @@ SET_DRAWS = 32
 """Draws of contacts and placing errors at which candidates are compared."""
 
 FRESH_SET_DRAWS = 200
-"""Draws that no choice has seen, for what is reported."""
+"""Draws that no choice has seen, for the values that are reported."""
 
 MOST_BITS = 400_000_000
 """Candidates times draws times elements: 50 MB."""
@@ -127,7 +127,7 @@ class RobotSet:
 
     @property
     def least_share(self) -> float:
-        """At least this share of what the best set of as many candidates covers, by the bound."""
+        """At least this share of the cover of the best set of as many candidates, by the bound."""
         return self.choice.covered[-1] / max(self.choice.bounds[-1], 1e-300)
 
     @property

@@ -1,4 +1,4 @@
-"""A run in a folder, and what its winner is expected to do elsewhere.
+"""A run in a folder, and the expected scores of its winner elsewhere.
 
 A winner is tried on unseen maps, over what contacts may be like, and placed off.
 """
@@ -78,7 +78,7 @@ from vinefab.tasks.task import Task
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EndedRun:
-    """A run that has ended, with what its page needs."""
+    """A run that has ended, with the values that its page needs."""
 
     result: RunResult
     settings: RunSettings
@@ -196,7 +196,7 @@ def run_in_folder(  # noqa: PLR0913  options by keyword
 
 
 UNSEEN_DEPLOYMENTS = 50
-"""Deployments that a winner is tried in elsewhere, each on a map of its own where maps are
+"""Deployments that a winner is tried in elsewhere, each on a separate map where maps are
 generated: the same maps for every run of an environment, so that runs can be compared."""
 
 
@@ -245,7 +245,7 @@ class WinnerTrial:
         return tuple(MeanValue.of(self.scores(family, growth), names) for growth in at_angles)
 
     def over_rules(self, families: Mapping[str, PreparedFamily]) -> list[dict[str, Any]]:
-        """Return the mean score under each choice of what else is assumed of contacts."""
+        """Return the mean score under each choice of the other assumptions about contacts."""
         if not self.design.levels:
             return []
         found = []
@@ -265,7 +265,7 @@ class WinnerTrial:
         return found
 
     def placed_off(self, family: PreparedFamily) -> tuple[dict[str, Any], ...]:
-        """Return what placing the body elsewhere does, a step each, from the same poses."""
+        """Return the effect of placing the body elsewhere, a step each, from the same poses."""
         exact = self.scores(family)
         return tuple(
             {"knob": knob, "step": step, "unit": unit, **self._change(family, move, exact)}
@@ -303,7 +303,7 @@ class WinnerTrial:
 
 
 def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
-    """Return what a run's winner is expected to do elsewhere, in plain values (simulated)."""
+    """Return the expected scores of a run's winner elsewhere, in plain values (simulated)."""
     return predicted(search, result)[0]
 
 
@@ -383,7 +383,7 @@ def unseen_family(settings: RunSettings, fresh: PreparedFamily) -> tuple[Prepare
     """
     start, note = settings.maps.start, ""
     if has_own_targets(settings):
-        note = "on no unseen maps, because the run's targets are points of its own"
+        note = "on no unseen maps, because the run's targets are given points"
     elif start is not None and not (isinstance(start, StartPlace) and start.side):
         note = "on no unseen maps, because the run's start is a place on its own"
     share = settings.evaluation.pose_range
@@ -414,7 +414,7 @@ def _prepared(family: MapFamily, settings: RunSettings, poses: int, seed: int) -
 
 
 def _origin(content: Mapping[str, Any]) -> dict[str, object]:
-    """Return what of a prediction stands in the winner's design file."""
+    """Return the part of a prediction that stands in the winner's design file."""
     unseen = content["unseen"]
     score = unseen["score"]
     interval = [score["low"], score["high"]]
@@ -430,11 +430,11 @@ def _origin(content: Mapping[str, Any]) -> dict[str, object]:
     }
 
 
-# --- The page of a run that has ended, with its pictures beside it --------------------------------
+# --- The page of a run that has ended, with its folder of pictures --------------------------------
 
 
 PICTURES = "pictures"
-"""The folder beside the page with its pictures."""
+"""The folder with the pictures of the page, next to it."""
 
 
 MOST_TRAINING_SHOWN = 3
@@ -448,7 +448,7 @@ EDGE = 0.01
 
 
 def write_run_page(folder: Path, run: EndedRun, *, force: bool = False) -> Path:
-    """Write the page of a run that has ended, and its pictures beside it."""
+    """Write the page of a run that has ended, and its pictures next to it."""
     blocks = list(run_blocks(run))
     pictures = [block for block in blocks if isinstance(block, Picture)]
     pictures += [one for block in blocks if isinstance(block, Section) for one in block.pictures]
@@ -484,7 +484,7 @@ def run_blocks(run: EndedRun) -> Iterator[Block]:
 
 
 def _cost_picture(run: EndedRun) -> Picture:
-    """Return what contacts cost the winner's score, as one picture."""
+    """Return the cost of contacts to the winner's score, as one picture."""
     found = run.result.prediction
     unseen, name = found["unseen"], f"{found.get('title', found['task'])} score, simulated"
     score = [unseen["score"][end] for end in ("mean", "low", "high")]
@@ -535,7 +535,7 @@ def _shown(
         _drawn(run, f"training_{index + 1}", training.maps[index].world, grown[index], "its start")
         for index in range(kept)
     )
-    # A run with maps of its own has no unseen ones.
+    # A run with given maps has no unseen ones.
     where = unseen.label if unseen.label.startswith("other poses") else "unseen maps"
     ended = stop_table(unseen.label, elsewhere)
     return pictures, (
@@ -618,7 +618,7 @@ def _checked(run: EndedRun) -> CheckReport | str:
 
 def _sheet_section(run: EndedRun, checked: CheckReport | str) -> Section:
     """Return the flat robot with the findings at their places."""
-    title = "The flat sheet and what the rules say"
+    title = "The flat sheet and the findings of the rules"
     if isinstance(checked, str):
         return Section(title=title, paragraphs=(f"Not checked: {checked}.",))
     asked = "" if run.settings.evaluation.fabricable else " The search did not ask for it."
@@ -637,7 +637,7 @@ def _sheet_section(run: EndedRun, checked: CheckReport | str) -> Section:
 def _limit_section(
     run: EndedRun, checked: CheckReport | str, where: str, elsewhere: Sequence[Deployment]
 ) -> Section:
-    """Return what limits the winner: walls and pressure, rules, bounds of the space."""
+    """Return the limits of the winner: walls and pressure, rules, bounds of the space."""
     tables = [
         Rows(
             caption=f"Rules that the winner breaks, or would if limits were {100 * NEAR:.0f} % "
@@ -761,7 +761,7 @@ def _found_section(run: EndedRun) -> Section:
 
 
 def _files_section(run: EndedRun) -> Section:
-    """Return what lies beside the page, and where the time went."""
+    """Return the files next to the page, and the use of the time."""
     rows = (
         ("best.toml", "the winner: vinefab grow, score, check, report and fabricate take it"),
         ("run.sqlite", "the record: every generation, maps, settings; vinefab runs reads it"),

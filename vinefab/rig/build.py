@@ -85,7 +85,7 @@ def _rig_of(
     notes: Mapping[str, object],
     **others: Any,  # noqa: ANN401  fields of a rig
 ) -> Rig:
-    """Return a rig with what follows from its plan; of the notes those that hold."""
+    """Return a rig with the values that follow from its plan, and the notes that hold."""
     thin = len(plan.thin_places)
     notes = {
         f"{counted(thin, 'place')} {agreeing(thin, 'was', 'were')} thinner than the "
@@ -372,7 +372,7 @@ def _loose_part(
 def _courses_of(
     piece: LoosePiece, walls: Polygon, options: RigOptions, wall_mm: float
 ) -> tuple[list[Course], Polygons]:
-    """Return what a piece is built of as printed, top down, and the grooves in its top.
+    """Return the courses of a piece as printed, top down, and the grooves in its top.
 
     The top of a shell is open but for a tongue that bears the number; below each peg courses reach
     out from the walls, so that nothing needs supports. A ``wall_mm`` of 0: no shell.
@@ -392,7 +392,7 @@ def _courses_of(
             courses.append(Course(pieces=closed, low_mm=0.0, high_mm=thick_mm))
         courses += corbelled(walls, outline, pegs, high_mm, wall_mm)
     if pegs:
-        # From the middle of what carries them: bodies that overlap join surely.
+        # From the middle of their support: bodies that overlap join surely.
         low_mm, up_mm = high_mm - _PEG_ROOT_MM, high_mm + options.plate_mm - PEG_RECESS_MM
         courses.append(Course(pieces=polygon_parts(*pegs), low_mm=low_mm, high_mm=up_mm))
     return courses, marks

@@ -138,7 +138,7 @@ class _Stand:
     plate: BaseGeometry
     walls: BaseGeometry
     inside: BaseGeometry  # bounds without their holes
-    taken: BaseGeometry  # what stands beside the rig
+    taken: BaseGeometry  # areas of objects next to the rig
     options: RigOptions
     gap_mm: float
     to_plan: Floats  # homogeneous transform, shape (3, 3), from the frame
@@ -204,7 +204,7 @@ class _Stand:
         return _rotated(box(self.rear_mm, -radius_mm, 0.0, radius_mm), angle_deg)
 
     def turned(self, shape: Polygon) -> BaseGeometry:
-        """Return what a shape covers at all headings, those between two holes included."""
+        """Return the area that a shape covers at all headings, those between two holes included."""
         turns = np.linspace(self.headings[0], self.headings[-1], 2 * len(self.headings) + 1)
         return shapely.union_all([_rotated(shape, turn) for turn in turns.tolist()])
 
@@ -221,7 +221,7 @@ def base_holder(
     Parameters
     ----------
     taken
-        What stands on the table beside the rig, in the coordinates of the plan.
+        Areas of objects on the table next to the rig, in the coordinates of the plan.
 
     Raises
     ------
@@ -386,7 +386,7 @@ def _entry(stand: _Stand) -> BaseGeometry:
     low, side = stand.rear_mm, stand.half_mm
     near = box(low, -3.0 * side, 0.0, 3.0 * side)
     border = stand.plate.difference(stand.inside).difference(stand.walls)
-    # Opened a little: what rounding leaves along the border's edges is no gap.
+    # Opened a little: slivers that rounding leaves along the border's edges are not gaps.
     opened = border.buffer(-_SLIVER_MM, join_style="mitre").buffer(_SLIVER_MM, join_style="mitre")
     way = LineString([(0.0, 0.0), (low, 0.0)])
     gaps = [gap for gap in polygon_parts(opened) if gap.intersects(way)]
@@ -628,7 +628,7 @@ def marker_gap_mm(options: RigOptions) -> float:
 
 
 def base_layers(printer: Printer, options: RigOptions) -> int:
-    """Return how many white layers a printed tile has; its black top is level with the floor."""
+    """Return the number of a printed tile's white layers; its black top is level with the floor."""
     above = 0 if options.marker_kind == "paper" else RAISED_LAYERS
     return max(round(options.plate_mm / printer.layer_mm) - above, LEAST_BASE_LAYERS)
 
@@ -850,7 +850,7 @@ def _hatch(pad: MarkerPad, options: RigOptions) -> list[LineString]:
 
 
 def marker_notes(pads: tuple[MarkerPad, ...], printer: Printer, options: RigOptions) -> list[str]:
-    """Return what the person who prints or cuts the markers should read."""
+    """Return the notes for the person who prints or cuts the markers."""
     if not pads:
         return []
     notes = []
@@ -888,7 +888,7 @@ class Fixtures:
 
 
 def with_fixtures(rig: Rig, world: Map, design: Design | None) -> tuple[Rig, Fixtures]:
-    """Return a rig with markers and base holder among its extras and notes, and what they are."""
+    """Return a rig with markers and base holder in its extras and notes, and these fixtures."""
     plate = rig.on_plan(rig.plate)
     pads = marker_pads(world, plate, rig.printer, rig.options)
     taken = shapely.union_all([pad.outline for pad in pads])

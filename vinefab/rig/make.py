@@ -152,7 +152,7 @@ def _job(
 
 
 def _lines_within(tile: Polygon, lines: Sequence[LineString]) -> Iterator[LineString]:
-    """Yield what lies on a tile of lines, joined where they meet themselves."""
+    """Yield the parts of lines on a tile, joined where they meet themselves."""
     for shape in lines:
         cut = shapely.line_merge(shapely.intersection(shape, tile))
         for line in shapely.get_parts(cut):
@@ -213,7 +213,7 @@ def laser_jobs(
     *,
     lid: bool,
 ) -> dict[str, Job]:
-    """Return what is cut for a rig, by the names of its DXF files."""
+    """Return the jobs cut for a rig, by the names of its DXF files."""
     plate, options = rig.on_plan(rig.plate), rig.options
     named: dict[str, list[Job]] = {}
     if rig.style != "plate":
@@ -265,7 +265,7 @@ def make_rig(
         If the map has no obstacles (unless the request allows it), or the rig does not fit the
         printer, its options or the number of parts.
     ReadBackError
-        If a file, read back, or the assembled rig differs from what it has to be.
+        If a file, read back, or the assembled rig differs from its specification.
     """
     request = request or RigRequest()
     tell = progress or (lambda _, __: None)

@@ -35,7 +35,7 @@ class RigPart:
     # rig's scale, z = 0 is the floor that the robot lies on.
     to_map: Floats
     volume_mm3: float  # designed volume, from the plan's areas and not from the triangles
-    # what is engraved into it and written on the assembly drawing; 0 for what has no number
+    # engraved into it and written on the assembly drawing; 0 for a part without a number
     number: int = 0
     # place in the grid of tiles, from 1, row 1 lowest and column 1 leftmost on the map; 0 for parts
     # that are no tiles
@@ -98,7 +98,7 @@ class Rig:
     printer: Printer
     options: RigOptions
     style: str = "plate"  # one of `vinefab.rig.rig_options.STYLES`
-    # what is printed and stands beside the rig: scale cube, north arrow
+    # printed parts that stand next to the rig: scale cube, north arrow
     extras: tuple[RigPart, ...] = ()
     # outline of the base plate, in map coordinates
     plate: BaseGeometry = field(default_factory=Polygon)
@@ -137,12 +137,12 @@ class Rig:
 
     @property
     def printed(self) -> tuple[RigPart, ...]:
-        """Everything to print: the parts, then what stands beside the rig."""
+        """Everything to print: the parts, then the extras next to the rig."""
         return (*self.parts, *self.extras)
 
     @property
     def volume_mm3(self) -> float:
-        """Designed volume of the parts, without what stands beside the rig."""
+        """Designed volume of the parts, without the extras next to the rig."""
         return sum(part.volume_mm3 for part in self.parts)
 
 
@@ -191,7 +191,7 @@ class Mesh:
         return np.array([self.vertices_mm.min(axis=0), self.vertices_mm.max(axis=0)])
 
     def form_problems(self) -> list[str]:
-        """Return why the triangles do not bound one solid; empty when they do."""
+        """Return the reasons that the triangles do not bound one solid; empty when they do."""
         edges = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         if (edges[:, 0] == edges[:, 1]).any():
             return ["has triangles without an area"]
@@ -211,7 +211,7 @@ class Mesh:
         conditions = {
             "is not closed: an edge has not exactly two triangles": closed,
             "has triangles that face different ways": oriented,
-            "is no solid: open, or inside out": closed and oriented and self.volume_mm3 > 0.0,
+            "is not a solid: open, or inside out": closed and oriented and self.volume_mm3 > 0.0,
             "is more than one piece": scipy.sparse.csgraph.connected_components(
                 adjacent, directed=False
             )[0]

@@ -138,7 +138,7 @@ def print_estimate(parts: Sequence[RigPart], printer: Printer) -> PrintEstimate:
 def _moving_s(
     part: RigPart, sides: UprightFaces, plastic: tuple[float, float], printer: Printer
 ) -> float:
-    """Return how long the nozzle moves for a part: along walls, in its inside, and between."""
+    """Return the time that the nozzle moves for a part: along walls, in its inside, and between."""
     plastic_mm3, skin_mm = plastic
     # A line as wide as the nozzle, its sides round.
     line_mm2 = (printer.nozzle_mm - _ROUND * printer.layer_mm) * printer.layer_mm
@@ -146,7 +146,7 @@ def _moving_s(
     side_mm2 = max(sides.area_mm2, 1e-9)
     wall_mm3 = min(plastic_mm3, side_mm2 * skin_mm)
     wall_s = wall_mm3 / line_mm2 / printer.wall_speed_mm_s
-    # A corner of the plan is passed once by each line beside it, in each layer.
+    # A corner of the plan is passed once by each line next to it, in each layer.
     lines = wall_mm3 / side_mm2 / printer.nozzle_mm
     speed = printer.wall_speed_mm_s
     kept = np.minimum(speed, JERK_MM_S / np.maximum(2.0 * np.sin(0.5 * sides.turns_rad), 1e-9))
@@ -347,7 +347,7 @@ def stl_bytes(vertices_mm: Floats, faces: Ints, name: str) -> bytes:
 
 
 def read_stl(data: bytes) -> Mesh:
-    """Return what a binary STL file holds.
+    """Return the mesh of a binary STL file.
 
     Raises
     ------
@@ -361,7 +361,7 @@ def read_stl(data: bytes) -> Mesh:
 
 
 def _form_problem(data: bytes) -> str:
-    """Return what is wrong with the bytes, triangles aside, or an empty string."""
+    """Return the error in the bytes, triangles aside, or an empty string."""
     if len(data) < _HEADER_BYTES + 4:
         return (
             f"is truncated: {counted(len(data), 'byte')} {agreeing(len(data), 'is', 'are')} less "

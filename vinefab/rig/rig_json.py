@@ -41,7 +41,7 @@ class RigRecord:
     comparison: RigComparison  # of the assembled rig with the map
     report: CheckReport  # of the rules about rigs
     jobs: Mapping[str, Job] = field(default_factory=dict)  # sheets for the laser, by file name
-    why_style: str = ""  # which style was chosen and what the other would take
+    why_style: str = ""  # the chosen style and the needs of the other
     fixtures: Fixtures = field(default_factory=Fixtures)
 
 
@@ -55,7 +55,7 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
     """
     rig, world, printing = record.rig, record.world, record.printing
     # Numbers are rounded to what they mean, so that files do not differ in a last digit; arrays
-    # (transforms, corners) and what the map and the rules say stay.
+    # (transforms, corners) and the values of the map and the rules stay.
     parts = [
         {
             "name": part.name,
@@ -229,7 +229,7 @@ class RigForm(TablePart):
 
 
 def read_rig(folder: Path) -> RigFacts:
-    """Return what the rules need of a rig from its folder, every STL file read."""
+    """Return the facts that the rules need of a rig from its folder, every STL file read."""
     path = folder if folder.name == RIG_NAME else folder / RIG_NAME
     try:
         data = json.loads(read_text(path))

@@ -58,7 +58,7 @@ def snapped_union(*shapes: BaseGeometry | Polygons) -> Polygons:
 
 
 def vanishes(pieces: Polygons, width_mm: float) -> NDArray[np.bool_]:
-    """Tell which polygons are nowhere thicker than a width."""
+    """Return the mask of polygons that are nowhere thicker than a width."""
     if width_mm <= 0.0:
         return np.zeros(len(pieces), dtype=bool)
     eroded = shapely.buffer(pieces, -0.5 * width_mm, join_style="mitre", quad_segs=1)
@@ -135,7 +135,7 @@ _CRUMB_SHARE = 0.02
 
 
 def patches_for(pieces: Polygons, width_mm: float) -> tuple[Polygons, BaseGeometry]:
-    """Return where polygons are thinner than a width, and what to add to make them that wide.
+    """Return the parts of polygons thinner than a width, and patches that make them that wide.
 
     The thin parts are shrunk in small steps; what vanishes in a step is their middle line, to
     within that step, and is grown to the full width. A thin wall so becomes at least as thick as
@@ -226,10 +226,10 @@ def _entry_of_area(
 ) -> Entry:
     try:
         pieces = start_pieces(start, bounds.difference(solids))
-    except BadInputError:  # closed by what makes solids printable: the pose is what is left
+    except BadInputError:  # closed by making solids printable: only the pose is left
         return entry_of(replace(start, area=None), bounds, border, solids, options)
     entries = [entry_of(_across(start, p), bounds, border, solids, options) for p in pieces]
-    # Robots come from where the bounds are when moved back: walls beside them stay.
+    # Robots come from where the bounds are when moved back: walls next to them stay.
     (x_0, y_0), (x_1, y_1) = _backwards(start, 2.0 * options.border_mm).coords
     behind = [
         shapely.affinity.translate(bounds, share * (x_1 - x_0), share * (y_1 - y_0))
@@ -500,7 +500,7 @@ class Edges:
         return Edges(start_mm=self.end_mm[:, ::-1], end_mm=self.start_mm[:, ::-1])
 
     def costs_mm(self, lines_mm: Floats, even_mm: float) -> Floats:
-        """Return what it costs to cut along upright lines, in millimetres of cut obstacle.
+        """Return the costs of cutting along upright lines, in millimetres of cut obstacle.
 
         A corner within 2 mm of the line counts like 20 mm of obstacle, because a thin tip would
         be cut off; between equals the more even cut is cheaper.
@@ -578,7 +578,7 @@ def cuts_of(
 def grid_of(
     size_mm: tuple[float, float], printer: Printer, options: RigOptions
 ) -> tuple[int, int, bool]:
-    """Return how many columns and rows of tiles a plate takes, and whether they lie turned."""
+    """Return the numbers of columns and rows of a plate's tiles, and whether they lie turned."""
     (width_mm, depth_mm), bed_mm = size_mm, usable_mm(printer, options)
     straight = _count(width_mm, bed_mm[0]), _count(depth_mm, bed_mm[1])
     turned = _count(width_mm, bed_mm[1]), _count(depth_mm, bed_mm[0])
@@ -599,7 +599,7 @@ def usable_mm(printer: Printer, options: RigOptions) -> tuple[float, float]:
 
 
 def _count(length_mm: float, bed_mm: float) -> int:
-    """Return how many tiles cover a length; all but the last carry joints that stick out."""
+    """Return the number of tiles over a length; all but the last carry joints that stick out."""
     if length_mm <= bed_mm:
         return 1
     tile_mm = bed_mm - TAB_DEPTH_MM
@@ -632,8 +632,8 @@ class RigTile:
     """The plan of one connected part."""
 
     cell: Cell  # where in the grid it lies
-    # outline and what stands on it; both snapped, each corner of one on the other's edge being a
-    # corner there too
+    # outline and its obstacles and border; both snapped, each corner of one on the other's edge
+    # being a corner there too
     plate: Polygon
     solids: Polygons
 
@@ -657,7 +657,7 @@ class Dovetail:
 def dovetails_of(plan: RigPlan, cuts: Cuts, clearance_mm: float) -> tuple[list[Dovetail], int]:
     """Return the dovetails of all seams between neighbouring tiles, and how many seams have none.
 
-    No room for a joint is no error: such tiles are glued.
+    No room for a joint is not an error: such tiles are glued.
     """
     plate = plan.plate
     shapely.prepare(plate)

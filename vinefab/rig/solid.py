@@ -1,4 +1,4 @@
-"""Closed solids from plans, by manifold3d, and what is engraved into them or laid beside them."""
+"""Closed solids from plans, by manifold3d, with numbers engraved into or laid next to them."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -57,7 +57,7 @@ def built_of(
     """Return corners and triangles of prisms joined into one solid, pockets taken out.
 
     With ``weld_mm``, corners and edges nearer than that to each other are joined. Where prisms side
-    by side meet in one upright edge, which is no printable body, they are joined by a thin post.
+    by side meet in one upright edge, which is not printable, they are joined by a thin post.
     """
     made = _joined(courses, pockets, weld_mm)
     posts = _posts(courses) if _is_pinched(*made) else []
@@ -312,7 +312,7 @@ _NEAR_MM = 1e-6
 
 
 def shell_wall_mm(printer: Printer, options: RigOptions) -> float:
-    """Return how thick the walls of shells are; 0 when obstacles are solid.
+    """Return the thickness of the walls of shells; 0 when obstacles are solid.
 
     Raises
     ------
@@ -337,7 +337,7 @@ def shell_wall_mm(printer: Printer, options: RigOptions) -> float:
 
 
 def shell_words(rig: Rig) -> str:
-    """Return what is hollow in a rig and how stiff that is; empty when all is solid."""
+    """Return the hollow parts of a rig and their stiffness; empty when all is solid."""
     hollow = sum(part.hollow for part in rig.parts)
     if not hollow:
         return ""
@@ -358,7 +358,7 @@ _PUSH_N, _YOUNG_MPA = 5.0, 3000.0
 
 
 def cavities_in(outline: Polygon, wall_mm: float) -> Polygons:
-    """Return what may be left empty in an outline so that every wall is thick enough.
+    """Return the cavities that an outline may have so that every wall is thick enough.
 
     Long cavities, and those that go around something, are divided by ribs.
     """
@@ -464,7 +464,7 @@ def _in_walls(outline: Polygon, wall_mm: float) -> BaseGeometry:
 
 
 def _foot(walls: Polygon, within: BaseGeometry, peg: Polygon) -> BaseGeometry:
-    """Return what carries a peg: a hair more than the peg, and a neck into the nearest wall."""
+    """Return the support of a peg: a hair more than the peg, and a neck into the nearest wall."""
     middle = shapely.centroid(peg)
     near = nearest_points(walls, middle)[0]
     radius_mm = middle.distance(shapely.Point(peg.exterior.coords[0])) + _HAIR_MM
@@ -505,6 +505,6 @@ def number_marks(number: int, outline: Polygon, wall_mm: float) -> tuple[Polygon
 _TONGUE_DIGIT_MM, _LABEL_STEP_MM = 6.0, 0.5
 
 _TONGUE_RIM_MM = 1.0
-"""Width of the tongue beside its number."""
+"""Width of the tongue next to its number."""
 
 _ROOT_MM, _HAIR_MM, _INSET_MM, _RECESS_MM = 0.3, 0.05, 0.01, 0.2

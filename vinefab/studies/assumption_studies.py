@@ -364,7 +364,7 @@ def price(store: JobStore) -> StudyResult:
         title="The price of fabricability (beyond the paper)",
         protocol=(
             f"The same search ({designs} designs in {size.generations} generations; "
-            f"{size.making_seeds} seeds, each on training maps of its own) three times: free, and "
+            f"{size.making_seeds} seeds, each on separate training maps) three times: free, and "
             "with `fabricable = true` either cut in pieces that sleeves join (at most "
             f"{_MOST_PIECES}) or as one flat outline: "
             "designs that break the rules of the shipped recipe rank below all others. Three runs "

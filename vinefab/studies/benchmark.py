@@ -152,7 +152,7 @@ def events(batch: Batch) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Floor:
-    """Tests per event, and what they take in a loop of nothing else."""
+    """Tests per event, and their time in a loop of nothing else."""
 
     # wall_tests, corner_tests: tests of a ray against a wall, and of a turning body against a
     # corner, per event

@@ -86,10 +86,10 @@ class VarianceShare(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CrossedSample:
-    """A statistic of some runs on some maps: what varies with the runs, and what with the maps."""
+    """A statistic of some runs on some maps: the parts that vary with runs and with maps."""
 
     by_run: Floats  # the statistic of every run, shape (runs,)
-    # the statistic of every run on every map, or where it is no mean in every resample of maps;
+    # the statistic of every run on every map, or where it is not a mean in every resample of maps;
     # two groups that met the same maps meet the same resamples. Shape (runs, maps or resamples)
     cells: Floats
     maps: int  # how many maps
@@ -222,7 +222,7 @@ def ratio(first: Floats, second: Floats, *, beyond: float = 0.0) -> ConfidenceIn
 def _student(
     value: float, shares: Sequence[VarianceShare], twice: Sequence[VarianceShare]
 ) -> ConfidenceInterval:
-    """Return the interval of a number from shares of its variance and what they count twice."""
+    """Return the interval of a number from shares of its variance and the shares counted twice."""
     whole, least = sum(s.variance for s in shares), max(s.variance for s in shares)
     variance = max(whole - sum(s.variance for s in twice), least)
     if variance <= 1e-24 * (1.0 + value * value):
@@ -305,7 +305,7 @@ class Claim:
 class StudyResult:
     """An experiment, done."""
 
-    # name, title: what it is called, and what it is about
+    # name, title: its name, and its subject
     name: str
     title: str
     protocol: tuple[str, ...]  # how it was done, a paragraph each

@@ -185,7 +185,7 @@ REACH_TASK = PartSettings(name="reach", parameters={"buffer_mm": BUFFER_MM})
 
 
 def reach_run(size: StudySize, environment: str, number: int) -> RunSettings:
-    """Return a run that is paid for what it reaches and for nothing else, as in the paper."""
+    """Return a run that is paid for its reach and for nothing else, as in the paper."""
     run = coverage_run(size, environment, number)
     run = with_evaluation(run, maps_per_generation=size.reach_maps_at_once)
     return run.changed(name=f"reach_{environment}", task=REACH_TASK)
@@ -326,7 +326,7 @@ def redeployment_study(store: JobStore) -> StudyResult:
         ),
         remarks=(
             "The branching designs are as large as Table 1 allows, because nothing is charged for "
-            "film here: no such robot can be cut ('price' says what those that can be made reach). "
+            "film here: no such robot can be cut ('price' gives the reach of those that can). "
             "The buffer reaches through thin walls in this measure, for both kinds of robot alike.",
             "Most plain vines slide along the bounds of the Grid and end in a corner there; the "
             "paper does not say whether its maps had walls around them. With open bounds a robot "
@@ -334,7 +334,7 @@ def redeployment_study(store: JobStore) -> StudyResult:
             "How far a tree gets in a Cave is decided by how interconnected its passages are: with "
             "every short cut open, as here, most places can be reached in a few bends; with 0.4 of "
             "them open ('ablation'), long tours remain that five levels cannot follow. The share "
-            "was chosen on training maps by what the plain vines reach there, not the trees.",
+            "was chosen on training maps by the reach of the plain vines there, not of the trees.",
         ),
         pictures=(
             Picture(

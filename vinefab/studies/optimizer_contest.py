@@ -237,7 +237,7 @@ def _recorded(record: Path) -> dict[str, ContestRow]:
     try:
         rows = [ContestRow(**json.loads(line)) for line in lines[1:]]
     except (ValueError, TypeError) as error:
-        raise UnreadableFileError(record, "is no record of a comparison") from error
+        raise UnreadableFileError(record, "is not a record of a comparison") from error
     return {row.key: row for row in rows}
 
 

@@ -56,7 +56,7 @@ _STYLE: dict[Any, Any] = {
 def house_style() -> Iterator[None]:
     """Draw and save in the house's style, without changing global settings."""
     with mpl.rc_context(_STYLE), warnings.catch_warnings():
-        # A name with a letter that no font has is drawn with boxes; that is no news to a user.
+        # A name with a letter that no font has is drawn with boxes; a user knows that already.
         warnings.filterwarnings("ignore", message=r"Glyph \d+")
         # Nor that texts of the most letters leave a small figure no room to arrange itself.
         warnings.filterwarnings("ignore", message="constrained_layout not applied")

@@ -112,12 +112,12 @@ DIFFERENCES = (
     "'ablation' keeps the old Cave.",
     "Tests: the paper compares one kept design of five on one set of 75 evaluations, and shows one "
     "map of each environment for reach. Here every claim is tested over all seeds, each of which "
-    "trained on maps of its own, and over unseen maps; small differences that the paper calls an "
+    "trained on separate maps, and over unseen maps; small differences that the paper calls an "
     "improvement may be undecided here.",
     "Growth: the body is a line and no pressure stops it, as in the paper. A tip that meets a wall "
-    "within 1 degree of head-on stops, a tip in a corner stops, and what would grow from a branch "
-    "that stopped stays inside: the paper says none of this; 'ablation' changes the angle and what "
-    "stays inside.",
+    "within 1 degree of head-on stops, a tip in a corner stops, and branches of a stopped branch "
+    "stay inside: the paper says none of this; 'ablation' changes the angle and the branches that "
+    "stay inside.",
 )
 
 
@@ -151,7 +151,7 @@ def study_blocks(findings: Sequence[StudyResult], size: StudySize) -> Iterator[B
     yield Section(title="What differs from the paper, and why", paragraphs=DIFFERENCES)
     for finding in findings:
         numbers = Rows(
-            caption="Our numbers beside the paper's (simulated, with 95 % intervals)",
+            caption="Our numbers next to the paper's (simulated, with 95 % intervals)",
             headings=("", "here", "paper"),
             rows=tuple((row.what, row.ours, row.paper) for row in finding.rows),
         )

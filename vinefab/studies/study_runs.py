@@ -47,7 +47,7 @@ class StudySize:
     """Numbers of runs, maps and poses; the defaults are the paper's or larger."""
 
     seed: int = 1  # seed of the first run; run ``i`` has the i-th seed after it
-    seeds: int = 10  # runs per setting, each on training maps of its own [paper: 5]
+    seeds: int = 10  # runs per setting, each on separate training maps [paper: 5]
     repeats: int = 10  # runs of `convergence` and `search` [paper: 10]
     single_seeds: int = 24  # runs per setting of `maps`: as many maps, where each trains on one
     ablation_seeds: int = 10  # runs per setting of `ablation`
@@ -286,7 +286,7 @@ def _world(environment: str, seed: int, options: MapOptions) -> Map:
 SETTINGS = "settings.json"
 
 FINISHED = "finished.json"
-"""The file by which the folder is known again, and that says what was begun in it."""
+"""The file by which the folder is known again; it names the experiments finished in it."""
 
 _SETTINGS_SCHEMA = "vinefab/reproduction-settings-1"
 
@@ -388,7 +388,7 @@ def _begin(folder: Path, size: StudySize) -> None:
         # A run that was killed as it began may have left the settings under a temporary name.
         begun_names = f".{SETTINGS}."
         if folder.is_dir() and any(not p.name.startswith(begun_names) for p in folder.iterdir()):
-            raise ForeignFileError(folder, "holds other files; name a folder of its own")
+            raise ForeignFileError(folder, "holds other files; name another folder")
         write_text(path, json_text(_SETTINGS_SCHEMA, {"settings": now}))
         return
     if not is_ours(path):
@@ -510,7 +510,7 @@ def study_scores(store: JobStore, tests: list[Testing]) -> Floats:
 def kept(store: JobStore, runs: list[RunSettings], designs: list[dict[str, Any]]) -> int:
     """Return which run's design is kept: the best by its own weighting on maps for the choice.
 
-    The paper takes the best in training. Here every run trains on maps of its own, and the best in
+    The paper takes the best in training. Here every run trains on separate maps, and the best in
     training would be the one with the easiest maps.
     """
     size = store.size

@@ -122,7 +122,7 @@ def transfer(store: JobStore) -> StudyResult:
             f"Sensor coverage. The particle swarm ({size.population} designs, "
             f"{size.generations} generations) trained on {size.training_maps} maps of one "
             f"environment; every generation meets {size.maps_at_once} of them, drawn anew, each "
-            f"from a new pose. {size.seeds} seeds, each with training maps of its own; the best on "
+            f"from a new pose. {size.seeds} seeds, each with separate training maps; the best on "
             f"{size.choice_maps} other maps is kept. Every "
             f"design was then tested on {size.unseen_maps} unseen maps with {size.poses} poses "
             "each, of both environments; areas are measured fast (0.1 % off in the mean square).",
@@ -283,8 +283,8 @@ def maps(store: JobStore) -> StudyResult:
             "Sensor coverage in the Grid. Every design has one evaluation per generation: on the "
             "only map or, with several, on one that is drawn for the generation. A fixed pose is "
             "the middle of the map's start; variable ones are drawn from its range (10 mm to "
-            f"either side, 30 degrees). {size.single_seeds} seeds each, every one on a map or maps "
-            "of its own; the same seed has the same first map in all ways, so ways are compared "
+            f"either side, 30 degrees). {size.single_seeds} seeds each, every one on a separate "
+            "map or maps; the same seed has the same first map in all ways, so ways are compared "
             f"seed by seed. {size.unseen_maps} unseen maps, {size.poses} poses each.",
             f"The design that is not optimized is the shipped {BY_HAND}, drawn by hand for a "
             "bench before any search was run.",

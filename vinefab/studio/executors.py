@@ -19,7 +19,7 @@ from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.studio.state import PAGE, StudioState
 
 Progress = Callable[[float, str], None]
-"""Takes the share that is done, 0 to 1, and what is being done; from any thread."""
+"""Takes the share that is done, 0 to 1, and the name of the present step; from any thread."""
 
 AnswerFunction = Callable[[StudioState, Mapping[str, Any], Progress], dict[str, Any]]
 """An answer: takes the state of the page and the panel's question; returns plain values."""
@@ -47,7 +47,7 @@ _PAINTED_S = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
-    """A question of a panel: what is open on the page, and what is asked."""
+    """A question of a panel: the open state of the page, and the request."""
 
     panel: str
     state: Mapping[str, Any]
@@ -166,7 +166,7 @@ def answer_questions(pipe: Pipe) -> None:
 
 
 class ThreadExecutor:
-    """A thread of the server, for what must follow the pointer."""
+    """A thread of the server, for answers that must follow the pointer."""
 
     def __init__(self) -> None:
         # Its thread is a daemon: Ctrl-C waits for no answer.

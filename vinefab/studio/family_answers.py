@@ -188,7 +188,7 @@ def _keys(name: str, given: object) -> frozenset[str]:
 class FamilyMap:
     """One map of a family."""
 
-    key: str  # names the map and what is on it: another one after its file has changed
+    key: str  # names the map and its content: another one after its file has changed
     source: Mapping[str, Any]  # as in the page's state
     prepared: PreparedMap
 

@@ -104,7 +104,7 @@ def read_autosave(key: object) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise UnreadableFileError(path, f"is not JSON: {error}") from error
     if not isinstance(content, dict) or content.get("schema") != AUTOSAVE_SCHEMA:
-        raise UnreadableFileError(path, f"is no recovery file ({AUTOSAVE_SCHEMA})")
+        raise UnreadableFileError(path, f"is not a recovery file ({AUTOSAVE_SCHEMA})")
     with located(path):
         check_plain(content)
     kept = {name: content.get(name) for name in ("kept_at", "state", "file")}
@@ -314,7 +314,7 @@ class FileStore:
                 }
             is_broken = bool(now.stamp) and now.design is None
             if is_broken and (path not in self._texts or now.stamp == "unreadable"):
-                raise CannotWriteError(self.shown(path), "it is no design; choose another name")
+                raise CannotWriteError(self.shown(path), "it is not a design; choose another name")
             text, note = self._new_text(path, now, design, ask.get("from"))
             if is_broken:
                 note = f"the version on disk was broken; it is kept as {keep_aside(path).name}"
@@ -482,7 +482,7 @@ class FileStore:
     def _new_text(
         self, path: Path, now: _Version, design: Design, source: object
     ) -> tuple[str, str]:
-        """Return the text to write, and what the user should know of it."""
+        """Return the text to write, and a note on it for the user."""
         if now.design is not None and now.text is not None:
             return edited_text(now.text, design, path), ""
         base = self._texts.get(path)

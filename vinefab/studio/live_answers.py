@@ -168,13 +168,13 @@ COMPILED_TASKS = ("anchoring",)
 
 
 def live_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict[str, Any]:
-    """Return growth and scores of what is open.
+    """Return growth and scores of the open design.
 
     Parameters
     ----------
     ask
         ``have``: key of the ground that the page shows; ``ground = false`` and ``scores = false``
-        while an obstacle is dragged: the page keeps what it has; ``obstacle``: index of the one
+        while an obstacle is dragged: the page keeps its old ones; ``obstacle``: index of the one
         that is chosen, which is drawn for itself.
     """
     growth = {
@@ -326,7 +326,7 @@ def _troubles(state: StudioState, deployment: Deployment) -> list[str]:
     """Return the problems of the growth, as `vinefab grow` says them."""
     lost = without_room(state.design, deployment, state.growth)
     unknown = [
-        f"level {number}: grown at its designed angles; no table says what it deploys as"
+        f"level {number}: grown at its designed angles; no table gives its deployed angles"
         for number, level in enumerate(state.grown_now.levels, start=2)
         if state.design.build.compensation == "none" and not isinstance(level, UnevenLevel)
     ]
@@ -350,8 +350,8 @@ LEAST_MM = 1.0
 def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of a level for which the tip of a branch lies where it is dragged to.
 
-    The length follows the tip along its last stretch, the fan turns with what is across it; where
-    a branch has been bent by walls that is the first step of the way, and the next drag goes on
+    The length follows the tip along its last stretch, the fan turns with the part across it; where
+    a branch has been bent by walls that is the first step of the way, and the next drag continues
     from there. Locked values stay.
 
     Parameters

@@ -27,7 +27,7 @@ _WIDER_RAD, _FAN_STEP_RAD = math.radians(120.0), math.radians(1.0)
 
 
 def cut_answer(state: StudioState, _ask: Mapping[str, Any], _progress: Progress) -> dict[str, Any]:
-    """Return the flat outline and what is cut for each level, without any simulation.
+    """Return the flat outline and the cut shape of each level, without any simulation.
 
     Joints come from the table or the user's cache. The rules, once the pointer rests, simulate what
     neither knows, and say all of it exactly.

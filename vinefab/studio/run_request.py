@@ -1,4 +1,4 @@
-"""The form of a search on the page: what it proposes, and the run file of what was chosen."""
+"""The form of a search on the page: its proposals, and the run file of the chosen values."""
 
 import os
 import re
@@ -163,7 +163,7 @@ def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[
         others = [name for name in objectives if name != given["task"]]
         content["task"]["objectives"] = [given["task"], *others]
     content["space"] = _space(state, ask)
-    build = design_content(state.design)["build"]  # as the page's, but for what no run has
+    build = design_content(state.design)["build"]  # as the page's, without settings that no run has
     content["build"] = {name: build[name] for name in BuildSettings.model_fields if name in build}
     content["growth"] = {
         key: list(value) if isinstance(value, tuple) else value

@@ -243,9 +243,9 @@ def final_front(folder: Path, record: FollowedRecord) -> dict[str, Any] | None:
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         if isinstance(error, VinefabError):
             raise
-        raise UnreadableFileError(path, f"is no front of a run ({error})") from error
+        raise UnreadableFileError(path, f"is not a front of a run ({error})") from error
     if any("/" in point["point"] or "\\" in point["point"] for point in points):
-        raise UnreadableFileError(path, "is no front of a run (it names a design by a path)")
+        raise UnreadableFileError(path, "is not a front of a run (it names a design by a path)")
     return {"objectives": [_objective(n) for n in names], "points": points, "is_final": True}
 
 
@@ -753,7 +753,7 @@ def _seed_option(settings: RunSettings, recorded: RunSettings) -> list[str]:
 
 
 SearchRequest = Callable[[SearchManager, Mapping[str, Any], Mapping[str, Any]], dict[str, Any]]
-"""Takes the searches, what is open on the page, and what it asks."""
+"""Takes the searches, the open state of the page, and its request."""
 
 SEARCH_REQUESTS: Mapping[str, SearchRequest] = {
     "search_propose": lambda searches, state, ask: searches.propose(ask, StudioState.of(state)),

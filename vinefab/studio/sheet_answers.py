@@ -44,7 +44,7 @@ MOST_FINDINGS = 200
 
 
 def rules_answer(state: StudioState, _: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """Return the full check of what is open on the page, with the sheet that it is about."""
+    """Return the full check of the design on the page, with the sheet that it is about."""
     progress(0.1, "growth")
     deployed, problem = deployed_on_page(state)
     progress(0.2, "rules")
@@ -249,7 +249,7 @@ _SEARCH_SHARE = 0.85
 
 
 def fix_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    """Return the smallest change found that clears the errors of what is open on the page.
+    """Return the smallest change found that clears the errors of the design on the page.
 
     Parameters
     ----------
@@ -318,7 +318,7 @@ def fix_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -
 
 
 def kept_kinds(locks: frozenset[str], asked: object) -> tuple[frozenset[str], list[str]]:
-    """Return the words of what a fix must keep, and a sentence for each lock.
+    """Return the names of the values that a fix must keep, and a sentence for each lock.
 
     A fix keeps values of a kind or none of them: one that is locked keeps all of its kind.
     """

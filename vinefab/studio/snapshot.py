@@ -157,11 +157,11 @@ def stored_state(path: Path) -> dict[str, Any]:
     Raises
     ------
     VinefabError
-        If the file is no snapshot, or something in its state cannot be used here.
+        If the file is not a snapshot, or something in its state cannot be used here.
     """
     script = _STORED.search(read_text(path, MOST_BYTES))
     if script is None:
-        raise UnreadableFileError(path, "is no snapshot of the studio")
+        raise UnreadableFileError(path, "is not a snapshot of the studio")
     try:
         stored = json.loads(script[1])
     except (ValueError, RecursionError) as error:
@@ -230,7 +230,7 @@ def _written(path: Path, text: str) -> Path:
             return write_text(file, text)
         if read_bytes(file, MOST_BYTES) == marked(text.encode()):
             return file
-    raise CannotWriteError(file, "too many maps of this snapshot lie beside it")
+    raise CannotWriteError(file, "too many maps of this snapshot lie next to it")
 
 
 def _source(state: Mapping[str, Any]) -> dict[str, Any]:

@@ -311,7 +311,7 @@ class StudioState:
 
     @property
     def grown_now(self) -> Design:
-        """The design as it deploys, by what is known without simulating joints."""
+        """The design as it deploys, by the values known without simulating joints."""
         return as_grown(self.design, self.profile, known_only=True)
 
     @property

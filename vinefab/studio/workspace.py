@@ -81,7 +81,7 @@ class StudioWorkspace:
 
     @property
     def state(self) -> Mapping[str, Any]:
-        """The state of what the command line asks for."""
+        """The state that the command line asks for."""
         return self._first["state"]  # type: ignore[no-any-return]
 
     def hello(self) -> dict[str, Any]:

@@ -35,7 +35,7 @@ from vinefab.pages.page_files import page_png
 
 
 def coupon_readme(profile: LaserProfile, jobs: Sequence[Job], matrix: Matrix | None) -> str:
-    """Return what to cut, in which order, and what to measure on each piece."""
+    """Return the pieces to cut, their order, and the measurements to take on each piece."""
     return filled_document(
         "COUPONS.txt.j2",
         recipe=profile.recipe,

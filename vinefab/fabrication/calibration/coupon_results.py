@@ -73,7 +73,7 @@ _MEASURES = {
     "children_out": "children",
     "matrix": "",
 }
-"""What may be measured, and the unit that the fit works in; empty for outcomes in words."""
+"""Quantities that may be measured, and the unit of the fit; empty for outcomes as text."""
 
 GROWTH_PATHS = {
     "growth": ("1000", "1000", "50 270 950"),

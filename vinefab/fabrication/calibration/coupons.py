@@ -1,7 +1,7 @@
 """Coupons: test pieces for kerf, seam, widths, burst pressure, fillets, joints; the energy matrix.
 
 Every piece that is inflated is a small robot: a design, outlined like any robot, with the recipe's
-offsets, and cut as drawn, without compensation. What is measured on it is labelled beside it.
+offsets, and cut as drawn, without compensation. A label next to it names the measurement.
 """
 
 import math
@@ -59,9 +59,9 @@ _LAP_TUBE_MM, _LAP_CLAMP_MM = 45.0, 30.0
 class Coupon:
     """One coupon."""
 
-    name: str  # written beside it
+    name: str  # written next to it
     paths: tuple[LaserPath, ...]  # in process order, label included
-    design: Design | None = None  # None for a piece that is no robot
+    design: Design | None = None  # None for a piece that is not a robot
     ends: PieceEnds = WHOLE_ROBOT  # of a part of the design: where it begins and ends
 
     @property
@@ -213,7 +213,7 @@ def lap_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
     """Return the lap coupons, each in two parts: an open tube with a socket, and its end, the plug.
 
     The lap is that of a robot in pieces as it is by default. The socket's rim is where the trunk
-    begins, so that the fold line beside part B is how deep its plug goes.
+    begins, so that the fold line next to part B is the depth of its plug.
     """
     size = sleeve_size(Build.standard(1), profile)
     socket = OpenEnd(
@@ -316,7 +316,7 @@ def _labelled(piece: Coupon, profile: LaserProfile) -> Coupon:
 
 
 COUPON_GAP_MM = 8.0
-"""Gap between pieces, above the limit of rule VF-L01 for a mark beside a body."""
+"""Gap between pieces, above the limit of rule VF-L01 for a mark next to a body."""
 
 ROW_MM = 300.0
 """Longest row, so that the film piece stays handy on large beds."""

@@ -175,7 +175,7 @@ def fit_growth(paths: Sequence[GrownPath], usual: Mapping[str, float]) -> dict[s
 
     A constant of which the readings say less than its usual value does keeps that value, as one
     that was not measured: the interval of its fit is wider. The others are fitted again, and the
-    doubt of what was kept is added to theirs.
+    doubt of the kept values is added to theirs.
 
     Parameters
     ----------

@@ -137,7 +137,7 @@ def _girth_equation(reading: Reading, width_mm: float, load: float, compliance: 
 
 @dataclass(frozen=True, slots=True)
 class _Bend:
-    """A measured angle, and what simulation says of it."""
+    """A measured angle, and its simulated values."""
 
     name: str
     flat_deg: float

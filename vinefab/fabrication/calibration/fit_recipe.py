@@ -282,7 +282,7 @@ def energy_windows(results: Results, profile: LaserProfile) -> tuple[EnergyWindo
 
 
 def window_lines(windows: Sequence[EnergyWindow], profile: LaserProfile) -> list[str]:
-    """Return windows as lines for the user, and the energies that the recipe runs beside them."""
+    """Return windows as lines for the user, with the energies that the recipe runs."""
     lines = [window.words() for window in windows]
     for operation in dict.fromkeys(window.operation for window in windows):
         settings = profile.settings(operation)
@@ -368,7 +368,7 @@ class Calibration(WrittenResult):
 
 
 def children_out(results: Results) -> tuple[MeasuredShare, ...]:
-    """Return how many children of joint coupons came out, by rising pressure.
+    """Return the share of joint coupons' children that came out, by rising pressure.
 
     Intervals are those of Jeffreys: quantiles of a beta distribution.
     """
@@ -408,7 +408,7 @@ def children_out(results: Results) -> tuple[MeasuredShare, ...]:
 
 
 def _shares(results: Results, parts: _Parts) -> tuple[MeasuredShare, ...]:
-    """Return the children that came out, a group of its own."""
+    """Return the children that came out, as a separate group."""
     with parts.group("children out"):
         return children_out(results)
     return ()
@@ -521,10 +521,10 @@ def _burst(results: Results) -> dict[str, Estimate]:
 
 
 def _laps(results: Results) -> dict[str, Estimate]:
-    """Return what laps bear per millimetre of rim, and the width of the band that bonds them.
+    """Return the load that laps bear per millimetre of rim, and the width of their bond band.
 
     A coupon that failed elsewhere says only that its lap bears more. Where no lap failed, the mean
-    of what they bore is a lower bound of their strength; where some did, it says nothing new.
+    load that they bore is a lower bound of their strength; where some did, it says nothing new.
     """
     found = {}
     bands, failed, bore = (results.of(f"lap_{kind}") for kind in ("band", "burst", "survived"))
@@ -557,7 +557,7 @@ def _lap_loads(readings: Sequence[Reading]) -> tuple[list[float], list[float | N
 
 
 def _lap_method(results: Results, profile: LaserProfile) -> LapMethod | None:
-    """Return how the laps tested were bonded: as the table says, else as the recipe does."""
+    """Return the bonding method of the laps tested: from the table, else from the recipe."""
     bands = results.of("lap_band")
     tested = (*results.of("lap_burst"), *results.of("lap_survived"))
     known = profile.recipe.lap
@@ -573,14 +573,14 @@ def _lap_method(results: Results, profile: LaserProfile) -> LapMethod | None:
         allowed = "a row lap_band: recipe {} has no [lap], so say how they were bonded"
         raise tested[0].wrong("no lap_band", allowed.format(profile.recipe.name))
     if bands and not tested and (known is None or known.method is not method):
-        bond = "has no [lap]" if known is None else f"knows what {known.method} bears"
+        bond = "has no [lap]" if known is None else f"knows the strength of {known.method}"
         allowed = f"rows lap_burst or lap_survived too: recipe {profile.recipe.name} {bond}"
         raise bands[0].wrong(str(method), allowed)
     return method if bands or tested else None
 
 
 def _lap_lines(results: Results) -> list[str]:
-    """Return what coupons say whose laps did not fail, as lines for the user."""
+    """Return the results of coupons whose laps did not fail, as lines for the user."""
     failed, bore = results.of("lap_burst"), results.of("lap_survived")
     if not bore:
         return []
@@ -668,8 +668,8 @@ def _positive_setting(reading: Reading, meaning: str) -> float:
 def _status(numbers: Mapping[str, Estimate], profile: LaserProfile) -> RecipeStatus:
     """Return the status of a recipe, never lower than before.
 
-    With kerf and seam of what seals, coupons have confirmed it; with enough burst balloons as
-    well, it is burst-tested.
+    With kerf and seam of the sealing operation, coupons have confirmed it. With enough burst
+    balloons as well, it is burst-tested.
     """
     before = profile.recipe.status
     sealed = {"weld.seam_width_mm"}
@@ -698,7 +698,7 @@ def _peel(results: Results) -> dict[str, Estimate]:
 
 
 def _crotches(results: Results) -> dict[str, Estimate]:
-    """Return which of the crotch fillets held most, and what it held."""
+    """Return the crotch fillet that held most, and the pressure that it held."""
     held: dict[float, list[Reading]] = {}
     for reading in results.of("crotch_burst"):
         radius_mm = _positive_setting(reading, "fillet radius in mm")

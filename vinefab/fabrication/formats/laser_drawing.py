@@ -127,7 +127,7 @@ def styled_paths(job: Job, colours: Colours) -> tuple[StyledPath, ...]:
     """Return the paths that a preset writes, in process order.
 
     Paths of one operation keep the job's order, which puts inner contours before outer ones.
-    Every variant of an operation has a layer and a colour of its own, whatever the preset.
+    Every variant of an operation has a separate layer and colour, whatever the preset.
     """
     names = dict.fromkeys(path.variant for path in job.paths if path.variant)
     variants = dict(zip(names, VARIANT_COLOURS, strict=False))

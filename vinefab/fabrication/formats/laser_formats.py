@@ -20,7 +20,7 @@ R12_FORMAT = "dxf_r12"
 
 
 def format_problem(name: str, part: object) -> str:
-    """Return why a plug-in is no laser format, or an empty string."""
+    """Return the reason that a plug-in is not a laser format, or an empty string."""
     if not isinstance(part, LaserFormat):
         return f"is a {type(part).__name__}, not a LaserFormat with writer and reader"
     taken = {one.suffix: other for other, one in LASER_FORMATS.items() if other != name}
@@ -46,7 +46,7 @@ LASER_FORMATS: Registry[LaserFormat] = Registry(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LaserFiles:
-    """Laser files, and what reading them back found."""
+    """Laser files, and the findings of reading them back."""
 
     files: Mapping[str, bytes]  # by name
     problems: Mapping[str, tuple[str, ...]]  # by name; empty for a file that agrees with its job
@@ -114,7 +114,7 @@ def broken_formats() -> tuple[str, ...]:
 
 
 def tile_stem(number: int) -> str:
-    """Return how the names of a tile's files begin.
+    """Return the beginning of the names of a tile's files.
 
     >>> DXF.file_name(tile_stem(2))
     'tile_2_outline.dxf'

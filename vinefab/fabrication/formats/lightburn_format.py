@@ -189,7 +189,7 @@ def _path(shape: ET.Element, names: dict[str, str]) -> DrawnPath:
 
 
 def _project_settings(spec: LaserFileSpec) -> dict[str, dict[str, str]]:
-    """Return what each layer of a project has to run with; a tool layer is never run."""
+    """Return the settings that each layer of a project must run with; a tool layer is never run."""
     found = {}
     for layer, styled in _layers(project_paths(spec.job)).items():
         runs = layer_index(styled, spec.recipe_profile) not in (TOOL_1, TOOL_2)

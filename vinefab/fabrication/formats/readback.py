@@ -141,7 +141,7 @@ def _size_problems(
     count too). Chords are shorter than their arc by a third of the sagitta per radian.
     """
     near_mm, wanted, box_mm = tolerance_mm + sagitta_mm, _sizes(model), read.box_mm
-    # No number that is no number is near another.
+    # NaN is near no number.
     if not all(abs(a - b) <= near_mm for a, b in zip(box_mm, wanted.box_mm, strict=True)):
         yield f"the box is {_listed(box_mm)}, not {_listed(wanted.box_mm)}"
     area_mm2, length_mm = read.signed_area_mm2, read.length_mm

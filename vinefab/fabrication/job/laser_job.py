@@ -28,7 +28,7 @@ from vinefab.model.tree import branch_tree
 
 
 def recipe_facts(profile: LaserProfile) -> dict[str, object]:
-    """Return which machine, film and recipe a job is for."""
+    """Return the machine, film and recipe of a job."""
     return {
         "machine": profile.machine.name,
         "material": profile.material.name,
@@ -47,11 +47,11 @@ def pieces_job(
     Raises
     ------
     BadInputError
-        If other designs are asked for beside it.
+        If other designs are asked for with it.
     """
     if sheet.beside:
         other = sheet.beside[0].name
-        raise BadInputError("--with", other, f"nothing: {design.name} is cut in pieces of its own")
+        raise BadInputError("--with", other, f"nothing: {design.name} is cut in separate pieces")
     separate = sheet.process == "weld+cut"
     bodies = [
         body_paths(design, profile, separate=separate, ends=piece_ends(partition, piece))
@@ -224,7 +224,7 @@ def laser_job(
     sheet: SheetOptions = ONE,
     partition: Partition | None = None,
 ) -> Job:
-    """Return the job of a sheet: outlines, the cuts that free them, and marks beside them.
+    """Return the job of a sheet: outlines, the cuts that free them, and marks next to them.
 
     Of a robot in several pieces it is the job of all its sheets.
 

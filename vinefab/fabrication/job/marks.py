@@ -181,7 +181,7 @@ _NEARER_MM = 1.0
 class FreeRoom:
     """The area of a sheet that no path occupies.
 
-    Of several robots, ``bodies`` are the areas, so that a label stands beside its own one.
+    Of several robots, ``bodies`` are the areas, so that a label stands next to its robot.
     """
 
     def __init__(
@@ -190,7 +190,7 @@ class FreeRoom:
         self.within = within
         self.bodies = shapely.STRtree(list(bodies))
         taken = shapely.union_all([region(path.contour) for path in paths])
-        # Marks are many and small: each stays a shape of its own beside that of all paths.
+        # Marks are many and small: each stays a shape apart from that of all paths.
         self._taken: list[shapely.Geometry] = []
         self.take(taken)
         shapely.prepare(self.bodies.geometries)
@@ -211,7 +211,7 @@ class FreeRoom:
         self.take(region(path.contour))
 
     def _near(self, shapes: NDArray[np.object_], by_mm: float) -> NDArray[np.bool_]:
-        """Return which shapes lie within a distance of anything that is occupied."""
+        """Return the mask of shapes within a distance of anything that is occupied."""
         near = np.zeros(len(shapes), dtype=np.bool_)
         for one in self._taken:
             rows = np.flatnonzero(~near)
@@ -275,7 +275,7 @@ class FreeRoom:
             yield np.asarray(boxes)[~self._near(np.asarray(boxes), CLEAR_MM)]
 
     def _beside(self, boxes: NDArray[np.object_], own: int) -> NDArray[np.bool_]:
-        """Return which boxes lie beside a robot, and nearer to it than to any other."""
+        """Return the mask of boxes next to a robot, and nearer to it than to any other."""
         if len(self.bodies) < 2:
             return np.ones(len(boxes), dtype=np.bool_)
         beside = np.asarray(shapely.dwithin(self.bodies.geometries[own], boxes, LABEL_BESIDE_MM))
@@ -283,7 +283,7 @@ class FreeRoom:
         return beside
 
     def _alone(self, shapes: NDArray[np.object_], own: int) -> NDArray[np.bool_]:
-        """Return which shapes are clearly nearer to a robot than to any other."""
+        """Return the mask of shapes clearly nearer to a robot than to any other."""
         mine = shapely.distance(shapes, self.bodies.geometries[own])
         reach = np.asarray(mine + _NEARER_MM)
         rows, met = self.bodies.query(shapes, predicate="dwithin", distance=reach)
@@ -299,7 +299,7 @@ def _bounds(box: shapely.Geometry) -> Box:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelTarget:
-    """What a label is written beside."""
+    """The target next to which a label is written."""
 
     near_mm: tuple[float, float]  # where it would best stand
     label: str  # description of its paths
@@ -308,7 +308,7 @@ class LabelTarget:
 
 
 def label_paths(lines: Sequence[str], free: FreeRoom, target: LabelTarget) -> tuple[LaserPath, ...]:
-    """Return a text as strokes beside its robot, horizontal or vertical; none without room.
+    """Return a text as strokes next to its robot, horizontal or vertical; none without room.
 
     Where there is room only farther away, a leader shows whose label it is.
     """
@@ -447,7 +447,7 @@ def label_marking(
     Parameters
     ----------
     short
-        Short forms by what they are called; empty ones are left out.
+        Short forms by their names; empty ones are left out.
     """
     paths = label_paths(lines, free, target)
     if paths:
@@ -466,12 +466,12 @@ PLUG, SOCKET = "plug", "socket"
 
 
 def joint_mark(end: str, sleeve: str, title: str) -> str:
-    """Return what the marks beside a plug or socket are called."""
+    """Return the name of the marks next to a plug or socket."""
     return f"{end} {sleeve} of {title}"
 
 
 def piece_mark(title: str) -> str:
-    """Return what the label of a piece is called."""
+    """Return the name of a piece's label."""
     return f"label of {title}"
 
 
@@ -515,9 +515,9 @@ def _frame(layout: FlatLayout, branch: int) -> LocalFrame:
 def _joint(
     robot: SheetRobot, free: FreeRoom, layout: FlatLayout, joint: tuple[int, str, Sleeve]
 ) -> Marking:
-    """Return the label beside a plug or socket and, beside a plug, how deep it goes.
+    """Return the label next to a plug or socket and, next to a plug, its depth.
 
-    Where no tick has room beside the plug, the label says the depth.
+    Where no tick has room next to the plug, the label says the depth.
     """
     own, end, sleeve = joint
     name, frame = joint_mark(end, sleeve.label, robot.title), _frame(layout, sleeve.branch)

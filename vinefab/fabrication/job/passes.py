@@ -88,7 +88,7 @@ def in_order(paths: Iterable[LaserPath]) -> tuple[LaserPath, ...]:
 
 
 GUIDE = "seal guide"
-"""Label of what is marked where the cut will run, for a seam that is made by hand inside it."""
+"""Label of the mark where the cut will run, for a seam that is made by hand inside it."""
 
 WEB_MM = 2.0
 """Film left between the seam and the cut where they are separate (assumed)."""
@@ -105,7 +105,7 @@ class BodyPaths:
 
 
 def weldcut_offset_mm(profile: LaserProfile) -> float:
-    """Return how far outside the lumen's edge the beam's centre runs when it cuts and seals.
+    """Return the distance of the beam's centre outside the lumen's edge as it cuts and seals.
 
     The seam that extends inward of the kerf plus half the kerf: the beam melts the seam's whole
     width to both sides of the kerf, and the lumen ends where the seam begins.
@@ -115,18 +115,18 @@ def weldcut_offset_mm(profile: LaserProfile) -> float:
 
 
 def weld_offset_mm(profile: LaserProfile) -> float:
-    """Return how far outside the lumen's edge the middle of a seam runs that is welded alone."""
+    """Return the distance of a seam's middle outside the lumen's edge, if welded alone."""
     return profile.settings(Operation.WELD).seam_width_mm.value / 2.0
 
 
 def cut_offset_mm(profile: LaserProfile) -> float:
-    """Return how far outside the lumen's edge the cut runs around a seam that is welded alone."""
+    """Return the distance of the cut outside the lumen's edge, around a seam welded alone."""
     seam, kerf = profile.settings(Operation.WELD).seam_width_mm, profile.settings(Operation.CUT)
     return seam.value + WEB_MM + kerf.kerf_mm.value / 2.0
 
 
 def seal_offset_mm(profile: LaserProfile) -> float:
-    """Return how far outside the lumen's edge the line runs that seals it."""
+    """Return the distance of the sealing line outside the lumen's edge."""
     return weldcut_offset_mm(profile) if in_one_pass(profile) else weld_offset_mm(profile)
 
 
@@ -152,14 +152,14 @@ def body_paths(
 
 
 def reach_mm(profile: LaserProfile, *, separate: bool = False) -> float:
-    """Return how far outside the lumen's edge the paths of a robot reach."""
+    """Return the reach of a robot's paths outside the lumen's edge."""
     if separate or not in_one_pass(profile):
         return cut_offset_mm(profile)
     return weldcut_offset_mm(profile)
 
 
 def taken_mm(profile: LaserProfile, *, separate: bool = False) -> float:
-    """Return how far outside the lumen's edge a robot's beams remove or melt film.
+    """Return the width outside the lumen's edge in which a robot's beams remove or melt film.
 
     In one pass the beam melts the seam's width to both sides of the kerf; a cut alone removes the
     kerf. Film that holds begins beyond.

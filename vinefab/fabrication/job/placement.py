@@ -149,7 +149,7 @@ def placed_at(
 
 
 def piece_name(design: str, piece: str) -> str:
-    """Return what the paths of a piece belong to; the design's name if it is not in pieces.
+    """Return the name that a piece's paths belong to; the design's name if not in pieces.
 
     >>> piece_name("tree", "B")
     'tree, piece B'
@@ -266,11 +266,11 @@ class _Bed:
         self.used_mm = (0.0, 0.0)
 
     def counted(self, side_mm: float) -> int:
-        """Return how many cells a side of a robot's box takes, with the rim on both ends."""
+        """Return the number of cells along a side of a robot's box, with the rim on both ends."""
         return math.ceil(side_mm / self.cell_mm) + 2 * self.rim
 
     def places(self, stamp: _Stamp) -> tuple[int, int]:
-        """Return how many rows and columns the corner of a robot's box may lie in; 0 if none."""
+        """Return the number of rows and columns for the corner of a robot's box; 0 if none."""
         wide, high = (
             max(0, math.floor((room - size) / self.cell_mm + 1e-9) + 1)
             for room, size in zip(self.room_mm, stamp.size_mm, strict=True)
@@ -347,7 +347,7 @@ class _Bed:
 
 
 def _within(shape: shapely.Geometry, across: Floats, up: Floats) -> Cells:
-    """Return which points of a grid lie in a polygon, shape (len(up), len(across))."""
+    """Return the mask of a grid's points in a polygon, shape (len(up), len(across))."""
     ends = [
         np.stack([ring[:-1], ring[1:]], axis=1)
         for part in shapely.get_rings(shapely.get_parts(shape))

@@ -53,7 +53,7 @@ class BranchAxes:
     along: Floats  # unit vectors, shape (n, 2)
 
     def station_mm(self, branch: int, point_mm: Sequence[float]) -> float:
-        """Return how far along a branch's axis a point is."""
+        """Return the station of a point along a branch's axis."""
         return float(np.dot(np.subtract(point_mm, self.start_mm[branch]), self.along[branch]))
 
     def is_left(self, branch: int, point_mm: Sequence[float]) -> bool:
@@ -407,10 +407,10 @@ TARGET = "registration target"
 """Label of the lines of a registration target."""
 
 VERIFICATION = "verification mark"
-"""Label of what a tile marks first of all, over the targets that it is aligned by."""
+"""Label of the first marks of a tile, over the targets that it is aligned by."""
 
 VERIFY = "verify"
-"""Variant of verification marks, which gives them a layer of their own."""
+"""Variant of verification marks, which gives them a separate layer."""
 
 _TURNS_RAD = (0.0, math.pi / 2, math.pi / 4, -math.pi / 4)
 

@@ -90,7 +90,7 @@ class OutlineProblem:
     count: int = 1  # number of places: all joints of a level are alike
     measured_mm: float
     limit_mm: float
-    message: str  # one sentence: what is wrong and what would fix it
+    message: str  # one sentence: the problem and its remedy
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,12 +124,12 @@ DrawnDesign = tuple[float, tuple[Level, ...], Build]
 
 
 def drawn_of(design: Design) -> DrawnDesign:
-    """Return what of a design its outline is drawn from; it can be the key of a cache."""
+    """Return the part of a design that its outline is drawn from; it can be a cache's key."""
     return design.trunk_length_mm, design.levels, design.build
 
 
 def design_drawn(drawn: DrawnDesign) -> Design:
-    """Return a design without a name of its own that has the same outline."""
+    """Return a design with a fixed name that has the same outline."""
     trunk_mm, levels, build = drawn
     return Design(name="drawn", trunk_length_mm=trunk_mm, levels=levels, build=build)
 
@@ -156,7 +156,7 @@ def _outline_parts(drawn: DrawnDesign, offset_mm: float, least_fillet_mm: float)
 
 
 def _kinds(design: Design, level: int) -> int:
-    """Return how many kinds of ends the branches of a level have: one if all are even."""
+    """Return the number of kinds of ends in a level's branches: one if all are even."""
     leans = level_tapers_rad(design, level)
     return 1 if len(set(leans)) == 1 else len(leans)
 
@@ -247,7 +247,7 @@ _MESSAGES = {
 def parts_problems(
     design: Design, layout: FlatLayout, pattern: OutlineParts
 ) -> tuple[OutlineProblem, ...]:
-    """Return why the pieces of an outline do not fit together, in the order of the levels."""
+    """Return the misfits between the pieces of an outline, in the order of the levels."""
     places = _Places(layout)
     found = [*_widths(design, places, pattern.offset_mm)]
     for kinds in pattern.joints:
@@ -367,7 +367,7 @@ def _room(
     branch: tuple[int, int],
     base: tuple[float, float, float],
 ) -> Iterator[OutlineProblem]:
-    """Check one branch: ``base`` holds its length and what its base takes, right and left."""
+    """Check one branch: ``base`` holds its length and its base's lengths, right and left."""
     level, child = branch
     if level <= len(pattern.joints):
         gaps = pattern.joint(level, child).gaps

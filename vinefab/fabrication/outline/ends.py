@@ -171,7 +171,7 @@ class Leaf:
         return math.tan(math.pi / 4 + self.lean_rad / 2)
 
     def half_at_mm(self, x_mm: float) -> float:
-        """Return how far from the axis a side is at a place along it; 0 is the end."""
+        """Return the distance of a side from the axis at a place along it; 0 is the end."""
         return (self.half_mm - x_mm * math.sin(self.lean_rad)) / math.cos(self.lean_rad)
 
 
@@ -320,7 +320,7 @@ def _shoulder(leaf: Leaf, axis: Point, radius_mm: float) -> tuple[list[StrokeSeg
 
 
 def pouch_takes_mm(build: Build, offset_mm: float = 0.0) -> float:
-    """Return how much of a leaf its pouch takes, before the end of its planned length.
+    """Return the length of a leaf that its pouch takes, before the end of its planned length.
 
     Parameters
     ----------

@@ -108,7 +108,7 @@ class Gap:
 
 
 def crotch_reach_mm(angle_rad: float, first_half_mm: float, second_half_mm: float) -> float:
-    """Return how far from the joint the lines of two sides cross; infinite if they never do."""
+    """Return the distance from the joint at which two sides' lines cross; else infinity."""
     sin, cos = math.sin(angle_rad), math.cos(angle_rad)
     if sin < 1e-9:
         return math.inf
@@ -151,14 +151,14 @@ class Neck:
 
 
 def neck_length_mm(half_mm: float, disc_mm: float, radius_mm: float) -> float:
-    """Return how far from a disc's centre a side at ``half_mm`` from the axis meets its fillet."""
+    """Return the distance from a disc's centre to a fillet with a side ``half_mm`` off the axis."""
     # The product keeps its zero exact when side and disc are tangent; a difference of squares
     # would leave 1e-7 mm of fillet behind.
     return math.sqrt(max(0.0, (disc_mm - half_mm) * (disc_mm + half_mm + 2.0 * radius_mm)))
 
 
 def neck(half_mm: float, disc_mm: float, radius_mm: float) -> Neck:
-    """Return how a side at ``half_mm`` from the axis meets a disc, with a fillet.
+    """Return the neck where a side at ``half_mm`` from the axis meets a disc, with a fillet.
 
     A fillet shorter than the shortest segment becomes a corner.
     """
@@ -190,7 +190,7 @@ class Core:
         return polar(self.radius_mm, zone * self.side_rad)
 
     def depth_mm(self, point: Point) -> float:
-        """Return how far inside a point lies, negative outside."""
+        """Return the depth of a point inside, negative outside."""
         x, y = turned((point[0], abs(point[1])), self.tilt_rad)
         return self.radius_mm - (math.hypot(x, y) if x > 0.0 else y)
 
@@ -393,7 +393,7 @@ def _along_core(one: Contact | None, two: Contact | None, core: Core) -> StrokeR
 
 
 def _used_mm(own: Contact | None, other: Contact | None) -> float:
-    """Return how much of one neighbour's straight side the gap takes; None is the parent."""
+    """Return the length of a neighbour's straight side that the gap takes; None is the parent."""
     if own is not None:
         return own.used_mm
     if other is None or other.zone == DISC:
@@ -402,12 +402,12 @@ def _used_mm(own: Contact | None, other: Contact | None) -> float:
 
 
 def _reach_mm(one: Contact | None, two: Contact | None, core_mm: float) -> float:
-    """Return how near to the joint the outline comes in a gap that shows the core."""
+    """Return the least distance of the outline from the joint in a gap that shows the core."""
     begins = RIGHT if one is None else one.zone
     ends = LEFT if two is None else two.zone
     if begins != ends or begins == DISC:
         return core_mm
-    # Only one of the parent's sides shows: its nearest point is an end of the way, or, beside the
+    # Only one of the parent's sides shows: its nearest point is an end of the way, or, next to the
     # parent, the crotch's own nearest point.
     nearest = two if begins == RIGHT else one
     if nearest is None:
@@ -419,7 +419,7 @@ def _reach_mm(one: Contact | None, two: Contact | None, core_mm: float) -> float
 
 
 def _lost_mm(radius_mm: float, turn_rad: float) -> float:
-    """Return how deep a corner is that stands for a fillet of some radius and turn."""
+    """Return the depth of a corner that stands for a fillet of some radius and turn."""
     return radius_mm * (1.0 / max(math.cos(turn_rad / 2), 1e-3) - 1.0)
 
 
@@ -451,7 +451,7 @@ def _between_children(first: Strip, second: Strip, given: _Given) -> Gap:
 
 
 def _rests_mm(first: Strip, second: Strip, radius_mm: float) -> Point:
-    """Return how far along each side a ball between them rests; never far beyond their ends."""
+    """Return the place on each side where a ball between them rests; never far beyond the end."""
     gap = second.angle_rad - first.angle_rad
     sin, cos = math.sin(gap), math.cos(gap)
     one, two = first.half_mm + radius_mm, second.half_mm + radius_mm
@@ -493,7 +493,7 @@ def joint_of(
     Fillets that the offset leaves smaller than ``least_fillet_mm`` are corners.
     """
     around = _around(design, level, sibling)
-    # The joint's disc is the parent's. A wider child is a problem of its own; the larger disc at
+    # The joint's disc is the parent's. A wider child is a separate problem; the larger disc at
     # least draws it as it would be.
     disc = max(branch.half_mm for branch in around)
     tilt = -around[0].narrowing_rad
@@ -522,7 +522,7 @@ def joint_of(
 
 
 def allowed_reach_mm(first: Strip, second: Strip, disc_mm: float) -> float:
-    """Return how far from the joint two neighbours must have parted: half the shorter one.
+    """Return the distance from the joint by which two neighbours must part: half the shorter.
 
     Within the joint's disc there is nothing to web.
     """

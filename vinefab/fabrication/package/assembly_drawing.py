@@ -66,11 +66,11 @@ _LEAD_PT = 34.0
 """Least distance on paper from a plug to its socket: room for the number of the joint."""
 
 SIZES = (
-    "Beside each branch: length x width as cut, in mm, lay-flat between the seams (computed). "
+    "At each branch: length x width as cut, in mm, lay-flat between the seams (computed). "
     "Lengths go from joint to joint, at a tip to the middle of its round end"
 )
 MOST_SIZED = 60
-"""Branches whose sizes are written beside them; README.txt has the widths of all."""
+"""Branches whose sizes are written next to them; README.txt has the widths of all."""
 
 _SIZE_PT = 6.5
 
@@ -214,7 +214,7 @@ class _Robot:
         outlines: Mapping[str, Contour],
         profile: LaserProfile,
     ) -> "_Robot":
-        """Return what is to be drawn."""
+        """Return the robot to be drawn."""
         return cls(
             design=design,
             partition=partition,
@@ -319,7 +319,7 @@ def _draw_exploded(panel: Panel, exploded: _Exploded, below_pt: float) -> None:
         (_EDGE_PT, top - 14.0),
         "Exploded view",
         "each piece as it lies in the robot, lettered face up; lines lead from plug to socket; "
-        "beside each branch length x width as cut",
+        "at each branch length x width as cut",
     )
     box = (
         _EDGE_PT + _RIM_PT,
@@ -435,7 +435,7 @@ def _write_piece(  # noqa: PLR0913  where it is drawn
 def _write_sizes(
     panel: Panel, layout: FlatLayout, moves_mm: Floats, page: _View, labels: Labels
 ) -> None:
-    """Write length and width beside every branch, each moved with its piece."""
+    """Write length and width next to every branch, each moved with its piece."""
     count = len(layout.tree)
     if count > MOST_SIZED:
         return
@@ -462,7 +462,7 @@ def _write_sizes(
     ):
         size, (dx, dy) = _label_size(text, _SIZE_PT), end - start
         normal = np.array([-dy, dx]) / math.hypot(dx, dy)
-        # Beside the branch: the label's own extent across it comes on top of half its width.
+        # Next to the branch: the label's own extent across it comes on top of half its width.
         away = half + 2.0 + float(np.abs(normal) @ size) / 2.0
         along = page.points(start + shares * (end - start))
         spots = np.concatenate([along + side * away * normal for side in (1.0, -1.0)])
@@ -474,7 +474,7 @@ def _write_sizes(
 def _write_joint(
     panel: Panel, step: JoiningStep, page: _View, view: ExplodedView, labels: Labels
 ) -> None:
-    """Write the joint's label beside its plug and beside its socket."""
+    """Write the joint's label next to its plug and next to its socket."""
     name = step.sleeve.label
     for place, colour in zip(_rims_mm(view, step.sleeve), (INK, ALERT), strict=True):
         far, towards = spots_around(_BESIDE_PT, np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False))
@@ -493,7 +493,7 @@ def _coarse(outline_pt: Floats) -> Floats:
 
 
 def _middles(outline_pt: Floats) -> Iterator[Floats]:
-    """Yield the middle of the largest disc inside an outline, then of what is left without it."""
+    """Yield the middle of the largest disc inside an outline, then of the rest without it."""
     shape: BaseGeometry = shapely.make_valid(shapely.Polygon(outline_pt))
     for _ in range(4):
         parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon)]
@@ -727,7 +727,7 @@ class _LapSketch:
         self.panel.written(at_pt, words, _TEXT_PT, colour=colour, anchor=anchor)
 
 
-# --- the order, in words
+# --- the order, as text
 
 
 def _notes(robot: _Robot) -> tuple[list[str], list[str]]:

@@ -42,7 +42,7 @@ def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
     """Return every line of a job's bill of materials; that of joints has `joint_lines`."""
     parts: tuple[BomLine, ...] = ()
     if job.sheets:
-        parts = (_computed("sheets", len(job.sheets), "1", "a film of its own each"),)
+        parts = (_computed("sheets", len(job.sheets), "1", "a separate film each"),)
     elif job.tiles:
         basis = "on the same film, one after the other, aligned by targets"
         parts = (_computed("tiles", len(job.tiles), "1", basis),)
@@ -76,7 +76,7 @@ def joint_lines(
     *,
     robots: int = 1,
 ) -> tuple[BomLine, ...]:
-    """Return what joining the pieces of some robots takes; nothing for a robot in one piece.
+    """Return the needs of joining the pieces of robots; nothing for a robot in one piece.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def joint_lines(
         f"sockets over plugs, {counted(film.plies, 'ply')}, lumen; lap {settings.lap_mm:g} mm and"
         f" ease {settings.ease_mm:g} mm (assumed)"
     )
-    minutes_basis = f"{MINUTES_PER_JOINT:g} min a joint (assumed: nobody has timed one)"
+    minutes_basis = f"{MINUTES_PER_JOINT:g} min a joint (assumed: none has been timed)"
     each = (
         _computed("pieces", len(partition.pieces), "1", "flat parts of a robot"),
         _computed("sleeve joints", count, "1", "plug of one piece in the socket of another"),
@@ -111,7 +111,7 @@ def joint_lines(
 def _bond_lines(
     design: Design, partition: Partition, profile: LaserProfile, rims_mm: float
 ) -> Iterator[BomLine]:
-    """Yield what the bond of the joints takes besides the film."""
+    """Yield the materials for the bond of the joints, except the film."""
     lap = profile.recipe.lap
     if needs_strips(profile):
         steps = joining_order(design, partition)
@@ -147,7 +147,7 @@ def bom_text(job: Job, profile: LaserProfile, joints: Sequence[BomLine] = ()) ->
 
 
 def robot_count(job: Job) -> int:
-    """Return how many robots a job makes."""
+    """Return the number of robots that a job makes."""
     parts = job.facts.get("pieces")
     if job.sheets and isinstance(parts, list):
         return max(int(part["copy"]) for part in parts)
@@ -228,7 +228,7 @@ def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
 def _roll_line(
     film: Material, sheets: int, piece_mm: tuple[float, float], standing: Standing
 ) -> BomLine:
-    """Return how much of a roll all plies take, pieces side by side where the roll is wide enough.
+    """Return the length of roll for all plies, pieces side by side where the roll is wide enough.
 
     A piece that is wider than the roll both ways takes its longer side; rule VF-S02 reports it.
     """
@@ -343,7 +343,7 @@ class PathPass:
     """One pass along one path."""
 
     path: LaserPath
-    begins_s: float  # when the beam goes on, from the start of the job
+    begins_s: float  # when the beam is switched on, from the start of the job
     times_s: tuple[float, ...]  # how long each line and arc takes
 
     @property
@@ -402,7 +402,7 @@ class MachineTime:
 
 
 def machine_time(job: Job, profile: LaserProfile) -> MachineTime:
-    """Return how long a job should take, the sum of `schedule` over all its tiles if it has any.
+    """Return the expected time of a job, the sum of `schedule` over all its tiles if it has any.
 
     Moving and aligning the film between tiles is not included.
     """

@@ -34,7 +34,7 @@ def job_text(
     colours: Colours,
     pattern: Pattern | None = None,
 ) -> str:
-    """Return what is to be made, with which settings, in which order.
+    """Return the paths to be made, with their settings, in their order.
 
     Every number of the profile keeps its standing and source; line energy and fluence are computed.
     """
@@ -115,7 +115,7 @@ def _pattern_blocks(pattern: Pattern) -> Iterator[Block]:
 
 
 def _sheets(job: Job, colours: Colours) -> dict[str, object]:
-    """Return what a robot in pieces has beside: its pieces, its joints and its sheets."""
+    """Return the further entries of a robot in pieces: its pieces, joints and sheets."""
     if not job.sheets:
         return {}
     return {

@@ -41,8 +41,8 @@ from vinefab.physics.tube import inflated_diameter_mm
 
 
 def sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
-    """Return the sheet for the laser: picture and what was done to the paths."""
-    # Pieces and joints have a section of their own.
+    """Return the sheet for the laser: picture and the changes to the paths."""
+    # Pieces and joints have a separate section.
     facts = {name: fact for name, fact in job.facts.items() if name not in ("pieces", "joints")}
     rows = tuple((name.replace("_", " "), _value(value)) for name, value in facts.items())
     picture = Picture(
@@ -151,7 +151,7 @@ def pattern_section(pattern: Pattern) -> Section:
 
 
 def pressure_section(design: Design, profile: LaserProfile) -> Section:
-    """Return how much pressure each level stands, with the standing of what that rests on."""
+    """Return the pressure that each level stands, with the standing of its source."""
     film, build = profile.material, design.build
     allowed = seam_load_n_mm(film.seam)
     rows = []

@@ -1,4 +1,4 @@
-"""How the pieces of a robot are joined: in which order, and with what at each joint.
+"""How the pieces of a robot are joined: the order, and the means at each joint.
 
 Outermost joints first. A strip keeps the two plies of a plug apart while the lap around it is
 sealed, and is drawn out through the stub and the open base of the stub's piece: it passes no joint
@@ -26,7 +26,7 @@ TRIM_MM = 2.0
 """Most that is trimmed off a rim whose plies are fused (assumed)."""
 
 MINUTES_PER_JOINT = 8.0
-"""Time to lay, seal and inspect one joint (assumed: nobody has timed one)."""
+"""Time to lay, seal and inspect one joint (assumed: none has been timed)."""
 
 TEST_SHARE = 0.25
 """Pressure of the first test for leaks over the working pressure (assumed)."""
@@ -121,7 +121,7 @@ def needs_strips(profile: LaserProfile) -> bool:
 
 
 def order_reasons(profile: LaserProfile) -> str:
-    """Return why the outermost joints are made first, in words."""
+    """Return the reasons to make the outermost joints first, as text."""
     strips = (
         " The release strip inside a plug is drawn out through the stub and the open base of the"
         " stub's piece, so it never has to pass a joint that is already made."
@@ -140,7 +140,7 @@ def order_reasons(profile: LaserProfile) -> str:
 
 
 def pieces_words(partition: Partition) -> str:
-    """Return in how many pieces a robot is and what holds them, without a full stop."""
+    """Return the number of a robot's pieces and the joints that hold them, without a full stop."""
     count = len(partition.sleeves)
     hold = f"{count} sleeve joints hold" if count > 1 else "a sleeve joint holds"
     into = (
@@ -167,7 +167,7 @@ _PLY_PT = 2.4
 
 
 def face_words(build: Build) -> str:
-    """Return which face ends outside, a sentence without a full stop."""
+    """Return the face that ends outside, as a sentence without a full stop."""
     if build.mounting == "turned":
         return "Deployed, the face that lies outside as cut is outside again"
     return "Deployed, the face that lies inside as cut is outside"
@@ -221,7 +221,7 @@ _GROWING = [*_TIP, (42.0, -6.0), (34.0, 0.0), (42.0, 6.0), *((x, -y) for x, y in
 
 
 def _draw_film(panel: Panel, path_pt: Floats, colours: Sequence[str]) -> None:
-    """Draw both faces of a ply beside its middle: the left one, the right one."""
+    """Draw both faces of a ply next to its middle: the left one, the right one."""
     line = shapely.LineString(path_pt)
     for side, colour in zip((1.0, -1.0), colours, strict=True):
         face = shapely.get_coordinates(line.offset_curve(side * _PLY_PT / 2.0))

@@ -91,7 +91,7 @@ class Prepared:
     others: tuple[Design, ...] = ()  # the other designs on the sheet
     beside: tuple[CheckReport, ...] = ()  # reports of these
     partition: Partition | None = None  # the pieces that it is cut in; None for one flat outline
-    pattern: Pattern | None = None  # how it deploys; None where nobody looked, cut as designed
+    pattern: Pattern | None = None  # how it deploys; None if not simulated, cut as designed
 
     @property
     def cut(self) -> Design:
@@ -99,7 +99,7 @@ class Prepared:
         return self.pattern.flat if self.pattern else self.design
 
     def refusal(self, *, allow_uncalibrated: bool) -> str:
-        """Return why no files may be written, or an empty string."""
+        """Return the reason that no files may be written, or an empty string."""
         blocking = [f for report in (self.report, *self.beside) for f in report.blocking]
         if blocking:
             broken = ", ".join(sorted({finding.rule for finding in blocking}))
@@ -225,7 +225,7 @@ class PackageContent:
     laser: Mapping[str, bytes] | None = None
     partition: Partition | None = None  # the pieces that it is cut in; None for one flat outline
     others: tuple[Design, ...] = ()  # the other designs on the sheet
-    pattern: Pattern | None = None  # how it deploys; None where nobody looked, cut as designed
+    pattern: Pattern | None = None  # how it deploys; None if not simulated, cut as designed
 
 
 def package(prepared: Prepared) -> dict[str, bytes]:
@@ -377,7 +377,7 @@ def _piece_sections(prepared: Prepared) -> tuple[Section, ...]:
 
 
 def making_facts(prepared: Prepared) -> tuple[Fact, ...]:
-    """Return in how many pieces a robot is cut, of how much film, and what the rules say."""
+    """Return the number of a robot's pieces, the film that they take, and the rules' result."""
     job, film, report = prepared.job, prepared.profile.material, prepared.report
     joints = 0 if prepared.partition is None else len(prepared.partition.sleeves)
     lines = {one.item: one for one in bill_of_materials(job, prepared.profile)}

@@ -170,7 +170,7 @@ def _rank(one: StyledPath) -> tuple[int, int]:
 
 
 def _layer(styled: list[StyledPath], profile: LaserProfile) -> SimpleNamespace:
-    """Return what runs at once, with its settings as words."""
+    """Return the paths that run at once, with their settings as words."""
     path, style = styled[0].path, styled[0].style
     settings = path.settings_in(profile)
     words = ""
@@ -257,7 +257,7 @@ def plain_document(markup: str) -> str:
     r"""Lay out paragraphs, titles and lists as plain text, 96 columns wide.
 
     ``# `` and ``## `` begin titles, ``- `` an item, ``+ `` a numbered and ``* `` a lettered one,
-    ``!! `` a warning, ``> `` a line of its own. Indented lines continue what they follow.
+    ``!! `` a warning, ``> `` a separate line. Indented lines continue what they follow.
 
     >>> print(plain_document("## Do\n+ one\n  thing\n+ two"), end="")
     Do

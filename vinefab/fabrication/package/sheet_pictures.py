@@ -157,7 +157,7 @@ def _title(job: Job, findings: tuple[Finding, ...], *, cropped: bool) -> str:
         size = f"{one.sheet_width_mm:g} x {one.sheet_height_mm:g} mm"
         bed = f"{counted(len(job.sheets), 'sheet')} side by side, each on a bed of {size}"
     where = f"lower left of the {bed}" if cropped else bed
-    # A line of its own: with the name of a design, one line is too long.
+    # A separate line: with the name of a design, one line is too long.
     parts = [job.name, f"{order};\n{where}"] if job.sheets else [job.name, order, where]
     blocking = sum(finding.blocks for finding in findings)
     return "; ".join([*parts, f"{blocking} blocking findings"] if blocking else parts)
@@ -209,7 +209,7 @@ _CUT = Ink(fill=ROCK, fill_alpha=0.45, line=ROCK_EDGE, width_pt=0.7)
 
 
 def pattern_plan(pattern: Pattern) -> Page:
-    """Return the flat outline that is cut beside the shape that it deploys as (simulated).
+    """Return the flat outline as cut, next to the shape that it deploys as (simulated).
 
     The deployed shape is put together from the joints, each of which was simulated alone.
     """
@@ -379,7 +379,7 @@ def _line_path(points_mm: Floats) -> str:
 
 
 def sheet_box_mm(job: Job) -> tuple[float, float, float, float]:
-    """Return what a picture of the sheet shows: least x and y, greatest x and y.
+    """Return the box that a picture of the sheet shows: least x and y, greatest x and y.
 
     Beds are shown whole, so that it can be seen how much film is left.
     """

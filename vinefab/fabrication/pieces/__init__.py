@@ -1,4 +1,4 @@
-"""Robots in flat pieces: which branches to cut, and what lies on each piece.
+"""Robots in flat pieces: the branches to cut, and the content of each piece.
 
 Others use `partition_of` (`partition.py`). A search takes the cuts of its compiled penalty
 (`vinefab.search.penalty_kernel`): microseconds, and hardly ever worse. The nouns are in

@@ -1,7 +1,7 @@
 """The exploded view: the pieces of a robot moved apart, so that none lies on another.
 
 Pieces are moved and not turned: each lies as it does in the robot. Piece by piece, base first, the
-stub's axis is tried first, then directions beside it, and the shortest way that is free and crosses
+stub's axis is tried first, then directions near it. The shortest way that is free and crosses
 little is taken.
 """
 
@@ -28,8 +28,8 @@ _FLATTEN_SHARE = 5e-4
 """How coarsely outlines are followed, over the robot's size."""
 
 _TURN_COST, _CROSSING_COST, _GROWTH_COST = 1.0, 4.0, 0.15
-"""What a quarter turn off the stub's axis costs over the distance, what crossing a piece or line
-costs in least distances, and what a larger picture costs over its growth."""
+"""Costs of a quarter turn off the stub's axis over the distance, of crossing a piece or line in
+least distances, and of a larger picture over its growth."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -137,7 +137,7 @@ class _Page:
         return place
 
     def _extra(self, ring_mm: Floats, stub_mm: Floats, spots: Floats) -> Floats:
-        """Return what places of a base cost besides distance; infinite where one is not free."""
+        """Return the costs of a base's places without distance; infinite where one is not free."""
         shapes = np.asarray(shapely.polygons(ring_mm[None] + spots[:, None]))
         cost = np.zeros(len(spots))
         for piece in self.pieces:
@@ -155,8 +155,8 @@ class _Page:
         return cost
 
     def _crossed(self, shapes: Shapes, stub_mm: Floats, spots: Floats) -> Floats:
-        """Return how many pieces and lines the way of each shape's line crosses, or the shape."""
-        # The ends of a line lie on the rims of its own two pieces.
+        """Return the number of pieces and lines that each shape's line, or the shape, crosses."""
+        # The ends of a line lie on the rims of its two pieces.
         away = spots - stub_mm
         lines = shapely.linestrings(
             np.stack([stub_mm + 0.05 * away, stub_mm + 0.95 * away], axis=1)

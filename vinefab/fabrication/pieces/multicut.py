@@ -68,7 +68,7 @@ _NEVER = Clause(frozenset())
 
 
 def possible(clause: Clause, cuttable: Iterable[int]) -> Clause | None:
-    """Return what is left of a clause if only some branches can be cut; None if it always holds."""
+    """Return the rest of a clause if only some branches can be cut; None if it always holds."""
     can = frozenset(cuttable)
     if not clause.uncut <= can or clause.cut & clause.uncut:
         return None

@@ -97,7 +97,7 @@ def straight_sides(
 
 
 def _base_used_mm(pattern: OutlineParts, level: int, sibling: int) -> float:
-    """Return how much of a branch's sides the joint at its base takes."""
+    """Return the length of a branch's sides that the joint at its base takes."""
     if level == 1:
         return 0.0
     kinds = pattern.joints[level - 2]
@@ -108,7 +108,7 @@ def _base_used_mm(pattern: OutlineParts, level: int, sibling: int) -> float:
 
 
 def _end_used_mm(pattern: OutlineParts, level: int, sibling: int) -> float:
-    """Return how much of a branch's sides the joint, tip or pouch at its end takes."""
+    """Return the length of a branch's sides that the joint, tip or pouch at its end takes."""
     if level > len(pattern.joints):
         return pattern.tip(sibling).used_mm
     gaps = pattern.joint(level, sibling).gaps
@@ -146,7 +146,7 @@ def sleeves_of(layout: FlatLayout, sides: StraightSides, size: SleeveSize) -> di
 
 
 def beside_mm(size: SleeveSize, reach_mm: float) -> float:
-    """Return how far outside the lumens cuts of stubs' ends run, with room between sockets."""
+    """Return the distance of stub ends' cuts outside the lumens, with room between sockets."""
     return reach_mm + size.rise_mm + BESIDE_MM if size.socket_on_stub else reach_mm
 
 
@@ -439,7 +439,7 @@ class _Cutter:
         return flat or replace(cut, unfinished=True)
 
     def _laps(self, cut: Partition, passages: Mapping[int, float]) -> Iterator[_Conflict]:
-        """Yield what forbids the sleeves of a partition: further cuts only add to it."""
+        """Yield the conflicts of a partition's sleeves: further cuts only add to them."""
         values = by_rule(changed_limits(self.design, self.profile, self.limits))
         widest_mm = widest_cut_mm(self.design.build, self.profile, values)
         cuts = frozenset(sleeve.branch for sleeve in cut.sleeves)
@@ -514,14 +514,14 @@ class _Cutter:
         return found
 
     def _known_of(self, cut: Partition, piece: Piece) -> tuple[_Conflict, ...]:
-        """Return what is found on a piece; the same piece comes back in many partitions."""
+        """Return the conflicts on a piece; the same piece comes back in many partitions."""
         key = piece.branches, piece.stubs
         if key not in self.known:
             self.known[key] = tuple(self._found_on(cut, piece))
         return self.known[key]
 
     def _found_on(self, cut: Partition, piece: Piece) -> Iterator[_Conflict]:
-        """Yield what the rules still find on a piece as it will be cut."""
+        """Yield the conflicts that the rules still find on a piece as it will be cut."""
         ends = piece_ends(cut, piece)
         if not self._fits(piece, ends):
             for part in self._too_large(piece):

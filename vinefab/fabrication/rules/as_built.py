@@ -159,7 +159,7 @@ def check_built_width(subject: Subject, limits: Limits) -> RuleApplied:
 
 
 def _shrunk(subject: Subject, shrinkage: Quantity, limits: Limits) -> Violation:
-    """Return how far sizes fall short where film shrinks: the paths are drawn as designed."""
+    """Return the shortfall of sizes where film shrinks: the paths are drawn as designed."""
     layout, share = subject.layout, shrinkage.value / 100.0
     widest_mm = float(layout.width_mm.max())
     longest_mm = max(path.length_mm for path in planned_paths(layout.tree))

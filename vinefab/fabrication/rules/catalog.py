@@ -62,9 +62,9 @@ _BUILTIN = sorted(
 
 
 def _problem(name: str, part: object) -> str:
-    """Return why a rule of another package cannot be used; empty if it can."""
+    """Return the reason that another package's rule cannot be used; empty if it can."""
     if not isinstance(part, Rule):
-        return "is no vinefab.fabrication.rules.rule.Rule"
+        return "is not a vinefab.fabrication.rules.rule.Rule"
     return "" if part.id == name else f"its id is {part.id}, not the name of its entry point"
 
 
@@ -176,7 +176,7 @@ def rules_named(words: str) -> list[Rule]:
 
 
 def grouped_rules() -> dict[str, list[Rule]]:
-    """Return all rules by what they are about, in the order of the catalogue."""
+    """Return all rules by their subject, in the order of the catalogue."""
     groups = {title: list[Rule]() for title in RULE_GROUPS.values()}
     for rule in all_rules():
         title = RULE_GROUPS.get(rule.id[3:4], rule.id) if rule.is_own else "of other packages"
@@ -268,7 +268,7 @@ def run_checks(
 
 
 def _outcome(rule: Rule, subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
-    """Return what a rule finds; rules about one flat outline look at every piece of a robot."""
+    """Return the outcome of a rule; rules about one flat outline look at every piece of a robot."""
     if not subject.pieces or rule.id not in PIECE_RULES:
         with RULES.calling(rule.id):
             return rule.apply(subject, limits)
@@ -378,7 +378,7 @@ def _finding(rule: Rule, violation: Violation, waived: Mapping[str, str]) -> Fin
 
 
 def checks_text(report: CheckReport, beside: Sequence[CheckReport] = ()) -> str:
-    """Return the reports of a sheet as JSON, the first with those of the other designs beside."""
+    """Return the reports of a sheet as JSON, the first with those of the other designs."""
     others = [{"design": other.design, **other.content} for other in beside]
     more = {"beside": others} if others else {}
     return json_text(report.schema, {**document(report.view()), **more})

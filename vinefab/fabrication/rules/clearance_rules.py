@@ -94,7 +94,7 @@ def check_overlap(subject: Subject, _: Limits) -> RuleApplied:
 
 
 def least_gap_mm(rule: Rule, changed: LimitChanges, taken_mm: float) -> float:
-    """Return how far apart lumens must be for a rule's least film to be left between them.
+    """Return the least distance of lumens that leaves a rule's least film between them.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def check_foreign(subject: Subject, limits: Limits) -> RuleApplied:
 
 
 def _web(segment: Segment) -> shapely.Polygon:
-    """Return what lies between a fillet and the tangents at its ends, up to where they cross.
+    """Return the area between a fillet and the tangents at its ends, up to their crossing.
 
     Tangents that hardly part cross far away: then up to three radii.
     """

@@ -201,7 +201,7 @@ def check_marks(subject: Subject, limits: Limits) -> RuleApplied:
         if broken and (
             mark.label not in violations or away_mm < (violations[mark.label].measured or 0.0)
         ):
-            message = f"{mark.label} weakens the body's rim: leave more room beside the robot"
+            message = f"{mark.label} weakens the body's rim: leave more room next to the robot"
             violations[mark.label] = replace(broken, message=message, aspect=mark.label)
     can_mark = Operation.MARK in profile.recipe.by_operation
     advice = Violation(severity=Severity.INFO)
@@ -234,7 +234,7 @@ def _without_pins(job: Job, profile: LaserProfile) -> Iterator[Violation]:
         if by_hand and pins < LEAST_PINS:
             yield Violation(
                 message=f"sheet {number} leaves the bed to be sealed, and no film is free for two "
-                "pin holes beside the robot: shorten it, or use a larger bed",
+                "pin holes next to the robot: shorten it, or use a larger bed",
                 severity=Severity.WARNING,
                 measured=float(pins),
                 limit=float(LEAST_PINS),
@@ -468,8 +468,8 @@ def check_status(subject: Subject, limits: Limits) -> RuleApplied:
         if broken := limits.most(kerf.value / seam.value if seam.value else math.inf, "kerf"):
             message = (
                 f"weldcut removes {kerf.value:g} mm ({kerf.standing}) and fuses only "
-                f"{seam.value:g} mm ({seam.standing}) beside it: measure both on coupons, or focus "
-                "less"
+                f"{seam.value:g} mm ({seam.standing}) next to it: measure both on coupons, or "
+                "focus less"
             )
             title = "the kerf is wider than the seam"
             violations.append(replace(broken, message=message, aspect="kerf", title=title))
@@ -566,7 +566,7 @@ def check_bed(subject: Subject, _: Limits) -> RuleApplied:
 
 
 def _over_mm(job: Job, machine: Machine) -> float:
-    """Return how far a job's paths exceed the usable bed."""
+    """Return the length by which a job's paths exceed the usable bed."""
     margin_mm = machine.margin_mm.value
     right_mm = machine.bed_width_mm.value - margin_mm
     top_mm = machine.bed_height_mm.value - margin_mm

@@ -30,7 +30,7 @@ from vinefab.physics.seam import lap_load_n_mm
 
 
 def _cut(subject: Subject) -> tuple[Partition, LaserProfile, PieceSettings]:
-    """Return the pieces of a robot, its recipe and what the design says of pieces."""
+    """Return the pieces of a robot, its recipe and the design's settings of pieces."""
     many = f"{counted(len(subject.names), 'branch')} are too many to look for the fewest pieces"
     settings = needed(
         subject.design.build.pieces, "one flat outline: the design has no build.pieces"
@@ -143,7 +143,7 @@ def check_ease(subject: Subject, limits: Limits) -> RuleApplied:
     message = (
         f"the film is {film_mm:g} mm thick, and a plug as thick does not go in: widen the sockets"
         if tight
-        else f"the lap has {room_mm:g} mm beside its band on each side, where a socket must be"
+        else f"the lap has {room_mm:g} mm next to its band on each side, where a socket must be"
         " gathered onto its plug: lessen the ease, or lengthen the lap"
     )
     violation = replace(
@@ -212,7 +212,7 @@ def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied:
 
 
 def check_piece_labels(subject: Subject, _: Limits) -> RuleApplied:
-    """VF-J05: every piece and both ends of every joint are labelled beside them."""
+    """VF-J05: every piece and both ends of every joint have labels next to them."""
     partition, job = (
         _cut(subject)[0],
         needed(subject.job, "needs a recipe, which the marks follow from"),

@@ -218,7 +218,7 @@ def most_growth_kpa(build: Build, profile: LaserProfile, limits: Limits) -> floa
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PressureGauge:
-    """What growth to the worst tip takes beside what the widest part stands."""
+    """The pressure of growth to the worst tip, with the pressure that the widest part stands."""
 
     # loose, tight: the worst tip with film that is stored loosely and tightly
     loose: WorstBranch
@@ -232,7 +232,7 @@ class PressureGauge:
 
 
 def pressure_gauge(subject: Subject, profile: LaserProfile, limits: Limits) -> PressureGauge:
-    """Return what growth takes, in free space and over all deployments, and what it may take.
+    """Return the pressure of growth, in free space and over all deployments, and its limit.
 
     Parameters
     ----------
@@ -529,7 +529,7 @@ def check_crotch_load(subject: Subject, limits: Limits) -> RuleApplied:
 
 
 def _larger_fillet(subject: Subject, joint: PatternJoint, found: FlatJoint) -> tuple[str, ...]:
-    """Return by how much a larger fillet helps, if one that is no wider than the child does."""
+    """Return the gain of a larger fillet as text, if one at most as wide as the child helps."""
     inner = found.flat.fillets[1:-1] or found.flat.fillets
     before = min(inner)
     after = min(_FILLETS[-1], subject.design.build.widths_mm[joint.level - 1] / joint.width_mm)
@@ -570,7 +570,7 @@ def deployed_capsules(pattern: Pattern) -> Capsules:
 
 
 def contact_mm(gap_deg: float, width_mm: float) -> float:
-    """Return how far from their joint two inflated siblings of one width lie on each other.
+    """Return the length from their joint over which two inflated siblings of one width touch.
 
     Examples
     --------

@@ -57,7 +57,7 @@ def check_corridors(subject: RigSubject | Subject, limits: Limits) -> RuleApplie
     violations = []
     levels = list(enumerate(map(inflated_diameter_mm, design.build.widths_mm), start=1))
     for place, (level, diameter_mm) in product(corridors, levels):
-        # A dead end with less free area than the branch's cross-section is no corridor: a notch.
+        # A dead end with less free area than the branch's cross-section is a notch.
         usable = [one for one in place.corridors if one.dead_end_mm >= diameter_mm]
         narrow = [one for one in usable if limits.least(one.width_mm / diameter_mm)]
         least = min(narrow, key=lambda one: one.width_mm, default=None)

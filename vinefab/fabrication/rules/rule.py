@@ -76,7 +76,7 @@ class Violation:
     Limits yield it without message and place; `on`, `on_level` and ``replace`` add them.
     """
 
-    message: str = ""  # one sentence: what is wrong, and what would fix it
+    message: str = ""  # one sentence: the problem, and its remedy
     severity: Severity = Severity.ERROR
     measured: float | None = None  # in the rule's unit; None if nothing was measured
     limit: float | None = None  # in the rule's unit; None if there is no limit
@@ -140,7 +140,7 @@ class RuleApplied:
     checked: int  # how many items were checked
     violations: tuple[Violation, ...] = ()
     # What the check could not take into account, so that an empty report does not promise more than
-    # was checked; and what no finding says, such as a robot that is cut in tiles.
+    # was checked; also facts without a finding, such as a robot that is cut in tiles.
     note: str = ""
 
 

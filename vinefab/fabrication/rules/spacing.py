@@ -75,7 +75,7 @@ def capsules_of(layout: FlatLayout, build: Build) -> Capsules:
 
 
 def tail_capsules(build: Build) -> list[tuple[Point, Point, float]]:
-    """Return ends and half widths of what the trunk's own capsule leaves out of tail and collar.
+    """Return ends and half widths of the tail and collar outside the trunk's own capsule.
 
     They begin so far from the mouth that their round ends do not reach beyond it. A collar's
     transition counts as if it were as wide as the mouth.
@@ -422,7 +422,7 @@ class RotatedSpan:
 
 
 def excess_mm(capsules: Capsules, sheet_mm: tuple[float, float]) -> float:
-    """Return how far a flat robot exceeds a sheet in its best rotation; 0 or less if it fits."""
+    """Return the excess of a flat robot over a sheet in its best rotation; 0 or less if it fits."""
     span = RotatedSpan()
     span.add_mouth(capsules)
     span.add(capsules.end_mm, capsules.end_half_mm)

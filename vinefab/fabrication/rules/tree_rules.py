@@ -61,7 +61,7 @@ def check_outline_polygon(subject: Subject, _: Limits) -> RuleApplied:
     reason = shapely.is_valid_reason(body)
     found = _AT.search(reason)
     if not found:
-        violation = Violation(message=f"the outline is no polygon: {reason}")
+        violation = Violation(message=f"the outline is not a polygon: {reason}")
         return RuleApplied(checked=1, violations=(violation,))
     at = float(found[1]), float(found[2])
     # Named are the (up to) two branches nearest to the place.

@@ -2,6 +2,7 @@
 
 import ast
 import io
+import re
 import sys
 import tokenize
 from collections import Counter, defaultdict
@@ -31,7 +32,9 @@ def written_in(text):
     """Return the docstrings, messages and comments of a module, one text."""
     tokens = tokenize.generate_tokens(io.StringIO(text).readline)
     kinds = (tokenize.STRING, tokenize.COMMENT)
-    return "\n".join(token.string for token in tokens if token.type in kinds)
+    text = "\n".join(token.string for token in tokens if token.type in kinds)
+    # The parameter of that name, and its values in texts.
+    return re.sub(r"\{[^{}]*\}|[\"`]beside[\"`]", "", text)
 
 
 def test_a_name_that_is_bound_twice_is_found():

@@ -1,8 +1,8 @@
 """The hand that draws rules and words: a sketch in millimetres with dimensions and labels.
 
-The case that breaks a rule stands left or above, the case that keeps it next to it. Both have
-one scale. Text is as
-large as the page's own on a telephone, and the paper is white under every theme of the site.
+The case that breaks a rule stands left or above, the case that keeps it next to it. Both have one
+scale. Text is as large as the page's own on a telephone, and the paper is white under every theme
+of the site.
 """
 
 import math

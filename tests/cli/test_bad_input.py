@@ -357,7 +357,7 @@ LINES = {
     "studio --no-browser plain_vine --map moon.geojson": "moon.geojson",
     "studio --no-browser plain_vine --environment moon": "moon",
     "studio --no-browser plain_vine --recipe moon": "moon",
-    "studio --no-browser state.html": "no snapshot",
+    "studio --no-browser state.html": "not a snapshot",
     "studio --no-browser plain_vine --port 99999": "0 to 65535",
     "studio --no-browser plain_vine --snapshot one.txt": "ending in .html",
     "studio --no-browser plain_vine --snapshot state.html": "state.html",

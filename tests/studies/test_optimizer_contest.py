@@ -78,7 +78,7 @@ def test_a_foreign_record_is_kept(tmp_path: Path) -> None:
     assert record.read_text() == "mine"
     other = tmp_path / "other.jsonl"
     other.write_text('{"generator": "written by vinefab"}\n{"a": 1}\n')
-    with pytest.raises(UnreadableFileError, match="no record of a comparison"):
+    with pytest.raises(UnreadableFileError, match="not a record of a comparison"):
         contest_rows(CONTEST, other)
 
 

@@ -338,5 +338,5 @@ def test_what_is_no_json_is_said(tmp_path):
     with pytest.raises(UnreadableFileError):
         fit_files([path])
     path.write_text("[1, 2]")
-    with pytest.raises(UnreadableFileError, match="no JSON object"):
+    with pytest.raises(UnreadableFileError, match="not a JSON object"):
         fit_files([path])

@@ -126,7 +126,7 @@ def test_a_broken_version_on_disk_is_a_conflict_and_keeping_mine_keeps_the_comme
 def test_what_is_no_design_is_never_replaced(store, folder, text):
     (folder / "diary.toml").write_text(text)
     ask = {"path": "diary.toml", "design": opened(store)["design"], "force": True}
-    with pytest.raises(VinefabError, match="no design"):
+    with pytest.raises(VinefabError, match="not a design"):
         store.save_design(ask)
     assert (folder / "diary.toml").read_text() == text
 

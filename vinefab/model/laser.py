@@ -139,6 +139,12 @@ class Machine(Table):
         margin = 2.0 * self.margin_mm.value
         return self.bed_width_mm.value - margin, self.bed_height_mm.value - margin
 
+    @property
+    def usable_box_mm(self) -> tuple[float, float, float, float]:
+        """The bed inside its margins: least x, least y, greatest x, greatest y."""
+        margin, (width, height) = self.margin_mm.value, self.usable_mm
+        return margin, margin, margin + width, margin + height
+
 
 SHRINKAGE_PERCENT = (-20.0, 50.0)
 """Least and greatest shrinkage of a film; below 0 it grows."""

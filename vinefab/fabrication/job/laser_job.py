@@ -124,8 +124,7 @@ def _sheet_job(
     """Return the job of one sheet, of several."""
     partition, separate = cutting
     machine = profile.machine
-    margin, usable = machine.margin_mm.value, machine.usable_mm
-    within = (margin, margin, margin + usable[0], margin + usable[1])
+    within = machine.usable_box_mm
     bodies = [path for robot in robots for path in robot.paths]
     pins = registration(bodies, profile, within, separate=separate)
     marks = marks_of_pieces(robots, [*bodies, *pins], profile, within, partition)
@@ -251,9 +250,7 @@ def laser_job(
         if isinstance(parted, Tiled):
             return _tiled_job(design, body, profile, parted)
     bodies = [path for robot in robots for path in robot.paths]
-    margin = machine.margin_mm.value
-    usable = machine.usable_mm
-    within = (margin, margin, margin + usable[0], margin + usable[1])
+    within = machine.usable_box_mm
     pins = registration(bodies, profile, within, separate=sheet.process == "weld+cut")
     marks = marks_of(robots, [*bodies, *pins], profile, within)
     return Job(

@@ -2,5 +2,6 @@
 
 ``errors``, ``registry`` (named parts and plug-ins), ``validation`` (checks and read-only arrays),
 ``units``, ``rng`` (seeded generators), ``statistics``, ``compiling`` (numba), ``jsontext``,
-``hashing`` (digests and manifests), ``atomic`` (safe writing) and ``lock``.
+``hashing`` (digests, manifests, marks of files), ``atomic`` (safe writing, locks of folders) and
+``bounded`` (foreign files under limits).
 """

@@ -104,7 +104,7 @@ def write_bytes(
     force
         Overwrite whatever is there.
     sealed
-        Whether the digest is put into the mark (`file_mark`): not in a file that a person edits.
+        Whether the digest is put into the mark (`hashing`): not in a file that a person edits.
     private
         Whether only the user may read it.
     """

@@ -103,7 +103,7 @@ class _Child:
     def __init__(self) -> None:
         self.owner = os.getpid()
         self.overdue = False
-        # In its separate session: Ctrl-C reaches the parent alone, which ends it.
+        # In a separate session: Ctrl-C reaches the parent alone, which ends it.
         self.process = subprocess.Popen(  # noqa: S603  this interpreter
             [sys.executable, "-P", "-c", _START],
             stdin=subprocess.PIPE,

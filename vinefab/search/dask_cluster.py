@@ -6,7 +6,7 @@ by another. Points do not influence each other, so results depend neither on the
 the points are divided.
 
 `PlacedRun` decides by measured times whether a generation goes to the cluster. The simulated
-cluster of `vinefab.studies.cluster_scaling` divides and places work with the same functions.
+cluster of `vinefab.studies.benchmark` divides and places work with the same functions.
 """
 
 import importlib.util

@@ -341,7 +341,7 @@ def _least_lean(designs, d, level, tables, limits, scratch):
 
 @inlined
 def _lean(half, end, length, limits):
-    """Return the angle by which a branch's sides lean, as `outline.gap.taper_rad`."""
+    """Return the angle by which a branch's sides lean, as `outline.joint.taper_rad`."""
     if half == end:
         return 0.0
     return math.asin(max(-limits.steepest, min(limits.steepest, (half - end) / length)))

@@ -1,6 +1,6 @@
 """The geometry that turns drawings and cells into valid maps, for the importers.
 
-``assemble.assemble`` makes a map of drawn shapes: `joining` chains loose lines, `nesting` tells
-solids, holes and bounds apart, `drawn_shapes` repairs rings. ``raster.raster_map`` makes a map of
-cells, with walls fitted by `cell_walls`.
+`drawn_shapes` repairs rings and chains loose lines; ``assemble.assemble`` tells solids, holes and
+bounds apart and makes a map of them. ``raster.raster_map`` makes a map of cells, with walls of
+fitted lines.
 """

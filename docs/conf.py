@@ -7,7 +7,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from reference_pages import write_reference
 
-from vinefab.core.version import __version__
+from vinefab.core import __version__
 
 project = "vinefab"
 author = "the vinefab developers"

@@ -17,7 +17,7 @@ from studio_film import CHROMIUM
 import vinefab as vf
 from vinefab.fabrication.package.prepare import prepare
 from vinefab.fabrication.package.sheet_pictures import job_plan
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import read_profile
 from vinefab.noun_methods import svg_of
 from vinefab.pages.page_files import page_svg
 

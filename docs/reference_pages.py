@@ -19,8 +19,8 @@ from pydantic import BaseModel
 
 from vinefab.app.verbs import VERBS
 from vinefab.cli.commands import COMMON, Command, flags_of
+from vinefab.core.limits import deg
 from vinefab.core.table import DeclaredKey, Table, declared_keys
-from vinefab.core.units import deg
 from vinefab.core.verbs import REQUIRED, Force, Option, described, text_of
 from vinefab.fabrication.rules.catalog import grouped_rules
 from vinefab.fabrication.rules.rule import Rule
@@ -30,7 +30,7 @@ from vinefab.model.design import Design
 from vinefab.model.files.run_context import RunContext
 from vinefab.model.laser import Machine, Material, Quantity, Recipe
 from vinefab.model.map import Start
-from vinefab.model.start_place import StartTable
+from vinefab.model.start import StartTable
 from vinefab.rig.rig_options import PrinterForm
 from vinefab.search.optimizers.optimizer import OPTIMIZERS
 from vinefab.search.settings import RunFile

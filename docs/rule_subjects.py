@@ -25,10 +25,9 @@ from vinefab.model.design import (
     PieceSettings,
     default_fillets_mm,
 )
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.job import LaserPath, Operation
-from vinefab.model.laser import LaserProfile, Quantity, Standing
+from vinefab.model.laser import LaserProfile, Quantity, Standing, read_profile
 from vinefab.model.outline import Contour
 from vinefab.rig.part import Mesh
 from vinefab.rig.rig_options import read_printer

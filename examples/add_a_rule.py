@@ -9,8 +9,8 @@ from vinefab.fabrication.checking import subject_of
 from vinefab.fabrication.rules.rule import Limits, Rule, RuleApplied, Violation
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.laser import read_profile
 from vinefab.model.tree import branch_tree
 
 

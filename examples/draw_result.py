@@ -15,9 +15,9 @@ from PIL import Image
 import vinefab as vf
 from vinefab.fabrication.package.prepare import prepare
 from vinefab.fabrication.package.sheet_pictures import OPERATION_COLOURS
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.job import Operation
+from vinefab.model.laser import read_profile
 from vinefab.pages.page_files import page_png
 from vinefab.pages.plan import deployment_plan
 from vinefab.rig.build import build_rig

@@ -23,7 +23,7 @@ from vinefab.cli.commands import Command, UsageError, all_options, command_for, 
 from vinefab.cli.help import command_help
 from vinefab.core.table import declared_keys
 from vinefab.fabrication.rules.catalog import RULES
-from vinefab.model.start_place import StartTable
+from vinefab.model.start import StartTable
 from vinefab.search.optimizers.optimizer import SearchAxes
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -16,8 +16,8 @@ from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.inflation.pattern import cut_design
 from vinefab.model.design import Design, PieceSettings
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.laser import read_profile
 from vinefab.model.map import Map
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.plan import map_plan

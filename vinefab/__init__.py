@@ -16,7 +16,7 @@ heading_deg)``. What is not in ``__all__`` may change at any time. The names sta
 
 import lazy_loader
 
-from vinefab.core.version import __version__ as __version__
+from vinefab.core import __version__ as __version__
 
 _load, _, _names = lazy_loader.attach_stub(__name__, __file__)
 __all__ = sorted(name for name in _names if name != "__version__")  # noqa: PLE0605  of the stub

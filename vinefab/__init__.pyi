@@ -33,10 +33,10 @@ from .app.searching import optimize as optimize
 from .app.searching import reproduce as reproduce
 from .app.searching import runs as runs
 from .app.searching import studio as studio
+from .core import __version__ as __version__
 from .core.errors import BadInputError as BadInputError
 from .core.errors import ExportRefusedError as ExportRefusedError
 from .core.errors import VinefabError as VinefabError
-from .core.version import __version__ as __version__
 from .core.view import WrittenResult as WrittenResult
 from .fabrication.profile_listing import ProfileNumbers as ProfileNumbers
 from .fabrication.rules.rule import Rule as Rule

@@ -5,18 +5,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from vinefab.core.atomic import fill_folder
-from vinefab.core.jsontext import json_text
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import counted, json_text
 from vinefab.core.verbs import this_call
 from vinefab.core.view import Number, Rows, Section
 from vinefab.fabrication.package.prepare import package, zip_bytes
 from vinefab.maps.generators.grid import GridOptions, grid_map
-from vinefab.model.design import Design, PieceSettings
-from vinefab.model.files.design_toml import design_text
-from vinefab.model.files.map_geojson import map_text
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.design import Design, PieceSettings, design_text
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
-from vinefab.model.map import Map
+from vinefab.model.laser import read_profile
+from vinefab.model.map import Map, map_text
 from vinefab.model.score import Score
 from vinefab.prediction.family_deployments import (
     MapFamily,

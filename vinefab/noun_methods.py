@@ -94,7 +94,7 @@ _MOST_TARGETS = 10
 
 def map_summary(world: Map) -> tuple[str, ...]:
     """Return the size of a map, its starts and its oddities."""
-    from vinefab.model.start_place import area_notes, start_words
+    from vinefab.model.start import area_notes, start_words
     from vinefab.prediction.map_info import size_notes
 
     sides = [f"{one:.0f}" if one >= 100.0 else f"{one:.3g}" for one in world.size_mm]

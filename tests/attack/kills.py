@@ -33,8 +33,8 @@ from vinefab.app.verbs import VERBS
 from vinefab.cli.commands import command_for
 from vinefab.cli.main import main as run_command
 from vinefab.cli.main import run as run_program
+from vinefab.core.atomic import INCOMPLETE_NAME
 from vinefab.core.hashing import MANIFEST_NAME, digests_in, sha256_of_file
-from vinefab.core.replacement import INCOMPLETE_NAME
 
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 WRITES_NOTHING = {"designs", "printers", "profiles", "recipes", "rules", "studio"}

@@ -7,11 +7,10 @@ import pytest
 
 from vinefab.core.atomic import is_filled_in
 from vinefab.core.hashing import manifest_text, sha256_of
-from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import GENERATOR
 from vinefab.fabrication.calibration.coupon_results import results_text
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import shipped_root
-from vinefab.model.laser import RecipeStatus, Standing
+from vinefab.model.laser import RecipeStatus, Standing, read_profile
 
 RECIPE = "co2_60w__stretchlon_200"
 READ = {

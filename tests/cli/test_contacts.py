@@ -11,8 +11,7 @@ import vinefab as vf
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.model.contacts import read_contacts
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_text
+from vinefab.model.design import Design, design_text
 from vinefab.model.inputs import as_growth
 from vinefab.search.settings import plain_settings, read_run, settings_from_plain
 

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 import vinefab as vf
-from vinefab.model.files.design_toml import design_text
+from vinefab.model.design import design_text
 
 COARSE = ("--across", 6, "-q")
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_content
+from vinefab.model.design import Design, design_content
 from vinefab.model.files.shipped import locate
 from vinefab.studio.snapshot import snapshot_html
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.files.map_geojson import map_text
+from vinefab.model.map import map_text
 from vinefab.prediction.run_winner import UNSEEN_DEPLOYMENTS
 
 RECIPE = Path(__file__).parents[2] / "examples" / "seeds.sbatch"

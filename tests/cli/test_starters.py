@@ -14,8 +14,8 @@ from vinefab.cli.commands import each_named
 from vinefab.cli.main import main
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.design import Design
-from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
 from vinefab.model.files.starters import shipped_examples, starter_map
+from vinefab.model.laser import read_machine, read_material, read_profile
 from vinefab.model.map import Map
 from vinefab.search.settings import read_run
 

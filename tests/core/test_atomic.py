@@ -21,7 +21,7 @@ from vinefab.core.atomic import (
 )
 from vinefab.core.errors import CannotWriteError, ForeignFileError, KeptAsideWarning
 from vinefab.core.hashing import ROOMY_GENERATOR, Authorship, authorship, marked
-from vinefab.core.jsontext import OWN_MARK, json_text
+from vinefab.core.plain_text import OWN_MARK, json_text
 
 OURS = "# written by vinefab 0\n"
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from vinefab.core.hashing import fingerprint
-from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import json_text
 
 
 def test_schema_comes_first_and_numpy_values_are_plain():

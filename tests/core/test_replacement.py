@@ -9,10 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from vinefab.core.atomic import new_folder
+from vinefab.core.atomic import INCOMPLETE_NAME, new_folder
 from vinefab.core.errors import CannotWriteError, ForeignFileError
 from vinefab.core.hashing import MANIFEST_NAME, digests_in, manifest_text, sha256_of
-from vinefab.core.replacement import INCOMPLETE_NAME
 
 MARK = "job.json"
 NAMES = (MARK, "outline.svg", "tiles/a.dxf", "tiles/deep/b.dxf", "README.txt", "part")

@@ -24,7 +24,7 @@ from vinefab.model.laser import (
     Standing,
 )
 from vinefab.model.outline import Contour, Part, Segment
-from vinefab.model.pieces import Partition, Piece, Sleeve, piece_label
+from vinefab.model.tree import Partition, Piece, Sleeve, piece_label
 
 
 def fan(branches, length_mm, angle_deg, growth=1.0):

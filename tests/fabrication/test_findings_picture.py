@@ -16,8 +16,8 @@ from vinefab.fabrication.findings_picture import (
     listed,
 )
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.finding import CheckReport, Finding, Severity
+from vinefab.model.laser import read_profile
 from vinefab.pages.page_files import page_png, page_svg
 from vinefab.pages.panel import fitted, rgb, text_width
 

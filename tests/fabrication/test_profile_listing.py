@@ -7,8 +7,8 @@ from vinefab.fabrication.profile_listing import (
     ProfileNumbers,
     kind_of,
 )
-from vinefab.model.files.profile_toml import read_material, read_profile
 from vinefab.model.files.shipped import USER_VARIABLE, names, shipped_root
+from vinefab.model.laser import read_material, read_profile
 
 RECIPE = "co2_60w__stretchlon_200"
 

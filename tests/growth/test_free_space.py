@@ -12,8 +12,8 @@ from vinefab.growth import free_space as freespace
 from vinefab.growth.free_space import free_space
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
+from vinefab.maps.passages import without_notches
 from vinefab.model.map import Map
-from vinefab.model.rings import without_notches
 
 
 def subtracted(world, grid_mm):

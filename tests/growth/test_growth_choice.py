@@ -6,8 +6,7 @@ import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text, trained_growth
-from vinefab.model.design import Build, Design
-from vinefab.model.files.design_toml import design_text
+from vinefab.model.design import Build, Design, design_text
 
 VINE = Design(name="vine", trunk_length_mm=100.0, build=Build.standard(1))
 

@@ -9,8 +9,8 @@ from vinefab.inflation.law import FANS, LEAST_LENGTH, fan_law, quick_pattern
 from vinefab.inflation.pattern import pattern_of
 from vinefab.inflation.table import flat_fan
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.laser import read_profile
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 
 PROFILE = read_profile(DEFAULT_RECIPE)

@@ -8,7 +8,7 @@ from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.inflation.pattern import pattern_of, strain_of
 from vinefab.inflation.robot import inflated_robot
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import read_profile
 
 
 def drawn_robot(number, large):

@@ -23,8 +23,7 @@ import numpy as np
 import shapely
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.files.map_geojson import map_text
-from vinefab.model.map import Map, Pose, Start
+from vinefab.model.map import Map, Pose, Start, map_text
 
 ROOT = Path(__file__).resolve().parents[2]
 START = Start(pose=Pose.of((152, 132, 2)), spread_heading_rad=math.radians(10.0))

@@ -14,7 +14,7 @@ import shapely
 from PIL import Image
 from scipy import ndimage
 
-from vinefab.model.corner_marker import MARKER_CELLS, MARKER_SIDE_CELLS, corner_markers
+from vinefab.model.map import MARKER_CELLS, MARKER_SIDE_CELLS, corner_markers
 from vinefab.physics.tube import inflated_radius_mm
 
 CELL_MM = 0.5

@@ -15,7 +15,7 @@ from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.fabrication.calibration.coupon_results import JointReading, read_results
 from vinefab.fabrication.calibration.coupons import joint_coupon, joint_tables
 from vinefab.inflation.pattern import standing_of
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import read_profile
 from vinefab.observation.joint_angles import joint_angle_deg
 
 GAIN = 0.6

@@ -20,10 +20,9 @@ from vinefab.core.errors import BadInputError
 from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.contacts import read_contacts
-from vinefab.model.corner_marker import corner_markers
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.map import Map, Pose, Start
+from vinefab.model.map import Map, Pose, Start, corner_markers
 from vinefab.observation.beside_prediction import distance_mm
 from vinefab.observation.observe_photo import PhotoSetup, observe_photo
 from vinefab.photos.photo import read_photo

@@ -17,7 +17,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from vinefab.growth.terrain import Terrain
-from vinefab.model.corner_marker import MARKER_CELLS, MARKER_SIDE_CELLS, corner_markers
+from vinefab.model.map import MARKER_CELLS, MARKER_SIDE_CELLS, corner_markers
 from vinefab.model.tree import branch_tree
 from vinefab.physics.tube import inflated_radius_mm
 

@@ -11,13 +11,13 @@ from scipy.spatial.transform import Rotation
 from shapely import box
 
 from vinefab.core.validation import Floats
-from vinefab.model.corner_marker import (
+from vinefab.model.map import (
     MARKER_CELLS,
     MARKER_SIDE_CELLS,
     CornerMarker,
+    Map,
     corner_markers,
 )
-from vinefab.model.map import Map
 from vinefab.photos.photo import Photo
 
 

@@ -26,8 +26,7 @@ from tests.photos.measure_walls import BRICK, TABLE, scattered
 from vinefab.core.errors import VinefabError
 from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.model.corner_marker import corner_markers
-from vinefab.model.map import Map
+from vinefab.model.map import Map, corner_markers
 from vinefab.photos.photo_camera import projected
 
 BLURS_PX = (0.0, 0.7, 1.0, 1.5, 2.0, 3.0)

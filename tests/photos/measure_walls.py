@@ -22,8 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from tests.photos.conftest import Floor, TrueCamera, light_of
 from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.model.corner_marker import CornerMarker, corner_markers
-from vinefab.model.map import Map
+from vinefab.model.map import CornerMarker, Map, corner_markers
 from vinefab.photos.photo_camera import projected
 
 BRICK = (60, 40, 40)

@@ -6,8 +6,7 @@ import pytest
 from shapely import box
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.corner_marker import CornerMarker, corner_markers
-from vinefab.model.map import Map
+from vinefab.model.map import CornerMarker, Map, corner_markers
 from vinefab.photos.found_markers import find_markers, marker_points, marker_spread
 from vinefab.photos.photo import Photo
 from vinefab.photos.photo_camera import ControlPoints, projected

@@ -6,8 +6,8 @@ import shapely
 
 from vinefab.core.view import document
 from vinefab.model.design import Build, Design, Pouch
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.laser import read_profile
 from vinefab.model.map import Map, Pose, Start
 from vinefab.prediction.anchoring_prediction import (
     AnchoringPrediction,

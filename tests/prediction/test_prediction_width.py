@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vinefab.core.limits import rad
 from vinefab.core.rng import child
 from vinefab.core.statistics import PAIRED_TAILS, mean_interval
-from vinefab.core.units import rad
 from vinefab.core.view import document
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.model.design import Build, Design

@@ -15,9 +15,9 @@ from vinefab.fabrication.pieces.partition import pieces_of
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design, PieceSettings
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport
+from vinefab.model.laser import read_profile
 from vinefab.model.target import Target, TargetsResult
 from vinefab.prediction import run_winner
 from vinefab.prediction.run_winner import EndedRun, run_blocks, run_in_folder, write_run_page

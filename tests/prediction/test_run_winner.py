@@ -10,8 +10,7 @@ import pytest
 from vinefab.core.errors import BadInputError
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.files.map_geojson import map_text
-from vinefab.model.map import Pose, Start
+from vinefab.model.map import Pose, Start, map_text
 from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task, unseen_maps
 from vinefab.prediction.run_winner import (
     predict_winner,

@@ -11,7 +11,7 @@ from shapely import box
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Build, Design, Level, PieceSettings
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import read_profile
 from vinefab.model.map import Map, Pose, Start
 from vinefab.prediction.comparison import compare_designs
 from vinefab.prediction.family_deployments import (

@@ -15,7 +15,7 @@ from vinefab.core.rng import child
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import read_profile
 from vinefab.prediction.fix_proposal import propose_fix
 from vinefab.search.fix import DesignChange, parsed_keeps
 

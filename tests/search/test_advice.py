@@ -10,9 +10,8 @@ from tests.search.target_cases import SPACE, cases, thick_film
 from vinefab.fabrication.checking import subject_of
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.model.design import Design, Level
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.finding import Finding, Severity
-from vinefab.model.laser import Quantity, Standing
+from vinefab.model.laser import Quantity, Standing, read_profile
 from vinefab.search.advice import (
     FAILED,
     BestCheck,

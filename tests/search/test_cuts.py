@@ -9,8 +9,8 @@ import pytest
 from tests.oracles.quick_cuts import PieceLimits, _TreeCuts
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.model.design import Design, Level, PieceSettings
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.laser import read_profile
 from vinefab.search.penalty_batch import MOST_PIECE_BRANCHES, PenaltyRules
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
 

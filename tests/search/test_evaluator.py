@@ -16,8 +16,8 @@ from vinefab.core.errors import BadInputError
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import PieceSettings
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.laser import read_profile
 from vinefab.search.evaluator import (
     INVALID_FITNESS,
     Evaluations,

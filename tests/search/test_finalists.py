@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.search.conftest import made_generation, optimize
 from vinefab.core.errors import BadInputError
-from vinefab.core.units import rad
+from vinefab.core.limits import rad
 from vinefab.growth.options import CONTACT_ANGLES_DEG
 from vinefab.model.design import Design
 from vinefab.model.map import Pose, Start

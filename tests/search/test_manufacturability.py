@@ -9,9 +9,8 @@ import pytest
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.checking import check_design
 from vinefab.model.design import Build, Design, Level, Pouch, Waiver
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.model.laser import Quantity, Standing
+from vinefab.model.laser import Quantity, Standing, read_profile
 from vinefab.search.evaluator import FullCheck
 from vinefab.search.manufacturability import (
     ManufacturabilityPenalty,

@@ -11,8 +11,8 @@ from vinefab.core.rng import child
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design, Level, default_fillets_mm
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.finding import Severity
+from vinefab.model.laser import read_profile
 from vinefab.search.penalty_batch import PenaltyRules
 
 Make = Callable[..., Design]

@@ -26,9 +26,8 @@ from vinefab.model.design import (
     Pouch,
     default_fillets_mm,
 )
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.model.laser import Quantity, Standing
+from vinefab.model.laser import Quantity, Standing, read_profile
 from vinefab.search.evaluator import SpacePenalty
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.penalty_batch import (

@@ -19,15 +19,14 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from vinefab.core.atomic import write_text
-from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import json_text
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.pieces.partition import partition_of
-from vinefab.model.design import Design, PieceSettings
-from vinefab.model.files.design_toml import design_text
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.design import Design, PieceSettings, design_text
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.laser import read_profile
 from vinefab.search.run import Search, fresh_maps, generated_maps, penalty_of
 from vinefab.search.settings import PartSettings, RunSettings, read_run
 from vinefab.studies.optimizer_contest import FIRST_CONTEST_SEED

@@ -12,8 +12,7 @@ from vinefab.core.statistics import PAIRED_TAILS, mean_interval
 from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps import generate
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_content
+from vinefab.model.design import Design, design_content
 from vinefab.model.map import Map, Pose, Start
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.studio import family_answers as panel

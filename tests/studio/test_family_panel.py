@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tests.studio.test_family_answers import heat_share
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_content
+from vinefab.model.design import Design, design_content
 from vinefab.studio.executors import answer_of
 from vinefab.studio.snapshot import snapshot_html
 

@@ -11,13 +11,11 @@ import pytest
 
 from vinefab.cli.main import main
 from vinefab.core.errors import VinefabError
-from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import GENERATOR
 from vinefab.core.view import Answer
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_content, design_text
-from vinefab.model.files.map_geojson import map_text
-from vinefab.model.map import Pose
+from vinefab.model.design import Design, design_content, design_text
+from vinefab.model.map import Pose, map_text
 from vinefab.studio.file_exports import EXPORTS, _world, export_answer
 from vinefab.studio.state import StudioState
 from vinefab.studio.workspace import LaunchOptions, StudioWorkspace

@@ -17,13 +17,12 @@ from vinefab.core.errors import (
     UnreadableFileError,
     VinefabError,
 )
-from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import GENERATOR
 from vinefab.maps import generate
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_content, design_text
-from vinefab.model.files.map_geojson import map_text
+from vinefab.model.design import Design, design_content, design_text
 from vinefab.model.files.run_context import RunRecipe, recipe_digest
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
+from vinefab.model.map import map_text
 from vinefab.studio.file_store import FILE_REQUESTS, MOST_AUTOSAVES, FileStore, autosave_folder
 
 MINE = """\

@@ -5,8 +5,8 @@ import time
 import pytest
 
 from vinefab.maps import generate
-from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
+from vinefab.model.map import map_text
 
 MINE = """\
 # by hand

@@ -9,8 +9,7 @@ import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.growth.batch import grow_on
-from vinefab.model.design import Build, Design, Level, design_of
-from vinefab.model.files.design_toml import design_content
+from vinefab.model.design import Build, Design, Level, design_content, design_of
 from vinefab.prediction.deploy import deploy
 from vinefab.studio.live_answers import front_answer, grown, live_answer, prepared_map, tip_answer
 from vinefab.studio.state import Frame, StudioState

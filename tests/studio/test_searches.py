@@ -13,8 +13,7 @@ import pytest
 
 from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError
-from vinefab.model.design import Design, design_of
-from vinefab.model.files.design_toml import design_content, design_text
+from vinefab.model.design import Design, design_content, design_of, design_text
 from vinefab.model.files.shipped import locate
 from vinefab.search.record.generations import Generation
 from vinefab.search.record.result import RunArchive

@@ -8,8 +8,7 @@ import pytest
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication import checking
 from vinefab.fabrication.checking import check_design
-from vinefab.model.design import Build, Design, Level, default_fillets_mm, design_of
-from vinefab.model.files.design_toml import design_content
+from vinefab.model.design import Build, Design, Level, default_fillets_mm, design_content, design_of
 from vinefab.prediction.deploy import deploy
 from vinefab.studio.sheet_answers import fix_answer, kept_kinds, rules_answer
 from vinefab.studio.state import PAGE, StudioState

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from vinefab.core.errors import VinefabError
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_content
-from vinefab.model.files.map_geojson import map_text
+from vinefab.model.design import Design, design_content
+from vinefab.model.map import map_text
 from vinefab.studio.executors import answer_of
 from vinefab.studio.snapshot import (
     SnapshotOptions,

@@ -11,9 +11,8 @@ import pytest
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.table import declared_keys, inner_table
 from vinefab.maps import grid
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_content
-from vinefab.model.files.map_geojson import map_text
+from vinefab.model.design import Design, design_content
+from vinefab.model.map import map_text
 from vinefab.studio.executors import PANELS, answer_of
 from vinefab.studio.file_store import FileStore
 from vinefab.studio.state import StudioState, design_form, world_of

@@ -19,8 +19,8 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level, Pouch
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.laser import read_profile
 from vinefab.model.map import Map, Pose
 from vinefab.physics.anchoring import (
     amplification_interval,

@@ -127,7 +127,7 @@ def with_origin(
 
 def folder_to_write(key: str, out: str | PathLike[str], mark: str, *, force: bool) -> Path:
     """Return the folder to fill, once it may be; name the remains next to it from a killed run."""
-    from vinefab.core.replacement import moved_aside
+    from vinefab.core.atomic import moved_aside
 
     folder = as_path(key, out)
     ensure_own_folder(folder, mark, force=force)
@@ -380,7 +380,7 @@ def task_of(task: str | Task, parameters: Mapping[str, object]) -> Task:
 
 
 def _document(schema: str, content: Mapping[str, object]) -> str:
-    from vinefab.core.jsontext import json_text
+    from vinefab.core.plain_text import json_text
 
     return json_text(schema, content)
 

@@ -216,7 +216,7 @@ def fix(
     """
     from dataclasses import replace
 
-    from vinefab.model.files.design_toml import design_text
+    from vinefab.model.design import design_text
     from vinefab.prediction.fix_proposal import propose_fix, score_change_lines
     from vinefab.search.fix import parsed_keeps
 
@@ -466,7 +466,7 @@ def calibrate(
     from vinefab.fabrication.calibration.coupon_results import read_results
     from vinefab.fabrication.calibration.fit_recipe import calibrated_recipe, fitted_recipe
     from vinefab.model.contacts import contacts_with
-    from vinefab.model.files.profile_toml import read_profile
+    from vinefab.model.laser import read_profile
 
     path, table = as_path("out", out), as_path("results", results)
     ensure_writable(path, force=force)

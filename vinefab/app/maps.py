@@ -173,7 +173,7 @@ def start(
     0.0
     """
     from vinefab.core.errors import BadInputError
-    from vinefab.model.start_place import START_WAYS
+    from vinefab.model.start import START_WAYS
 
     if not as_starts(start):
         raise BadInputError("start", None, START_WAYS)
@@ -290,7 +290,7 @@ def import_(
     from vinefab.maps.importers.import_options import PHOTO_SUFFIXES, ImportOptions
     from vinefab.maps.importers.importers import import_map, import_suffixes
     from vinefab.model.map import Start
-    from vinefab.model.start_place import start_given
+    from vinefab.model.start import start_given
 
     source = as_path("path", path, f"a file ending in {', '.join(import_suffixes())}")
     for name, file in (("out", out), ("preview", preview)):

@@ -16,7 +16,6 @@ from vinefab.app.verbs import GROUPS, HELP, OLDER, PER_NAME, VERBS
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.errors import ExportRefusedError, VinefabError, shortened
 from vinefab.core.plain_text import visible
-from vinefab.core.progress_lines import progress_in_lines
 from vinefab.core.verbs import (
     SHELL,
     Force,
@@ -26,6 +25,7 @@ from vinefab.core.verbs import (
     described,
     field_options,
     options_of,
+    progress_in_lines,
     shell_examples,
 )
 from vinefab.model.inputs import MAP_SUFFIXES

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from vinefab.app.verbs import GROUPS, VERBS
-from vinefab.core.version import __version__
+from vinefab.core import __version__
 
 if TYPE_CHECKING:
     from vinefab.cli.commands import Command

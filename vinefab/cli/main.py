@@ -13,6 +13,7 @@ from io import TextIOWrapper
 from tempfile import NamedTemporaryFile
 from traceback import format_exception
 
+from vinefab.core import __version__
 from vinefab.core.errors import (
     ExportRefusedError,
     InterruptedRunError,
@@ -22,7 +23,6 @@ from vinefab.core.errors import (
 )
 from vinefab.core.interruption import StopRequest, stop_requests, stop_with_input
 from vinefab.core.plain_text import visible
-from vinefab.core.version import __version__
 
 _MOST_LETTERS = 2_000  # of a line that names an error
 EXIT_FINDINGS = 1

@@ -1,7 +1,11 @@
 """Foundations that know nothing of robots; every room may use them.
 
-``errors``, ``registry`` (named parts and plug-ins), ``validation`` (checks and read-only arrays),
-``units``, ``rng`` (seeded generators), ``statistics``, ``compiling`` (numba), ``jsontext``,
-``hashing`` (digests, manifests, marks of files), ``atomic`` (safe writing, locks of folders) and
-``bounded`` (foreign files under limits).
+``errors``, ``registry`` (named parts and plug-ins), ``limits`` (numbers within limits, angles),
+``validation`` (arrays, read-only), ``rng`` (seeded generators), ``statistics``, ``compiling``
+(numba), ``plain_text`` (words and JSON), ``hashing`` (digests, manifests, marks of files),
+``atomic`` (safe writing of files and folders, locks), ``bounded`` (foreign files under limits),
+``table`` (declared tables), ``verbs`` (public functions, their progress) and ``view`` (results).
 """
+
+__version__ = "0.1.0"
+"""Here, where every room may read it: the top of the package sees all rooms."""

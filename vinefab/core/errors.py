@@ -212,6 +212,16 @@ def located(source: str | Path) -> Iterator[None]:
         raise error.at(source) from error
 
 
+@contextmanager
+def inside(table: str) -> Iterator[None]:
+    """Put the key of a table before the keys of the wrong values that a block finds in it."""
+    try:
+        yield
+    except BadInputError as error:
+        key = f"{table}.{error.key}"
+        raise BadInputError(key, error.value, error.allowed, error.source) from error
+
+
 class _NotShown:
     """Stands for a value that a message leaves out."""
 

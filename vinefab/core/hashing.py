@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from enum import Enum
 from pathlib import Path
 
-from vinefab.core.jsontext import GENERATOR, OWN_MARK
+from vinefab.core.plain_text import GENERATOR, OWN_MARK
 
 
 def sha256_of(data: bytes) -> str:

@@ -1,4 +1,14 @@
-"""Texts of users as files and terminals take them: nothing in them is obeyed."""
+"""Texts: of users, in which nothing is obeyed, words with counts, and JSON.
+
+JSON as vinefab writes it is deterministic, without NaN; numpy values are allowed.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from vinefab.core import __version__
 
 
 def visible(text: str) -> str:
@@ -37,3 +47,33 @@ def counted(count: int, noun: str) -> str:
     if noun.endswith("y") and noun[-2:-1] not in "aeiou":
         return f"{count} {noun[:-1]}ies"
     return f"{count} {noun}s"
+
+
+OWN_MARK = b"written by vinefab"
+GENERATOR = f"{OWN_MARK.decode()} {__version__}"
+"""The mark of files that vinefab wrote (see `vinefab.core.atomic`)."""
+
+
+def json_text(schema: str, content: Mapping[str, object]) -> str:
+    """Return a document with its schema and generator first, keys in the order given."""
+    document = {"schema": schema, "generator": GENERATOR, **content}
+    return json.dumps(document, indent=1, allow_nan=False, default=plain) + "\n"
+
+
+def rounded(value: Any, digits: int) -> Any:  # noqa: ANN401  any plain value
+    """Return a value with its numbers, also those in tables and lists, rounded; None for NaN."""
+    if isinstance(value, float):
+        # Adding 0 turns a rounded -0.0 into 0.0.
+        return round(value, digits) + 0.0 if math.isfinite(value) else None
+    if isinstance(value, list | tuple):
+        return [rounded(one, digits) for one in value]
+    if isinstance(value, Mapping):
+        return {key: rounded(one, digits) for key, one in value.items()}
+    return value
+
+
+def plain(value: object) -> object:
+    """Return a numpy scalar or array as plain Python values."""
+    if type(value).__module__ == "numpy":  # not loaded for its own sake
+        return value.tolist()  # type: ignore[attr-defined]
+    raise TypeError(f"{type(value).__name__} has no JSON form")

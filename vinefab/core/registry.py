@@ -14,6 +14,7 @@ from vinefab.core.errors import (
     BrokenPluginError,
     UnknownNameError,
     VinefabError,
+    inside,
     nearest,
 )
 from vinefab.core.limits import plain_number
@@ -187,10 +188,8 @@ def with_parameters(part: Callable[..., T], key: str, parameters: Mapping[str, o
         from vinefab.core.table import validated  # noqa: PLC0415  it is loaded by now
 
         plain = {name: plain_number(value) for name, value in parameters.items()}
-        try:
+        with inside(key):
             return cast("T", validated(part, plain))
-        except BadInputError as error:
-            raise BadInputError(f"{key}.{error.key}", error.value, error.allowed) from error
     known = {field.name: field.default for field in fields(part)} if is_dataclass(part) else {}
     values = {}
     for name, value in parameters.items():

@@ -22,9 +22,9 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 from typing_extensions import Doc
 
+from vinefab.core import __version__
 from vinefab.core.errors import BadInputError, nearest
 from vinefab.core.limits import plain_number
-from vinefab.core.version import __version__
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass

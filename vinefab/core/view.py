@@ -17,8 +17,7 @@ from typing import Any, ClassVar, Literal
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
-from vinefab.core.jsontext import json_text
-from vinefab.core.plain_text import counted, visible
+from vinefab.core.plain_text import counted, json_text, visible
 
 NO_INTERVAL = "no interval"
 

@@ -11,10 +11,16 @@ from vinefab.fabrication.package.job_json import (
     fluence_mj_mm2,
     operation_energy_mj_mm,
 )
-from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
 from vinefab.model.files.shipped import existing_file, locate, names, user_names, user_root
 from vinefab.model.files.toml import read_toml
-from vinefab.model.laser import Quantity, SealerSettings, quantities
+from vinefab.model.laser import (
+    Quantity,
+    SealerSettings,
+    quantities,
+    read_machine,
+    read_material,
+    read_profile,
+)
 
 PROFILE_KINDS = ("machine", "material", "recipe")
 

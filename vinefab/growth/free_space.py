@@ -10,8 +10,8 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import Ints32, WallArrays
+from vinefab.maps.passages import Rings, linked, rings_of, without_notches
 from vinefab.model.map import Map
-from vinefab.model.rings import Rings, linked, rings_of, without_notches
 
 Shapes = NDArray[np.object_]
 

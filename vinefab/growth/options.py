@@ -11,8 +11,8 @@ from pydantic import BeforeValidator, Field, model_validator
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, UnknownNameError, located, nearest
+from vinefab.core.limits import deg, rad
 from vinefab.core.table import LATER, LaterThan, Slider, Table, declared_keys
-from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber, contacts_of
 from vinefab.model.design import ORIGIN_GROWTH, Design, UnevenLevel

@@ -11,7 +11,7 @@ What other rooms use:
   places.
 
 ``cleanup`` serves the importers only. Files of vinefab's own maps are read and written by
-``vinefab.model.files.map_geojson``.
+``vinefab.model.map``.
 
 Public functions (``import vinefab as vf``): a function for every registered environment, as
 ``vf.maps.grid(seed=3)``, ``generate`` (any environment by name), ``read``, ``import_``, ``start``

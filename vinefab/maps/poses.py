@@ -14,7 +14,7 @@ from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, number, whole
 from vinefab.model.map import Map, Pose, Start
-from vinefab.model.start_place import area_notes, start_pieces
+from vinefab.model.start import area_notes, start_pieces
 
 _STREAM = 1201
 _TRIES = 1000

@@ -11,8 +11,7 @@ from pydantic import Field, model_validator
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.jsontext import GENERATOR
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.table import LATER, Table, validated
 from vinefab.core.validation import number
 from vinefab.model.files.shipped import locate

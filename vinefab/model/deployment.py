@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
-from vinefab.core.jsontext import json_text
-from vinefab.core.plain_text import counted
-from vinefab.core.units import deg
+from vinefab.core.limits import deg
+from vinefab.core.plain_text import counted, json_text
 from vinefab.core.validation import Floats, Ints
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose

@@ -14,20 +14,20 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
 
+import tomli_w
 from annotated_types import Interval, Unit
 from pydantic import Field, model_validator
 from typing_extensions import Doc
 
 from vinefab.core.atomic import write_text
-from vinefab.core.errors import BadInputError, located
+from vinefab.core.errors import BadInputError, inside, located
 from vinefab.core.front_door import front_door
-from vinefab.core.plain_text import counted
+from vinefab.core.limits import file_number, rad
+from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.table import LATER, Slider, Table, validated
-from vinefab.core.units import file_number, rad
 from vinefab.core.validation import LARGEST_MM, SMALLEST, check_plain, number, whole
-from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.shipped import locate, path_given
-from vinefab.model.files.toml import read_toml
+from vinefab.model.files.toml import read_toml, table_content
 
 if TYPE_CHECKING:
     from vinefab.model.deployment import Deployment
@@ -591,10 +591,8 @@ class Design(Table):
             numbered = enumerate(self.levels, start=1)
             settled["levels"] = tuple(_scaled(one, scale, f"level[{n}]") for n, one in numbered)
             settled["scale_mm_per_unit"] = 1.0
-        try:
+        with inside("build"):
             settled["build"] = self.build.for_levels(self.depth)
-        except BadInputError as error:
-            raise BadInputError(f"build.{error.key}", error.value, error.allowed) from error
         settled["origin"] = MappingProxyType(dict(self.origin))
         frozen = {rule: MappingProxyType(dict(named)) for rule, named in self.limits.items()}
         settled["limits"] = MappingProxyType(frozen)
@@ -878,3 +876,23 @@ def _scaled(part: T, scale: float, key: str) -> T:
 def _with_one(values: tuple[float, ...], place: int, value: float | None) -> tuple[float, ...]:
     """Return values with one of them replaced, if it is given."""
     return values if value is None else (*values[:place], value, *values[place + 1 :])
+
+
+def design_content(design: "Design") -> dict[str, Any]:
+    """Return a design as tables and values of a design file; lengths are in millimetres."""
+    return table_content(design)
+
+
+def design_text(design: "Design") -> str:
+    """Return a design as the text of a design file; reading it gives the same design."""
+    content = table_content(design)
+    if not design.build.taper:
+        del content["build"]["taper"]
+    head = {key: value for key, value in content.items() if not isinstance(value, dict | list)}
+    blocks = [f"# {GENERATOR}\n{tomli_w.dumps(head)}"]
+    for name, value in content.items():
+        if isinstance(value, list):
+            blocks += [f"[[{name}]]\n{tomli_w.dumps(table)}" for table in value]
+        elif isinstance(value, dict) and value:
+            blocks.append(tomli_w.dumps({name: value}))
+    return "\n".join(blocks)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from vinefab.model.design import Design
     from vinefab.model.laser import LaserProfile
     from vinefab.model.map import Map, Pose, Start
-    from vinefab.model.start_place import StartPlace
+    from vinefab.model.start import StartPlace
     from vinefab.model.target import Target
 
 
@@ -315,8 +315,7 @@ def as_designs(given: "DesignsLike", key: str) -> "list[Design]":
 
 def as_recipe(given: "RecipeLike") -> "LaserProfile":
     """Return a laser profile, passed as such, or by its recipe's path or name."""
-    from vinefab.model.files.profile_toml import read_profile
-    from vinefab.model.laser import LaserProfile
+    from vinefab.model.laser import LaserProfile, read_profile
 
     if isinstance(given, LaserProfile):
         return given
@@ -330,7 +329,7 @@ def as_map(
     """Return a map, passed as such or by its path; with other starts and targets, if given."""
     from vinefab.model.files.shipped import existing_file
     from vinefab.model.map import Map
-    from vinefab.model.start_place import start_given, with_starts
+    from vinefab.model.start import start_given, with_starts
 
     if isinstance(given, Map):
         world = given

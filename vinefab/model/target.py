@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from shapely.geometry.base import BaseGeometry
 from typing_extensions import Doc
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, inside
 from vinefab.core.plain_text import counted
 from vinefab.core.table import Table, validated
 from vinefab.core.validation import LARGEST_MM, Floats, Ints
@@ -134,10 +134,8 @@ def _target(given: object, key: str) -> Target:
         content = {"point_mm": tuple(given)}
     if not isinstance(content, Mapping):
         raise BadInputError(key, given, '[x, y] in mm, or { name = "B", point_mm = [x, y] }')
-    try:
+    with inside(key):
         return validated(Target, content)
-    except BadInputError as error:
-        raise BadInputError(f"{key}.{error.key}", error.value, error.allowed) from error
 
 
 def _letters() -> Iterator[str]:

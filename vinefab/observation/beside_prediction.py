@@ -14,7 +14,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely import LineString
 
-from vinefab.core.units import deg
+from vinefab.core.limits import deg
 from vinefab.core.validation import Floats
 from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthChoice, GrowthOptions

@@ -18,7 +18,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely import LineString
 
-from vinefab.core.units import deg, rad
+from vinefab.core.limits import deg, rad
 from vinefab.core.validation import Floats
 from vinefab.growth.batch import grow_on
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions

@@ -22,8 +22,8 @@ import numpy as np
 import scipy  # its parts load at their first use
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.limits import rad
 from vinefab.core.plain_text import counted
-from vinefab.core.units import rad
 from vinefab.core.validation import Floats, number
 from vinefab.core.view import Answer, Block, Data, Fact, Facts, Notes, WrittenResult
 from vinefab.growth.batch import Batch, Launches, TerrainSet

@@ -18,9 +18,8 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.bounded import bounded
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
-from vinefab.core.jsontext import rounded
 from vinefab.core.limits import DEFAULT_MARKER_MM
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import counted, rounded
 from vinefab.core.table import TablePart, validated
 from vinefab.core.validation import Floats, number, whole
 from vinefab.core.view import (
@@ -39,15 +38,16 @@ from vinefab.core.view import (
 from vinefab.fabrication.calibration.coupon_results import JointReading
 from vinefab.growth.options import growth_text
 from vinefab.maps.importers.svg_drawing import Node, after, read_nodes, svg_outlines, transform
-from vinefab.model.corner_marker import (
-    DEFAULT_MARKER_GAP_MM,
-    CornerMarker,
-    corner_markers,
-)
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import read_text
-from vinefab.model.map import Map, Pose
+from vinefab.model.map import (
+    DEFAULT_MARKER_GAP_MM,
+    CornerMarker,
+    Map,
+    Pose,
+    corner_markers,
+)
 from vinefab.observation.beside_prediction import (
     NO_VERDICT,
     Compared,

@@ -22,8 +22,8 @@ from typing_extensions import Doc
 
 from vinefab.core.compiling import rebindable
 from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError, values_hidden
+from vinefab.core.limits import deg, rad
 from vinefab.core.table import TablePart, validated
-from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.growth.arrays import Growth, Launch, Rules, TreeArrays, WallArrays
 from vinefab.growth.engine import KERNEL, rules_of

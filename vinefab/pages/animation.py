@@ -19,7 +19,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import ROOMY_GENERATOR
-from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import GENERATOR
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import STUCK_STOPS, Deployment, Stop
 from vinefab.model.map import Map, Pose

@@ -11,8 +11,7 @@ from itertools import groupby
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from PIL import Image
 
-from vinefab.core.jsontext import GENERATOR
-from vinefab.core.plain_text import visible
+from vinefab.core.plain_text import GENERATOR, visible
 from vinefab.core.view import (
     PNG,
     Block,

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map
-from vinefab.model.start_place import pieces_on, start_range
+from vinefab.model.start import pieces_on, start_range
 
 Box = tuple[float, float, float, float]
 """Least x, least y, greatest x, greatest y, mm."""

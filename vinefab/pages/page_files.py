@@ -14,7 +14,7 @@ from PIL import Image, ImageChops, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
 from vinefab.core.hashing import ROOMY_GENERATOR
-from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import GENERATOR
 from vinefab.core.validation import Floats
 from vinefab.pages.panel import (
     MIDDLE,

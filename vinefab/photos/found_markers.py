@@ -13,7 +13,7 @@ from PIL import Image
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
-from vinefab.model.corner_marker import MARKER_SIDE_CELLS, CornerMarker
+from vinefab.model.map import MARKER_SIDE_CELLS, CornerMarker
 from vinefab.photos.photo import CAMERA_GAMMA, Photo
 from vinefab.photos.photo_camera import ControlPoints, fitted_homography, inverse, projected
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.units import STANDARD_GRAVITY_M_S2
+from vinefab.core.limits import STANDARD_GRAVITY_M_S2
 from vinefab.core.validation import Floats
 from vinefab.physics.growth_pressure import capstan_factor
 from vinefab.physics.seam import line_load_n_mm

@@ -8,7 +8,7 @@ the formulas: published, standard results. They hold while the hoop strain
 import math
 from typing import TypeVar
 
-from vinefab.core.units import STANDARD_GRAVITY_M_S2
+from vinefab.core.limits import STANDARD_GRAVITY_M_S2
 from vinefab.core.validation import Floats
 from vinefab.model.laser import Quantity, Standing
 from vinefab.physics.seam import N_MM2_PER_KPA

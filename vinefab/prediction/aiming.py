@@ -10,13 +10,11 @@ from functools import partial
 import numpy as np
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.jsontext import rounded
-from vinefab.core.limits import MOST_SEED
-from vinefab.core.plain_text import counted
+from vinefab.core.limits import MOST_SEED, deg, rad
+from vinefab.core.plain_text import counted, rounded
 from vinefab.core.registry import parameter_values
 from vinefab.core.rng import child
 from vinefab.core.statistics import PAIRED_TAILS, mean_interval
-from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number, whole
 from vinefab.core.view import (
     Answer,

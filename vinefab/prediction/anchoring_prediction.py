@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from vinefab.core.jsontext import rounded
+from vinefab.core.plain_text import rounded
 from vinefab.core.validation import Floats
 from vinefab.core.view import Data, Fact, Number, Rows, Section
 from vinefab.model.design import Design

@@ -13,10 +13,9 @@ import shapely
 from shapely import LineString
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.limits import MOST_SEED
+from vinefab.core.limits import MOST_SEED, deg, rad
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
-from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, whole
 from vinefab.core.view import Data, Number, Picture, Rows, Section, document
 from vinefab.growth.batch import GROWTHS_PER_CALL, Batch, Launches, TerrainSet

@@ -8,8 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError, VinefabError
-from vinefab.core.jsontext import GENERATOR, rounded
-from vinefab.core.plain_text import counted, one_line
+from vinefab.core.plain_text import GENERATOR, counted, one_line, rounded
 from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import (
     Answer,

@@ -31,10 +31,9 @@ from vinefab.core.view import (
 )
 from vinefab.growth.free_space import MANY_NOTCHES, NOTCH_SHARE, shrunk_piecewise
 from vinefab.growth.terrain import Terrain
-from vinefab.maps.passages import Passage, narrow_passages
+from vinefab.maps.passages import Passage, narrow_passages, without_notches
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose
-from vinefab.model.rings import without_notches
 from vinefab.pages.map_view import UNSEEN_DETAIL
 from vinefab.pages.panel import (
     ALERT,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.units import deg, rad
+from vinefab.core.limits import deg, rad
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import Batch, BlockMapper, GrowthBlock, Launches, TerrainSet, Workspace
 from vinefab.growth.free_space import beside_walls
@@ -25,7 +25,7 @@ from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
-from vinefab.model.start_place import start_from, start_pieces, with_starts
+from vinefab.model.start import start_from, start_pieces, with_starts
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.task import Task, outcomes
@@ -289,7 +289,7 @@ class BaseRegion:
         Parameters
         ----------
         where
-            One of `WHERE`, or a start as text, see `vinefab.model.start_place`.
+            One of `WHERE`, or a start as text, see `vinefab.model.start`.
 
         Raises
         ------

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import shapely
 
+from vinefab.core.limits import rad
 from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.statistics import PAIRED_TAILS
-from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.growth.batch import Batch, GrowthBlock, Launches, Workspace

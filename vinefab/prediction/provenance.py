@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 
 from vinefab.core.hashing import sha256_of
-from vinefab.core.units import deg
+from vinefab.core.limits import deg
 from vinefab.core.view import Origin
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.contacts import MeasuredNumber
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_text
+from vinefab.model.design import Design, design_text
 from vinefab.model.files.run_context import RunContext
 from vinefab.model.laser import LaserProfile, Quantity, Standing
 from vinefab.physics.anchoring import ASSUMED_FRICTION

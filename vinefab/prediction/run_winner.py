@@ -14,9 +14,8 @@ import numpy as np
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError, VinefabError
-from vinefab.core.jsontext import rounded
-from vinefab.core.plain_text import counted
-from vinefab.core.units import rad
+from vinefab.core.limits import rad
+from vinefab.core.plain_text import counted, rounded
 from vinefab.core.validation import Floats
 from vinefab.core.view import Answer, Block, Fact, Facts, Number, Picture, Rows, Section
 from vinefab.fabrication.checking import check_design
@@ -35,7 +34,7 @@ from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
 from vinefab.model.score import FAILED_PERCENT, HARDLY_GROWN, NOTHING_TOUCHED, Failures
-from vinefab.model.start_place import StartPlace, start_text, with_starts
+from vinefab.model.start import StartPlace, start_text, with_starts
 from vinefab.pages.html import page
 from vinefab.pages.map_view import STOP_WORDS
 from vinefab.pages.page_files import page_svg

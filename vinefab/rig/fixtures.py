@@ -28,17 +28,18 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.units import deg
+from vinefab.core.limits import deg
 from vinefab.core.validation import Floats
-from vinefab.model.corner_marker import (
+from vinefab.model.design import Design
+from vinefab.model.map import (
     DEFAULT_MARKER_GAP_MM,
     MARKER_CELLS,
     MARKER_SIDE_CELLS,
     CornerMarker,
+    Map,
+    Start,
     corner_markers,
 )
-from vinefab.model.design import Design
-from vinefab.model.map import Map, Start
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.rig.part import Mesh, Rig, RigPart, mesh_problems
 from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions

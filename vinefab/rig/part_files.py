@@ -17,8 +17,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
-from vinefab.core.jsontext import GENERATOR
-from vinefab.core.plain_text import agreeing, counted, one_line
+from vinefab.core.plain_text import GENERATOR, agreeing, counted, one_line
 from vinefab.core.registry import Registry
 from vinefab.core.validation import Floats, Ints
 from vinefab.rig.part import Mesh, Rig, RigPart, mesh_problems

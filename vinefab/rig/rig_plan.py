@@ -22,7 +22,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map, Start
-from vinefab.model.start_place import start_pieces
+from vinefab.model.start import start_pieces
 from vinefab.rig.part import ThinPlace
 from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
 

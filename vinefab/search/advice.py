@@ -27,9 +27,9 @@ from vinefab.fabrication.rules.spacing import RotatedSpan
 from vinefab.fabrication.rules.tree_rules import CLAMP, PACKING
 from vinefab.growth.batch import grow_on
 from vinefab.model.design import DEFAULT_TRUNK_WIDTH_MM, Design, Level, PieceSettings
-from vinefab.model.files.profile_toml import profile_files
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import Finding
+from vinefab.model.laser import profile_files
 from vinefab.model.map import Pose
 from vinefab.search.evaluator import Evaluator
 from vinefab.search.manufacturability import (

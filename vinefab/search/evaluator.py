@@ -31,7 +31,7 @@ from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.finding import Finding
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.model.start_place import share_around
+from vinefab.model.start import share_around
 from vinefab.search.design_batch import DesignBatch, planned_batch
 from vinefab.search.penalty_batch import BatchPenalty
 from vinefab.search.settings import (

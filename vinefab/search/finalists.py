@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.limits import rad
 from vinefab.core.rng import child
-from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.map import Map

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.units import deg
+from vinefab.core.limits import deg
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import bare_sheet_mm, taken_mm
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits

@@ -37,10 +37,9 @@ from vinefab.fabrication.rules.tree_rules import (
 )
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import MOST_BRANCHES, Design
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import Finding
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, read_profile
 from vinefab.model.tree import branch_tree
 from vinefab.physics.growth_pressure import planned_growth_kpa
 from vinefab.search.penalty_batch import BatchPenalty, PenaltyRules

@@ -23,7 +23,7 @@ from vinefab.model.files.run_context import RunRecipe
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
-from vinefab.model.start_place import with_starts
+from vinefab.model.start import with_starts
 from vinefab.model.target import out_of_reach
 from vinefab.search.advice import BestCheck, refuse_starts_without_room, rules_broken, without_rules
 from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Ledger, Penalty

@@ -20,8 +20,7 @@ from vinefab.core.errors import (
     InterruptedRunError,
     UnreadableFileError,
 )
-from vinefab.core.jsontext import json_text
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import counted, json_text
 from vinefab.core.validation import Floats
 from vinefab.core.view import (
     Answer,
@@ -42,8 +41,7 @@ from vinefab.core.view import (
 )
 from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_text
+from vinefab.model.design import Design, design_text
 from vinefab.model.files.run_context import RunContext
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map

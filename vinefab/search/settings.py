@@ -30,7 +30,7 @@ from vinefab.model.files.shipped import locate, names, user_names
 from vinefab.model.laser import OperationSettings, Recipe
 from vinefab.model.map import Start
 from vinefab.model.score import STANDARD_DEVIATION
-from vinefab.model.start_place import (
+from vinefab.model.start import (
     StartPlace,
     StartTable,
     start_from,

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from vinefab.core import __version__
 from vinefab.core.hashing import fingerprint
-from vinefab.core.units import rad
+from vinefab.core.limits import rad
 from vinefab.core.validation import Floats
-from vinefab.core.version import __version__
 from vinefab.core.view import Picture
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import PieceSettings, Pouch
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.laser import read_profile
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings

@@ -18,7 +18,7 @@ import numpy as np
 
 from vinefab.core.atomic import write_text
 from vinefab.core.compiling import rebindable
-from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import json_text
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import Block, Notes, Number, Rows, Value
@@ -32,10 +32,9 @@ from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.poses import draw_poses
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.files.map_geojson import map_text
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.model.map import Map, Pose
+from vinefab.model.laser import read_profile
+from vinefab.model.map import Map, Pose, map_text
 from vinefab.model.tree import branch_tree
 from vinefab.search.dask_cluster import HandingOut, Pace, point_weights
 from vinefab.search.evaluator import (

@@ -9,9 +9,9 @@ import numpy as np
 import shapely
 from scipy.sparse.csgraph import connected_components
 
+from vinefab.core import __version__
 from vinefab.core.hashing import fingerprint
 from vinefab.core.validation import Floats
-from vinefab.core.version import __version__
 from vinefab.core.view import Picture
 from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions

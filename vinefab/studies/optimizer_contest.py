@@ -15,8 +15,7 @@ import numpy as np
 from vinefab.core.atomic import ensure_writable, folder_to_fill
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
 from vinefab.core.hashing import fingerprint
-from vinefab.core.jsontext import GENERATOR, json_text
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import GENERATOR, counted, json_text
 from vinefab.core.statistics import LEVEL, SIGNIFICANT, mean_interval, mean_p
 from vinefab.core.validation import Floats, whole
 from vinefab.core.view import Block, Number, Rows, Value

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import gaussian_kde
 
 from vinefab.core.errors import shortened
-from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import GENERATOR
 from vinefab.model.deployment import Deployment
 from vinefab.model.map import Map
 from vinefab.pages.charts import ends_of, series_colour

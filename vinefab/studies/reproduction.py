@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from vinefab.core.atomic import ensure_writable, write_text
-from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import json_text
 from vinefab.core.view import Answer, Block, Fact, Facts, Rows, Section
 from vinefab.pages.html import page
 from vinefab.search.record.identity import package_versions

@@ -17,13 +17,13 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
+from vinefab.core import __version__
 from vinefab.core.atomic import ensure_writable, is_ours, write_text
 from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileError
 from vinefab.core.hashing import fingerprint
-from vinefab.core.jsontext import json_text
-from vinefab.core.units import rad
+from vinefab.core.limits import rad
+from vinefab.core.plain_text import json_text
 from vinefab.core.validation import Floats
-from vinefab.core.version import __version__
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import DEFAULT_MOUNTING, Build, Design, Level, PieceSettings, Pouch
 from vinefab.model.map import Map

@@ -26,7 +26,7 @@ from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose, Start
-from vinefab.model.start_place import start_record
+from vinefab.model.start import start_record
 from vinefab.pages.panel import HEAT_COLOURS
 from vinefab.pages.plan import body_cells
 from vinefab.pages.plan_svg import ground_svg, robot_svg, view_box

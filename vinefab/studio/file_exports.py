@@ -24,13 +24,11 @@ from vinefab.core.validation import whole
 from vinefab.core.verbs import Call
 from vinefab.core.view import Block, plain_blocks
 from vinefab.growth.options import GrowthChoice, GrowthOptions
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_text
-from vinefab.model.files.map_geojson import map_text
+from vinefab.model.design import Design, design_text
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE, path_inside
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile, RecipeStatus
-from vinefab.model.map import Map, Pose, Start
+from vinefab.model.map import Map, Pose, Start, map_text
 from vinefab.studio.executors import Progress
 from vinefab.studio.snapshot import SnapshotOptions, write_snapshot
 from vinefab.studio.state import PAGE, StudioState, is_name, mapping_at

@@ -20,7 +20,7 @@ from threading import Lock
 from time import monotonic
 from typing import Any
 
-from vinefab.core.atomic import keep_aside, write_bytes
+from vinefab.core.atomic import PROTECTED, is_protected, keep_aside, write_bytes
 from vinefab.core.errors import (
     BadInputError,
     CannotWriteError,
@@ -29,16 +29,12 @@ from vinefab.core.errors import (
     located,
 )
 from vinefab.core.hashing import sha256_of
-from vinefab.core.jsontext import json_text
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import counted, json_text
 from vinefab.core.registry import parameter_values
-from vinefab.core.replacement import PROTECTED, is_protected
 from vinefab.core.validation import check_plain
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.design import Design, design_of
+from vinefab.model.design import Design, design_content, design_of, design_text
 from vinefab.model.files.design_edit import edited_text
-from vinefab.model.files.design_toml import design_content, design_text
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.run_context import ChosenRecipe, RunContext
 from vinefab.model.files.shipped import (
     KINDS,
@@ -53,6 +49,7 @@ from vinefab.model.files.shipped import (
     user_root,
 )
 from vinefab.model.files.toml import LARGEST_TOML_BYTES, toml_content
+from vinefab.model.laser import read_profile
 from vinefab.model.map import Map
 from vinefab.studio.state import PAGE, files_named_in, is_name, mapping_at
 from vinefab.tasks.shipped_tasks import TASKS

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from shapely import Point, Polygon
 
 from vinefab.core.errors import BadInputError, VinefabError
+from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted
-from vinefab.core.units import deg
 from vinefab.core.validation import LARGEST_MM, number
 from vinefab.growth.batch import grow_on
 from vinefab.growth.engine import Engine

@@ -10,16 +10,14 @@ from typing import Any
 import tomli_w
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.jsontext import GENERATOR
-from vinefab.core.plain_text import counted
+from vinefab.core.limits import deg
+from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.table import declared_keys
-from vinefab.core.units import deg
 from vinefab.core.validation import whole
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.design import MOST_LEVELS, Design, Level
-from vinefab.model.files.design_toml import design_content, design_text
-from vinefab.model.files.map_geojson import map_text
+from vinefab.model.design import MOST_LEVELS, Design, Level, design_content, design_text
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.map import map_text
 from vinefab.search.optimizers.optimizer import OPTIMIZERS
 from vinefab.search.space import COSTS, LIMITS, BuildSettings, SpaceSettings
 from vinefab.studio.state import PAGE, StudioState, label_of, texts_at

@@ -34,8 +34,7 @@ from vinefab.core.hashing import marked
 from vinefab.core.interruption import STOP_WITH_INPUT
 from vinefab.core.plain_text import counted, visible
 from vinefab.core.validation import Floats, check_plain
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_content
+from vinefab.model.design import Design, design_content
 from vinefab.model.files.shipped import path_inside
 from vinefab.model.score import Score
 from vinefab.search.advice import with_trunk_for_film

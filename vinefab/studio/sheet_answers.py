@@ -8,8 +8,8 @@ from functools import lru_cache
 from typing import Any
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted
-from vinefab.core.units import deg
 from vinefab.fabrication.checking import Deployed, checked_design, map_corridors
 from vinefab.fabrication.job.placement import LayoutPlacement
 from vinefab.fabrication.package.bom import BomLine, bill_of_materials, joint_lines
@@ -27,7 +27,7 @@ from vinefab.fabrication.rules.subject import Subject
 from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.inflation.pattern import pattern_of
-from vinefab.model.files.design_toml import design_content
+from vinefab.model.design import design_content
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile, Standing
 from vinefab.model.map import Map, Start

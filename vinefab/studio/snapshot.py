@@ -16,6 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from vinefab.core import __version__
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import (
     BadInputError,
@@ -24,12 +25,10 @@ from vinefab.core.errors import (
     UnreadableFileError,
 )
 from vinefab.core.hashing import marked
-from vinefab.core.jsontext import GENERATOR, plain
+from vinefab.core.plain_text import GENERATOR, plain
 from vinefab.core.validation import check_plain
-from vinefab.core.version import __version__
-from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.shipped import path_inside, read_bytes, read_text
-from vinefab.model.map import Map
+from vinefab.model.map import Map, map_text
 from vinefab.pages.plan_svg import legend_rows
 from vinefab.studio.executors import Progress, answer_of
 from vinefab.studio.live_answers import load_kernel

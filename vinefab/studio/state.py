@@ -25,9 +25,8 @@ from vinefab.core.validation import LARGEST_MM, SMALLEST, number, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import MOST_LEVELS, PER_LEVEL, Build, Design, design_of
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, path_given
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, read_profile
 from vinefab.model.map import Map, Pose
 from vinefab.model.target import targets_given
 from vinefab.prediction.deploy import as_grown

@@ -8,8 +8,8 @@ from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
+from vinefab.core import __version__
 from vinefab.core.errors import BadInputError, VinefabError
-from vinefab.core.version import __version__
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.pages.plan_svg import legend_rows
 from vinefab.studio.file_store import FILE_REQUESTS, Broadcast, FileStore

@@ -25,8 +25,8 @@ from vinefab.fabrication.calibration.coupons import (
     lap_pieces,
 )
 from vinefab.fabrication.job.passes import weldcut_offset_mm
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.job import Operation
+from vinefab.model.laser import read_profile
 from vinefab.model.outline import Part
 
 RECIPE = "co2_60w__stretchlon_200"

@@ -21,8 +21,7 @@ from vinefab.inflation.pattern import pattern_of
 from vinefab.inflation.robot import inflated_robot
 from vinefab.inflation.sheet import tube_stretch
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.files.profile_toml import profile_of, read_profile
-from vinefab.model.laser import Quantity, Standing
+from vinefab.model.laser import Quantity, Standing, profile_of, read_profile
 
 RECIPE = "co2_60w__stretchlon_200"
 MODULUS_MPA, PLY_MM = 30.0, 0.0375

@@ -9,8 +9,7 @@ import pytest
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.calibration.coupon_results import read_results
 from vinefab.fabrication.calibration.fit_recipe import fitted_recipe
-from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.laser import Quantity, RecipeStatus, Standing
+from vinefab.model.laser import Quantity, RecipeStatus, Standing, read_profile
 
 RECIPE = "co2_60w__stretchlon_200"
 OFFSET_MM = 0.55

@@ -19,7 +19,7 @@ from vinefab.fabrication.calibration.estimate import (
     mean_estimate,
 )
 from vinefab.fabrication.calibration.fit_recipe import calibrated_recipe, fitted_recipe
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import read_profile
 from vinefab.physics.growth_pressure import FITTED, growth_pressure_kpa
 
 BEFORE = {"growth": ("300", "600", "300 90 300", "300 90 300 90 300", "300 180 300", "900 90 100")}

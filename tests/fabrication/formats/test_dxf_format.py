@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import shapely
 
-from vinefab.core.jsontext import OWN_MARK
+from vinefab.core.plain_text import OWN_MARK
 from vinefab.fabrication.formats import dxf_format as dxf
 from vinefab.fabrication.formats.dxf_format import DXF_R12, dxf_text, read_dxf
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec

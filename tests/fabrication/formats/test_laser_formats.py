@@ -28,9 +28,8 @@ from vinefab.fabrication.formats.svg_format import SVG, read_svg
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import SheetOptions
 from vinefab.model.design import Design
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, read_profile
 from vinefab.model.outline import Contour
 
 JOBS = ("one pass", "two passes", "pouches", "several", "coupons", "energy matrix")

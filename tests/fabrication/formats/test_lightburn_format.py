@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.jsontext import OWN_MARK
+from vinefab.core.plain_text import OWN_MARK
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
 from vinefab.fabrication.formats.lightburn_format import (
     LIGHTBURN,

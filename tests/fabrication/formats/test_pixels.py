@@ -18,9 +18,8 @@ from vinefab.fabrication.formats.lightburn_format import lightburn_text
 from vinefab.fabrication.formats.svg_format import svg_text
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.model.design import Design
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, read_profile
 
 PIXEL_MM = 0.05
 PARTS = [balloon_designs()[0], *crotch_designs()]
@@ -116,7 +115,7 @@ from vinefab.fabrication.package.prepare import zip_bytes
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import laser_files
 from vinefab.model.design import Design
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import read_profile
 from vinefab.fabrication.job.laser_job import laser_job
 profile = read_profile("co2_60w__stretchlon_200")
 job = laser_job(Design.read("three_level_tree"), profile)

@@ -10,9 +10,9 @@ from vinefab.fabrication.formats.svg_format import svg_text
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.package.prepare import PackageContent, package_files
 from vinefab.model.design import Design
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import locate, names
 from vinefab.model.job import Job
+from vinefab.model.laser import read_profile
 
 RECIPE = "co2_60w__stretchlon_200"
 

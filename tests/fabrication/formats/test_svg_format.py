@@ -14,7 +14,7 @@ import shapely
 import svgelements
 from PIL import Image
 
-from vinefab.core.jsontext import OWN_MARK
+from vinefab.core.plain_text import OWN_MARK
 from vinefab.fabrication.formats.svg_format import svg_contour, svg_text
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.outline import Contour, Segment

@@ -14,8 +14,8 @@ from vinefab.fabrication.package.prepare import prepare
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.job import Operation
+from vinefab.model.laser import read_profile
 
 RECIPES = ("co2_60w__stretchlon_800", "co2_60w__tpu_nylon_70d")
 LASER = "co2_60w__stretchlon_200"

@@ -21,7 +21,7 @@ from vinefab.fabrication.package.assembly_drawing import (
 from vinefab.fabrication.package.package_page import least_rectangle_mm, pieces_section
 from vinefab.fabrication.package.piece_joining import joining_order
 from vinefab.model.design import PieceSettings
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import read_profile
 from vinefab.model.outline import Contour
 from vinefab.pages.panel import ALERT, INK, Shape
 
@@ -145,7 +145,7 @@ from vinefab.fabrication.package.assembly_drawing import assembly_files
 from vinefab.fabrication.pieces.exploded import piece_lumens
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.model.design import Build, Design, Level, PieceSettings
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import read_profile
 
 profile = read_profile("co2_60w__stretchlon_200")
 widths, settings = (24.0, 15.0, 9.0), PieceSettings()

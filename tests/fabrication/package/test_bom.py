@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vinefab.core.jsontext import OWN_MARK
+from vinefab.core.plain_text import OWN_MARK
 from vinefab.fabrication.package.bom import bill_of_materials, body_area_mm2, bom_text, move_time_s
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Quantity, Standing

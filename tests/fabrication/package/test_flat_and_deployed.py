@@ -12,7 +12,7 @@ from vinefab.fabrication.package.readme_text import readme_text
 from vinefab.fabrication.package.sheet_pictures import pattern_plan
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import read_profile
 
 
 def pair(choice, angle_deg=60.0, branches=2):

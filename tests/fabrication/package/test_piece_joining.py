@@ -16,9 +16,8 @@ from vinefab.fabrication.package.piece_joining import (
 )
 from vinefab.fabrication.package.readme_text import readme_text
 from vinefab.model.design import PieceSettings
-from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.laser import LapBond, LapMethod, Quantity, Standing
-from vinefab.model.pieces import Partition, Piece
+from vinefab.model.laser import LapBond, LapMethod, Quantity, Standing, read_profile
+from vinefab.model.tree import Partition, Piece
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from vinefab.core.errors import ReadBackError
-from vinefab.core.jsontext import OWN_MARK
+from vinefab.core.plain_text import OWN_MARK
 from vinefab.core.registry import Registry
 from vinefab.fabrication.formats import laser_formats
 from vinefab.fabrication.formats.dxf_format import DXF
@@ -33,7 +33,6 @@ from vinefab.fabrication.package.prepare import (
     zip_bytes,
 )
 from vinefab.model.design import Build, Design
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import (
@@ -41,6 +40,7 @@ from vinefab.model.laser import (
     OperationSettings,
     RecipeStatus,
     Standing,
+    read_profile,
 )
 
 NAMES = [

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vinefab.core.jsontext import OWN_MARK
+from vinefab.core.plain_text import OWN_MARK
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.package.bom import machine_time, schedule
 from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
 from vinefab.model.design import Design
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.laser import read_profile
 from vinefab.model.outline import Contour
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -16,10 +16,10 @@ from vinefab.fabrication.package.sheet_pictures import (
 )
 from vinefab.fabrication.rules.rule import mark_branches
 from vinefab.model.design import Design
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.job import Operation
+from vinefab.model.laser import read_profile
 
 
 @pytest.fixture(scope="module")

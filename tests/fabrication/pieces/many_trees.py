@@ -19,7 +19,7 @@ from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.catalog import ROOM_RULES, run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import PieceSettings
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import read_profile
 from vinefab.search.space import BuildSettings, Space, SpaceSettings
 
 LONG_S = 20.0

@@ -15,7 +15,7 @@ import numpy as np
 
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.model.design import Build, Design, Level, PieceSettings
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import read_profile
 
 SHAPES = {10: (3, 2), 40: (3, 3, 3), 100: (3, 4, 7), 341: (4, 4, 4, 4)}
 

@@ -18,7 +18,7 @@ from vinefab.fabrication.rules.as_built import flat_place_mm
 from vinefab.fabrication.rules.catalog import ROOM_RULES, run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design, Level, PieceSettings, Waiver
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import read_profile
 from vinefab.model.outline import Part
 
 PROFILE = read_profile("co2_60w__stretchlon_200")

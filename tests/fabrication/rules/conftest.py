@@ -4,8 +4,7 @@ from dataclasses import replace
 import pytest
 
 from vinefab.model.design import Build, Design, Level, Pouch, default_fillets_mm
-from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.laser import Quantity, Standing
+from vinefab.model.laser import Quantity, Standing, read_profile
 
 Fan = tuple[int, float, float]
 """Branches, length in mm, whole angle in degrees."""

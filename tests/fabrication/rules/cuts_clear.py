@@ -27,8 +27,8 @@ from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.spacing import capsules_of, spacing
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import names
+from vinefab.model.laser import read_profile
 
 GEOMETRY = {
     f"VF-{name}" for name in ("T01", "T02", "T03", "T04", "C01", "C02", "C03", "C05", "L02")

@@ -10,9 +10,8 @@ from vinefab.fabrication.rules.pressure_rules import worst_growths
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.finding import Severity
-from vinefab.model.laser import Quantity, Standing
+from vinefab.model.laser import Quantity, Standing, read_profile
 from vinefab.model.map import Pose
 from vinefab.physics.anchoring import branch_limit_n
 from vinefab.physics.growth_pressure import FITTED, NO_TENSION

@@ -27,14 +27,12 @@ from vinefab.inflation.joint import JointShape
 from vinefab.inflation.pattern import Pattern, PatternJoint
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Collar, PieceSettings, Pouch
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.finding import Severity
 from vinefab.model.job import LaserPath, Operation
-from vinefab.model.laser import Quantity, RecipeStatus, Standing
+from vinefab.model.laser import Quantity, RecipeStatus, Standing, read_profile
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour, Part
-from vinefab.model.pieces import Partition, Piece, Sleeve, piece_label
-from vinefab.model.tree import branch_tree, fan_offsets_rad
+from vinefab.model.tree import Partition, Piece, Sleeve, branch_tree, fan_offsets_rad, piece_label
 
 PROFILE = read_profile("co2_60w__stretchlon_200")
 E, W, INFO = Severity.ERROR, Severity.WARNING, Severity.INFO

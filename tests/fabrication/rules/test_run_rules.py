@@ -11,7 +11,7 @@ from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design, PieceSettings, Waiver
 from vinefab.model.files.shipped import names
 from vinefab.model.finding import Severity
-from vinefab.model.pieces import Partition, Piece
+from vinefab.model.tree import Partition, Piece
 
 Make = Callable[..., Design]
 

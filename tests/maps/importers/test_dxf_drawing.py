@@ -16,8 +16,7 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.importers import dxf_drawing
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.model.files.map_geojson import map_text
-from vinefab.model.map import Map
+from vinefab.model.map import Map, map_text
 
 VERSIONS = ("R12", "R2000", "R2010", "R2018")
 BOX = [(0, 0), (500, 0), (500, 400), (0, 400)]

@@ -9,8 +9,7 @@ from vinefab.maps.generators.cave import cave_map
 from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.model.files.map_geojson import map_text
-from vinefab.model.map import Map, Pose
+from vinefab.model.map import Map, Pose, map_text
 
 ROOM = [[0, 0], [300, 0], [300, 200], [0, 200], [0, 0]]
 

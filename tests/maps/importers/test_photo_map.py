@@ -15,9 +15,8 @@ from vinefab.maps.importers import photo_map
 from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 from vinefab.maps.importers.importers import import_map
 from vinefab.maps.importers.photo_map import read_photo_map
-from vinefab.model.corner_marker import corner_markers
 from vinefab.model.inputs import POINTS
-from vinefab.model.map import Map
+from vinefab.model.map import Map, corner_markers
 from vinefab.pages.panel import Raster, Shape
 from vinefab.pages.plan import photo_preview
 from vinefab.photos.photo_camera import projected

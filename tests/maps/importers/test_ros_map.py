@@ -15,8 +15,7 @@ from vinefab.core.hashing import sha256_of_file
 from vinefab.maps.cleanup import raster
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.ros_map import import_ros
-from vinefab.model.files.map_geojson import map_text
-from vinefab.model.map import Map, Pose
+from vinefab.model.map import Map, Pose, map_text
 
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0
 Import = Callable[..., Map]

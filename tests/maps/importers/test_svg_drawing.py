@@ -14,7 +14,7 @@ from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
 from vinefab.maps.importers.source_drawing import run_flat
 from vinefab.maps.importers.svg_drawing import path_outlines
-from vinefab.model.files.map_geojson import map_text
+from vinefab.model.map import map_text
 
 PAGE = 'xmlns="http://www.w3.org/2000/svg" width="200mm" height="100mm" viewBox="0 0 200 100"'
 BOUNDS = '<rect width="200" height="100" fill="none" stroke="black"/>'

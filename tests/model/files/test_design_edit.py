@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError
-from vinefab.core.units import rad
+from vinefab.core.limits import rad
 from vinefab.model.design import (
     Build,
     Collar,
@@ -18,9 +18,9 @@ from vinefab.model.design import (
     Waiver,
     default_fillets_mm,
     design_of,
+    design_text,
 )
 from vinefab.model.files.design_edit import comments_in, edited_text
-from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.shipped import locate, names, read_text
 
 COMMENTED = """\

@@ -14,13 +14,15 @@ import vinefab
 from vinefab.core.errors import VinefabError
 from vinefab.model.contacts import ContactsFile, read_contacts
 from vinefab.model.design import Design
-from vinefab.model.files.profile_toml import (
+from vinefab.model.files.shipped import shipped_root
+from vinefab.model.laser import (
+    Machine,
+    Material,
+    Recipe,
     read_machine,
     read_material,
     read_profile,
 )
-from vinefab.model.files.shipped import shipped_root
-from vinefab.model.laser import Machine, Material, Recipe
 from vinefab.rig.rig_options import PrinterForm, read_printer
 from vinefab.search.settings import RunFile, read_run
 

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from vinefab.core.units import rad
+from vinefab.core.limits import rad
 from vinefab.fabrication.rules.catalog import checks_text
 from vinefab.model.deployment import Deployment, Stop, deployment_text
 from vinefab.model.design import Build, Design, Level

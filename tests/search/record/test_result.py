@@ -12,7 +12,7 @@ from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.cave import cave_map
 from vinefab.model.design import PieceSettings, Pouch
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import read_profile
 from vinefab.search.record.generations import RunIdentity
 from vinefab.search.record.identity import map_fingerprint
 from vinefab.search.record.result import (

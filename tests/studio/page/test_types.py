@@ -8,10 +8,9 @@ import pytest
 
 from tests.studio.page.state_types import STATE, state_types
 from vinefab.maps import generate
-from vinefab.model.design import Build, Design, Level
-from vinefab.model.files.design_toml import design_text
-from vinefab.model.files.map_geojson import map_text
+from vinefab.model.design import Build, Design, Level, design_text
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.map import map_text
 from vinefab.model.target import Target
 from vinefab.studio.executors import PANELS, answer_of
 from vinefab.studio.file_store import FILE_REQUESTS

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import json_text
 from vinefab.fabrication.calibration.coupon_results import SLACK_KPA, results_text
 from vinefab.fabrication.calibration.coupons import (
     JOINT_KPA,

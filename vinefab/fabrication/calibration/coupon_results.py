@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vinefab.core.errors import BadInputError, UnknownNameError
-from vinefab.core.jsontext import GENERATOR
-from vinefab.core.units import STANDARD_GRAVITY_M_S2
+from vinefab.core.limits import STANDARD_GRAVITY_M_S2
+from vinefab.core.plain_text import GENERATOR
 from vinefab.fabrication.calibration.coupons import (
     BALLOONS,
     FILLETS_MM,

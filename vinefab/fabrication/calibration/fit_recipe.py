@@ -20,8 +20,7 @@ import scipy  # its parts load at their first use
 import tomli_w
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.jsontext import GENERATOR
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.validation import number as checked_number
 from vinefab.core.view import Block, Data, Notes, WrittenResult
 from vinefab.fabrication.calibration.coupon_results import Reading, Results
@@ -39,7 +38,6 @@ from vinefab.fabrication.calibration.estimate import (
 from vinefab.fabrication.calibration.fit_joints import fit_closing, fit_modulus
 from vinefab.fabrication.job.passes import in_one_pass, weldcut_offset_mm
 from vinefab.model.contacts import MeasuredShare
-from vinefab.model.files.profile_toml import profile_of
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import read_toml
 from vinefab.model.job import Operation
@@ -51,6 +49,7 @@ from vinefab.model.laser import (
     Quantity,
     RecipeStatus,
     Standing,
+    profile_of,
     quantities,
 )
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM

@@ -15,8 +15,7 @@ from ezdxf.filemanagement import new, read
 from ezdxf.lldxf.const import DXFError
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
-from vinefab.core.jsontext import GENERATOR
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.fabrication.formats.laser_drawing import (
     DEFAULT,
     Colours,

@@ -15,8 +15,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.jsontext import GENERATOR, plain
-from vinefab.core.plain_text import one_line
+from vinefab.core.plain_text import GENERATOR, one_line, plain
 from vinefab.core.registry import Registry
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted
-from vinefab.core.units import deg
 from vinefab.fabrication.job.marks import fold_ticks, marks_of, marks_of_pieces
 from vinefab.fabrication.job.passes import BodyPaths, body_paths, in_order, piece_ends, sleeve_size
 from vinefab.fabrication.job.placement import (
@@ -23,8 +23,7 @@ from vinefab.fabrication.job.tiling import Tiled, registration, target_paths, ti
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile
-from vinefab.model.pieces import Partition
-from vinefab.model.tree import branch_tree
+from vinefab.model.tree import Partition, branch_tree
 
 
 def recipe_facts(profile: LaserProfile) -> dict[str, object]:

@@ -12,8 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from vinefab.core.jsontext import GENERATOR
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import closes
 from vinefab.fabrication.job.placement import SheetRobot
@@ -23,7 +22,7 @@ from vinefab.model.design import Design
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
-from vinefab.model.pieces import Partition, Sleeve, piece_label
+from vinefab.model.tree import Partition, Sleeve, piece_label
 
 _WIDTH, _HEIGHT, _ADVANCE = 4, 6, 6
 """Size of the grid on which letters are drawn, and the step from one letter to the next."""

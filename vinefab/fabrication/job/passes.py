@@ -22,7 +22,7 @@ from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour, Part, Segment
-from vinefab.model.pieces import Partition, Piece, Sleeve
+from vinefab.model.tree import Partition, Piece, Sleeve
 
 _OPERATIONS = tuple(Operation)
 _MEETS_MM = 1e-6

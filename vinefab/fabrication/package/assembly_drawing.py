@@ -32,7 +32,7 @@ from vinefab.fabrication.pieces.exploded import ExplodedView, exploded_view
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
-from vinefab.model.pieces import Partition, Sleeve
+from vinefab.model.tree import Partition, Sleeve
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (
     ALERT,

@@ -7,8 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from vinefab.core.jsontext import GENERATOR
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.fabrication.job.passes import bodies_of_paths, enclosed_mm2
 from vinefab.fabrication.package.piece_joining import (
     MINUTES_PER_JOINT,
@@ -20,7 +19,7 @@ from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
 from vinefab.model.outline import Contour, Segment
-from vinefab.model.pieces import Partition
+from vinefab.model.tree import Partition
 
 _COLUMNS = ("item", "value", "unit", "standing", "basis")
 _G_PER_KG = 1000.0

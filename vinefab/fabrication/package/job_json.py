@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
-from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import json_text
 from vinefab.core.view import Block, Data, document
 from vinefab.fabrication.formats.dxf_format import DXF
 from vinefab.fabrication.formats.laser_drawing import Colours, styled_paths

@@ -33,8 +33,7 @@ from vinefab.model.laser import (
     quantities,
 )
 from vinefab.model.outline import Contour
-from vinefab.model.pieces import Partition
-from vinefab.model.tree import branch_tree
+from vinefab.model.tree import Partition, branch_tree
 from vinefab.pages.page_files import page_svg
 from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, seam_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm

@@ -15,8 +15,7 @@ import shapely
 from vinefab.core.validation import Floats
 from vinefab.model.design import Build, Design
 from vinefab.model.laser import LapMethod, LaserProfile
-from vinefab.model.pieces import Partition, Sleeve
-from vinefab.model.tree import branch_tree
+from vinefab.model.tree import Partition, Sleeve, branch_tree
 from vinefab.pages.panel import ALERT, INK, SOFT, Ink, Panel
 
 STRIP_HANDLE_MM = 50.0

@@ -55,14 +55,12 @@ from vinefab.fabrication.rules.catalog import (
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.inflation.pattern import Pattern, cut_design, pattern_of
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_text
+from vinefab.model.design import Design, design_text
 from vinefab.model.finding import CheckReport, RuleSkipped, Severity
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile, RecipeStatus
 from vinefab.model.outline import Contour
-from vinefab.model.pieces import Partition
-from vinefab.model.tree import branch_tree
+from vinefab.model.tree import Partition, branch_tree
 from vinefab.pages.html import page
 from vinefab.pages.page_files import page_png
 

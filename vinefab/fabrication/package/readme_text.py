@@ -12,8 +12,7 @@ from types import SimpleNamespace
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from vinefab.core.jsontext import GENERATOR
-from vinefab.core.plain_text import counted, one_line
+from vinefab.core.plain_text import GENERATOR, counted, one_line
 from vinefab.core.view import Rows, Value
 from vinefab.fabrication.formats.laser_drawing import (
     Colours,
@@ -33,7 +32,7 @@ from vinefab.inflation.pattern import Pattern, pattern_table
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile, SealerSettings
-from vinefab.model.pieces import Partition
+from vinefab.model.tree import Partition
 from vinefab.physics.seam import lap_load_n_mm
 
 _WIDTH = 96

@@ -7,8 +7,7 @@ from html import escape
 import numpy as np
 import shapely
 
-from vinefab.core.jsontext import GENERATOR
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.placement import SheetPlaces, fact_rows, piece_name
 from vinefab.fabrication.outline.body_outline import body_outline

@@ -2,5 +2,5 @@
 
 Others use `partition_of` (`partition.py`). A search takes the cuts of its compiled penalty
 (`vinefab.search.penalty_kernel`): microseconds, and hardly ever worse. The nouns are in
-`vinefab.model.pieces`, the size of a sleeve is in `vinefab.fabrication.job.passes`.
+`vinefab.model.tree`, the size of a sleeve is in `vinefab.fabrication.job.passes`.
 """

@@ -19,7 +19,7 @@ from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import FlatLayout
 from vinefab.model.design import Design
 from vinefab.model.outline import Contour
-from vinefab.model.pieces import Partition, Sleeve
+from vinefab.model.tree import Partition, Sleeve
 
 Shapes = NDArray[np.object_]
 

@@ -45,7 +45,7 @@ from vinefab.inflation.pattern import Pattern
 from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.finding import Finding
 from vinefab.model.laser import LaserProfile
-from vinefab.model.pieces import Partition, Piece, Sleeve, Unparted, piece_label
+from vinefab.model.tree import Partition, Piece, Sleeve, Unparted, piece_label
 
 
 class BodyKind(IntEnum):

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from vinefab.core.errors import UnknownNameError, located
 from vinefab.core.hashing import fingerprint
-from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import json_text
 from vinefab.core.registry import Registry
 from vinefab.core.view import Block, Data, Remark, Result, Rows, Text, document
 from vinefab.fabrication.rules import (

@@ -24,8 +24,7 @@ from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.finding import Severity
 from vinefab.model.job import Operation
 from vinefab.model.laser import LaserProfile
-from vinefab.model.pieces import Partition, Sleeve
-from vinefab.model.tree import branch_tree
+from vinefab.model.tree import Partition, Sleeve, branch_tree
 from vinefab.physics.seam import lap_load_n_mm
 
 

@@ -17,8 +17,7 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
-from vinefab.model.pieces import Partition, Piece
-from vinefab.model.tree import BranchTree, branch_tree
+from vinefab.model.tree import BranchTree, Partition, Piece, branch_tree
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

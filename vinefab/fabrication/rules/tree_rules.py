@@ -24,8 +24,7 @@ from vinefab.fabrication.rules.subject import Subject
 from vinefab.inflation.pattern import Pattern
 from vinefab.model.design import Design
 from vinefab.model.outline import Part
-from vinefab.model.pieces import Sleeve
-from vinefab.model.tree import branch_tree
+from vinefab.model.tree import Sleeve, branch_tree
 from vinefab.physics.tube import lumen_area_mm2
 
 _AT = re.compile(r"\[(\S+) (\S+)\]")

@@ -21,8 +21,7 @@ from vinefab.maps.importers.source_drawing import (
     Straight,
     drawing_map,
 )
-from vinefab.model.files.map_geojson import feature_key, geojson_document
-from vinefab.model.map import Map
+from vinefab.model.map import Map, feature_key, geojson_document
 
 
 def _scaled_map(world: Map, factor: float) -> Map:

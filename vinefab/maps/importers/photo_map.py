@@ -17,8 +17,7 @@ from vinefab.core.rng import child
 from vinefab.core.validation import Floats
 from vinefab.maps.cleanup.raster import GridPlacement, Mask, raster_map
 from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
-from vinefab.model.corner_marker import MARKER_SIDE_CELLS
-from vinefab.model.map import Map
+from vinefab.model.map import MARKER_SIDE_CELLS, Map
 from vinefab.photos.found_markers import FoundMarker, measured_markers, square_points
 from vinefab.photos.photo import CAMERA_GAMMA, Photo, read_photo
 from vinefab.photos.photo_camera import (

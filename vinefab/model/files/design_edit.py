@@ -22,10 +22,9 @@ from tomlkit.items import AoT, Table
 
 from vinefab.core.errors import CannotWriteError, VinefabError
 from vinefab.core.hashing import sha256_of
+from vinefab.core.limits import file_number
 from vinefab.core.table import declared_keys, inner_table
-from vinefab.core.units import file_number
-from vinefab.model.design import PER_LEVEL, Build, Design, Level, Trunk, design_of
-from vinefab.model.files.design_toml import design_content
+from vinefab.model.design import PER_LEVEL, Build, Design, Level, Trunk, design_content, design_of
 from vinefab.model.files.toml import table_content, toml_content
 
 LARGEST_EDITED_BYTES = 1 << 16

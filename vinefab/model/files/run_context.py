@@ -19,10 +19,9 @@ from vinefab.core.hashing import fingerprint
 from vinefab.core.plain_text import counted
 from vinefab.core.table import Table, validated
 from vinefab.model.design import Design
-from vinefab.model.files.profile_toml import profile_files, read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE, file_named, locate, path_inside, read_text
 from vinefab.model.files.toml import read_toml
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, profile_files, read_profile
 from vinefab.model.map import Map
 from vinefab.model.target import TOLERANCE_MM, Target, targets_given
 

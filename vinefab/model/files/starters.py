@@ -9,12 +9,11 @@ import shapely
 
 from vinefab.core.atomic import ensure_writable, write_bytes, write_text
 from vinefab.core.errors import BadInputError, ForeignFileError, UnknownNameError, nearest
+from vinefab.core.limits import rad
 from vinefab.core.plain_text import one_line
-from vinefab.core.units import rad
-from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, read_text, shipped_root
 from vinefab.model.files.toml import LARGEST_TOML_BYTES
-from vinefab.model.map import Map, Pose, Start
+from vinefab.model.map import Map, Pose, Start, map_text
 
 _STARTERS = {
     "design": ("design", "three_level_tree"),

@@ -15,7 +15,7 @@ from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.model.start_place import start_of_record, start_text
+from vinefab.model.start import start_of_record, start_text
 from vinefab.search.evaluator import INVALID_FITNESS, Penalty
 from vinefab.search.optimizers.optimizer import OPTIMIZERS
 from vinefab.search.record.identity import map_fingerprint, package_versions

@@ -5,10 +5,10 @@ from collections.abc import Iterable
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
+from vinefab.core import __version__
 from vinefab.core.hashing import fingerprint
-from vinefab.core.version import __version__
 from vinefab.model.map import Map
-from vinefab.model.start_place import start_record
+from vinefab.model.start import start_record
 
 # As in records of before: searches no longer compute with cmaes, which fixes use.
 _PACKAGES = ("cmaes", "numba", "numpy", "pymoo", "pyswarms", "scipy", "shapely")

@@ -35,13 +35,12 @@ from vinefab.core.view import (
     lines,
 )
 from vinefab.growth.options import growth_text, trained_growth
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_text
+from vinefab.model.design import Design, design_text
 from vinefab.model.files.run_context import RunContext, RunRecipe, shape_fingerprint
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Failures, Score, composite_text
-from vinefab.model.start_place import start_of_record, start_record, start_text
+from vinefab.model.start import start_of_record, start_record, start_text
 from vinefab.model.target import TargetsResult
 from vinefab.search.evaluator import TimeSplit, final_seed
 from vinefab.search.record.generations import Extension, Finalist, Generation, RunIdentity

@@ -17,7 +17,7 @@ import numpy as np
 
 from vinefab.core.atomic import folder_to_fill, lock_folder
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
-from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import GENERATOR
 from vinefab.model.map import Map
 from vinefab.search.evaluator import Ledger, TimeSplit
 from vinefab.search.record.generations import Extension, Finalist, Generation, Progress, RunIdentity

@@ -9,7 +9,7 @@ from shapely import LineString, Polygon
 from vinefab.core.errors import BadInputError
 from vinefab.maps.generators.cave import cave_map
 from vinefab.model.map import Map, Pose, Start
-from vinefab.model.start_place import (
+from vinefab.model.start import (
     StartPlace,
     area_notes,
     share_around,

@@ -5,9 +5,15 @@ from pathlib import Path
 import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
-from vinefab.model.files.profile_toml import read_machine, read_profile
 from vinefab.model.files.shipped import names, shipped_root
-from vinefab.model.laser import LaserProfile, RecipeStatus, SealerSettings, Standing
+from vinefab.model.laser import (
+    LaserProfile,
+    RecipeStatus,
+    SealerSettings,
+    Standing,
+    read_machine,
+    read_profile,
+)
 from vinefab.physics.seam import seam_load_n_mm, spot_at_mm
 
 SHIPPED = "co2_60w__stretchlon_200"

@@ -6,8 +6,7 @@ import pytest
 from shapely import Polygon, box
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.corner_marker import MARKER_CELLS, MARKER_SIDE_CELLS, corner_markers
-from vinefab.model.map import Map
+from vinefab.model.map import MARKER_CELLS, MARKER_SIDE_CELLS, Map, corner_markers
 
 
 def test_cells_are_those_of_the_dictionary():

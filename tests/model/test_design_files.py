@@ -3,9 +3,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
-from vinefab.core.units import rad
-from vinefab.model.design import Build, Collar, Design, Level, Pouch, Waiver
-from vinefab.model.files.design_toml import design_text
+from vinefab.core.limits import rad
+from vinefab.model.design import Build, Collar, Design, Level, Pouch, Waiver, design_text
 from vinefab.model.files.shipped import names
 
 EXAMPLE = """

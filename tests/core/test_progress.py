@@ -7,15 +7,15 @@ import time
 import pytest
 
 from vinefab.cli.commands import Terminal
-from vinefab.core import progress_lines
-from vinefab.core.progress_lines import _State, progress_in_lines, progress_shown
+from vinefab.core import verbs
+from vinefab.core.verbs import _State, progress_in_lines, progress_shown
 
 
 @pytest.fixture
 def often(monkeypatch):
     """Lines follow each other in hundredths of a second."""
     for name in ("FIRST_S", "STEP_S", "MOST_STEP_S"):
-        monkeypatch.setattr(progress_lines, name, 0.01)
+        monkeypatch.setattr(verbs, name, 0.01)
 
 
 def written(capsys, least):
@@ -43,7 +43,7 @@ def test_a_piped_command_tells_how_far_it_is_while_a_step_lasts(capsys):
 @pytest.mark.parametrize("quiet", [True, False])
 def test_quiet_commands_and_quick_ones_write_no_line(capsys, quiet, monkeypatch):
     if quiet:
-        monkeypatch.setattr(progress_lines, "FIRST_S", 0.001)
+        monkeypatch.setattr(verbs, "FIRST_S", 0.001)
     with Terminal(quiet=quiet).progress("working") as show:
         show(0.5, "half")
         time.sleep(0.05)
@@ -52,7 +52,7 @@ def test_quiet_commands_and_quick_ones_write_no_line(capsys, quiet, monkeypatch)
 
 def test_the_time_left_is_that_at_the_pace_of_this_session(monkeypatch):
     now_s = [100.0]
-    monkeypatch.setattr(progress_lines.time, "monotonic", lambda: now_s[0])
+    monkeypatch.setattr(verbs.time, "monotonic", lambda: now_s[0])
     state = _State("run")
     assert state.line() == "run: 0 % after 0 s"
     now_s[0] += 5.0
@@ -66,7 +66,7 @@ def test_the_time_left_is_that_at_the_pace_of_this_session(monkeypatch):
 
 @pytest.mark.usefixtures("often")
 def test_nobody_listening_ends_nothing(monkeypatch):
-    monkeypatch.setattr(progress_lines.sys, "stderr", None)
+    monkeypatch.setattr(verbs.sys, "stderr", None)
     with progress_in_lines("working") as show:
         show(0.5, "half")
         time.sleep(0.05)
@@ -82,8 +82,8 @@ class Screen(io.StringIO):
 @pytest.fixture
 def soon(monkeypatch):
     """What is shown to somebody who watches is shown within hundredths of a second."""
-    monkeypatch.setattr(progress_lines, "SHOWN_AFTER_S", 0.01)
-    monkeypatch.setattr(progress_lines, "SHOWN_EVERY_S", 0.01)
+    monkeypatch.setattr(verbs, "SHOWN_AFTER_S", 0.01)
+    monkeypatch.setattr(verbs, "SHOWN_EVERY_S", 0.01)
 
 
 def shown_line(stream):
@@ -100,7 +100,7 @@ def shown_line(stream):
 @pytest.mark.parametrize("place", ["terminal", "notebook"])
 def test_a_function_shows_one_line_to_who_watches_and_clears_it(place, monkeypatch):
     screen = Screen() if place == "terminal" else io.StringIO()
-    monkeypatch.setattr(progress_lines.sys, "stderr" if place == "terminal" else "stdout", screen)
+    monkeypatch.setattr(verbs.sys, "stderr" if place == "terminal" else "stdout", screen)
     if place == "notebook":
         monkeypatch.setattr(builtins, "get_ipython", object, raising=False)
     text = shown_line(screen)
@@ -115,7 +115,7 @@ def test_a_function_is_quiet_where_nobody_watches_or_nothing_was_asked_for(
     shown, monkeypatch, capsys
 ):
     screen = io.StringIO() if shown else Screen()
-    monkeypatch.setattr(progress_lines.sys, "stderr", screen)
+    monkeypatch.setattr(verbs.sys, "stderr", screen)
     with progress_shown("aim", shown=shown) as tell:
         tell(0.5, "half")
         time.sleep(0.05)
@@ -124,7 +124,7 @@ def test_a_function_is_quiet_where_nobody_watches_or_nothing_was_asked_for(
 
 def test_quick_functions_show_nothing(monkeypatch):
     screen = Screen()
-    monkeypatch.setattr(progress_lines.sys, "stderr", screen)
+    monkeypatch.setattr(verbs.sys, "stderr", screen)
     with progress_shown("aim", shown=True) as tell:
         tell(0.5, "half")
     assert screen.getvalue() == ""

@@ -12,8 +12,7 @@ from shapely import Polygon
 from vinefab.core.atomic import is_ours, write_text
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.files.map_geojson import map_text
-from vinefab.model.map import Map, Pose, Start
+from vinefab.model.map import Map, Pose, Start, map_text
 
 BOX = [[0, 0], [100, 0], [100, 100], [0, 100], [0, 0]]
 BLOCK = [[40, 40], [60, 40], [60, 60], [40, 60], [40, 40]]

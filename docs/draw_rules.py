@@ -32,7 +32,7 @@ from rule_subjects import (
 )
 
 from vinefab.fabrication.rules.catalog import RULES, run_checks
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Collar, PieceSettings, Pouch
 from vinefab.model.finding import Finding
 from vinefab.model.job import Operation

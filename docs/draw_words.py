@@ -9,8 +9,7 @@ import numpy as np
 import shapely
 from rule_sketch import Sketch, single
 
-from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.outline.body_outline import body_outline, flat_layout
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Collar, Design, Level, Pouch
 from vinefab.model.map import Map

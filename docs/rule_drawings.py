@@ -11,7 +11,7 @@ from shapely.affinity import scale as scaled_shape
 
 from vinefab.fabrication.calibration.coupons import coupon_pieces
 from vinefab.fabrication.job.passes import STRAIGHT_BEFORE_MM, sleeve_size
-from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
+from vinefab.fabrication.outline.body_outline import FlatLayout, flat_layout
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.fabrication.rules.clearance_rules import level_joints
 from vinefab.fabrication.rules.pressure_rules import (
@@ -20,7 +20,7 @@ from vinefab.fabrication.rules.pressure_rules import (
     safe_pressure_kpa,
     widest,
 )
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.fabrication.rules.tree_rules import lap_occupancies, occupancies
 from vinefab.inflation.pattern import Pattern, pattern_of
 from vinefab.model.job import Operation

@@ -11,7 +11,7 @@ from vinefab.fabrication.checking import subject_of
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import ONE
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
-from vinefab.fabrication.rules.subject import (
+from vinefab.fabrication.rules.rule import (
     Corridor,
     MapCorridors,
     RigFacts,

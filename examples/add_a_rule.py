@@ -6,8 +6,7 @@ object in `vinefab/fabrication/rules/` and a line in its `catalog.py`.
 """
 
 from vinefab.fabrication.checking import subject_of
-from vinefab.fabrication.rules.rule import Limits, Rule, RuleApplied, Violation
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Limits, Rule, RuleApplied, Subject, Violation
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import read_profile

@@ -9,7 +9,7 @@ import shapely
 from shapely import Point
 
 from tests.oracles.body_outline import Twin
-from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.outline.body_outline import flat_layout
 from vinefab.fabrication.package.prepare import PackageContent
 from vinefab.model.design import Build, Collar, Design, Level, Pouch
 from vinefab.model.job import Job, LaserPath, Operation

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vinefab.fabrication.checking import check_design
-from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.outline.body_outline import flat_layout
 from vinefab.inflation.pattern import pattern_of, strain_of
 from vinefab.inflation.robot import inflated_robot
 from vinefab.model.design import Build, Design, Level

@@ -9,9 +9,9 @@ import shapely
 from shapely import Point, Polygon, affinity
 from shapely.geometry import box
 
-from vinefab.fabrication.outline.ends import Leaf, corner_radii_mm
-from vinefab.fabrication.outline.layout import flat_layout
-from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
+from vinefab.fabrication.outline.body_outline import flat_layout
+from vinefab.fabrication.outline.ends import Leaf, corner_radii_mm, level_fillets_mm
+from vinefab.fabrication.outline.joint import LEAST_SEGMENT_MM
 from vinefab.model.design import Design
 
 
@@ -24,7 +24,7 @@ class Twin:
 
     def __init__(self, design: Design, tolerance_mm: float) -> None:
         self.design, self.tolerance_mm = design, tolerance_mm
-        self.layout = flat_layout(design)
+        self.layout, self.fillets_mm = flat_layout(design), level_fillets_mm(design.build)
 
     def body(self, beyond_mm: float = 0.0) -> Polygon:
         """The lumen; with ``beyond_mm`` its tail is drawn out so far beyond the mouth."""
@@ -120,7 +120,7 @@ class Twin:
         pouch, layout = self.design.build.pouch, self.layout
         if pouch is None:
             return []
-        half, radius = layout.end_width_mm[leaf] / 2, layout.fillet_mm[leaf]
+        half, radius = layout.end_width_mm[leaf] / 2, self.fillets_mm[layout.tree.level[leaf] - 1]
         lean = self.lean(leaf)
         shapes = []
         if pouch.shape == "round":
@@ -168,7 +168,7 @@ class Twin:
         for one, two in itertools.pairwise(around):
             first = (one[0] - one[1], *one[2:])
             second = (two[0] + two[1], *two[2:])
-            shapes += self.crotch(joint, first, second, layout.fillet_mm[children[0]])
+            shapes += self.crotch(joint, first, second, self.fillets_mm[layout.tree.level[joint]])
         return [affinity.translate(shape, *layout.end_mm[joint]) for shape in shapes]
 
     def crotch(self, joint, first, second, designed_mm):

@@ -8,15 +8,16 @@ import numpy as np
 
 from tests.oracles.quick_cuts import PieceLimits, pair_depths, quick_cuts, straight_begins_mm
 from vinefab.fabrication.job.passes import bare_sheet_mm, taken_mm
+from vinefab.fabrication.outline.body_outline import flat_layout
 from vinefab.fabrication.outline.ends import pouch_takes_mm
 from vinefab.fabrication.outline.joint import (
+    LEAST_SEGMENT_MM,
+    Point,
     crotch_reach_mm,
     largest_fillet_mm,
     level_lengths_mm,
     level_tapers_rad,
 )
-from vinefab.fabrication.outline.layout import flat_layout
-from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM, Point
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits
 from vinefab.fabrication.rules.clearance_rules import (
     ANGLE,

@@ -20,14 +20,14 @@ from vinefab.fabrication.job.passes import (
     sleeve_size,
     taken_mm,
 )
+from vinefab.fabrication.outline.body_outline import FlatLayout, flat_layout
 from vinefab.fabrication.outline.ends import pouch_takes_mm
 from vinefab.fabrication.outline.joint import (
+    Point,
     largest_fillet_mm,
     level_lengths_mm,
     neck_length_mm,
 )
-from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
-from vinefab.fabrication.outline.stroke import Point
 from vinefab.fabrication.pieces.partition import (
     BodyKind,
     StraightSides,
@@ -37,9 +37,9 @@ from vinefab.fabrication.pieces.partition import (
     sleeves_of,
 )
 from vinefab.fabrication.rules.clearance_rules import CLEARANCE, least_gap_mm
-from vinefab.fabrication.rules.piece_rules import LAP_PACKING, fullest_laps, widest_cut_mm
 from vinefab.fabrication.rules.rule import LimitChanges, relative_excess
 from vinefab.fabrication.rules.spacing import Capsules, RotatedSpan, Spacing, spacing
+from vinefab.fabrication.rules.tree_rules import LAP_PACKING, fullest_laps, widest_cut_mm
 from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import fan_offsets_rad

@@ -13,7 +13,7 @@ import numpy as np
 
 from vinefab.core.rng import child
 from vinefab.fabrication.rules.catalog import run_checks
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.laser import read_profile
 from vinefab.prediction.fix_proposal import propose_fix

@@ -16,7 +16,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.clearance_rules import level_joints
 from vinefab.fabrication.rules.pressure_rules import worst_growths
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Design, Pouch
 from vinefab.model.laser import LaserProfile
 from vinefab.physics.growth_pressure import FITTED, NO_TENSION, riding_mm

@@ -9,7 +9,7 @@ import pytest
 
 from vinefab.core.rng import child
 from vinefab.fabrication.rules.catalog import run_checks
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Build, Design, Level, default_fillets_mm
 from vinefab.model.finding import Severity
 from vinefab.model.laser import read_profile

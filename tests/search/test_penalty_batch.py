@@ -11,8 +11,8 @@ from tests.oracles.quick_cuts import PieceLimits
 from vinefab.fabrication.pieces.partition import in_pieces as in_its_pieces
 from vinefab.fabrication.pieces.partition import partition_of, pieces_of
 from vinefab.fabrication.rules.catalog import run_checks
-from vinefab.fabrication.rules.piece_rules import LAP_PACKING
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
+from vinefab.fabrication.rules.tree_rules import LAP_PACKING
 from vinefab.inflation.law import quick_pattern
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import (

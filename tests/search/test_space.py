@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from shapely import Polygon
 
 from vinefab.core.errors import BadInputError
-from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.outline.body_outline import body_outline, flat_layout
 from vinefab.fabrication.rules.spacing import capsules_of
 from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain

@@ -18,8 +18,7 @@ from vinefab.fabrication.rules.catalog import (
     merged_reports,
     run_checks,
 )
-from vinefab.fabrication.rules.rule import LimitChanges
-from vinefab.fabrication.rules.subject import Corridor, MapCorridors, RigFacts, Subject
+from vinefab.fabrication.rules.rule import Corridor, LimitChanges, MapCorridors, RigFacts, Subject
 from vinefab.inflation.pattern import Pattern, cut_design, pattern_of
 from vinefab.maps.passages import narrow_passages
 from vinefab.model.deployment import Deployment

@@ -533,7 +533,7 @@ def _written(legend: Sequence[str], job: Job, height_mm: float) -> Iterator[tupl
 
 def _markers(job: Job, chosen: Sequence[Finding]) -> Iterator[tuple[str, Contour]]:
     """Yield every finding's marker geometry, sign, leader and number."""
-    placed = LayoutPlacement.of(job)
+    placed = LayoutPlacement.of(job.facts)
     taken: list[shapely.Geometry] = [
         shapely.LineString(path.contour.flattened_mm(0.5))
         for path in job.paths

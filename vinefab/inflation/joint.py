@@ -14,8 +14,16 @@ import scipy  # its parts load at their first use
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints
 from vinefab.fabrication.outline.ends import round_tip
-from vinefab.fabrication.outline.joint import LEFT, RIGHT, Core, JointBranch, solve_gap
-from vinefab.fabrication.outline.stroke import LocalFrame, Pen, Point, placed, polar
+from vinefab.fabrication.outline.joint import (
+    Core,
+    LocalFrame,
+    Pen,
+    Point,
+    Strip,
+    placed,
+    polar,
+    solve_gap,
+)
 from vinefab.inflation.membrane import Bools, Membrane
 from vinefab.inflation.mesh import LEAST_ANGLE_DEG, SheetMesh, StraightSide, followed
 from vinefab.inflation.sheet import Sheet, sheet_of, tube_stretch, turned_deg
@@ -133,21 +141,22 @@ def joint_outline(
         If two neighbours part too far from the joint.
     """
     half = _DRAWN_MM / 2.0
+    parent = Strip(angle_rad=-math.pi, half_mm=half, length_mm=_FAR_MM, owner=0)
     around = [
-        JointBranch(angle_rad=-math.pi, half_mm=half, length_mm=_FAR_MM, owner=0),
+        parent,
         *(
-            JointBranch(
+            Strip(
                 angle_rad=math.radians(angle), half_mm=half * width, length_mm=_FAR_MM, owner=child
             )
             for child, (angle, width) in enumerate(
                 zip(joint.angles_deg, joint.widths, strict=True), start=1
             )
         ),
-        JointBranch(angle_rad=math.pi, half_mm=half, length_mm=_FAR_MM, owner=0),
+        replace(parent, angle_rad=math.pi),
     ]
     core = Core(radius_mm=half * max(1.0, *joint.widths))
     gaps = [
-        solve_gap(one.side(LEFT), two.side(RIGHT), core, fillet * _DRAWN_MM)
+        solve_gap(one, two, core, fillet * _DRAWN_MM)
         for (one, two), fillet in zip(pairwise(around), joint.fillets, strict=True)
     ]
     begins = [
@@ -164,7 +173,7 @@ def joint_outline(
     trunk_used = max(gaps[0].first_used_mm, gaps[-1].second_used_mm) / _DRAWN_MM + 0.15
     mouth = -(trunk_used + trunk_stub) * _DRAWN_MM
     origin, names = LocalFrame((0.0, 0.0), 0.0), [str(number) for number in range(len(around) - 1)]
-    pen = Pen([(mouth, -half)])
+    pen = Pen((mouth, -half))
     for child, (gap, (begin, width, angle)) in enumerate(
         zip(
             gaps,

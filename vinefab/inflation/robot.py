@@ -13,8 +13,12 @@ import shapely
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.fabrication.outline.body_outline import body_outline, outline_parts
-from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
+from vinefab.fabrication.outline.body_outline import (
+    FlatLayout,
+    body_outline,
+    flat_layout,
+    outline_parts,
+)
 from vinefab.inflation.joint import JointShape, axis_of
 from vinefab.inflation.mesh import StraightSide
 from vinefab.inflation.sheet import Sheet, sheet_of

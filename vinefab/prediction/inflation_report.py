@@ -25,8 +25,7 @@ from vinefab.core.view import (
     Section,
     Value,
 )
-from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
+from vinefab.fabrication.outline.body_outline import FlatLayout, body_outline, flat_layout
 from vinefab.inflation.free import FreeJoint, free_joint
 from vinefab.inflation.pattern import (
     ASSUMED_PRESSURE_KPA,

@@ -20,8 +20,7 @@ from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import ensure_read_back
 from vinefab.fabrication.formats.readback import file_problems
 from vinefab.fabrication.rules.catalog import run_rig_checks
-from vinefab.fabrication.rules.rig_rules import RigSubject
-from vinefab.fabrication.rules.subject import MapCorridors, RigFacts, RigPartFacts
+from vinefab.fabrication.rules.rule import MapCorridors, RigFacts, RigPartFacts, RigSubject
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.map import Map

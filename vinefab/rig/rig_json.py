@@ -14,7 +14,7 @@ from pydantic import ConfigDict, Field
 from vinefab.core.errors import UnreadableFileError
 from vinefab.core.plain_text import GENERATOR, json_text, rounded
 from vinefab.core.table import TablePart, validated
-from vinefab.fabrication.rules.subject import RigFacts, RigPartFacts
+from vinefab.fabrication.rules.rule import RigFacts, RigPartFacts
 from vinefab.model.files.shipped import path_inside, read_bytes, read_text
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation

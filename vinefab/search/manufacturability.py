@@ -14,7 +14,7 @@ import numpy as np
 from vinefab.core.errors import BadInputError, values_hidden
 from vinefab.fabrication.checking import check_design, subject_of
 from vinefab.fabrication.job.passes import bare_sheet_mm
-from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.outline.body_outline import flat_layout
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits, run_checks
 from vinefab.fabrication.rules.clearance_rules import ANGLE, CROTCH, POUCH
 from vinefab.fabrication.rules.laser_rules import BED, PLY

@@ -21,14 +21,12 @@ from vinefab.fabrication.job.passes import (
     sleeve_size,
     taken_mm,
 )
-from vinefab.fabrication.outline.ends import pouch_takes_mm
-from vinefab.fabrication.outline.joint import STEEPEST
-from vinefab.fabrication.outline.layout import flat_layout, level_fillets_mm
-from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM, Point
+from vinefab.fabrication.outline.body_outline import flat_layout
+from vinefab.fabrication.outline.ends import level_fillets_mm, pouch_takes_mm
+from vinefab.fabrication.outline.joint import LEAST_SEGMENT_MM, STEEPEST, Point
 from vinefab.fabrication.pieces.partition import beside_mm, sleeve_sides
 from vinefab.fabrication.rules.clearance_rules import ANGLE, CLEARANCE, CROTCH, FILLET, least_gap_mm
 from vinefab.fabrication.rules.laser_rules import PATHS
-from vinefab.fabrication.rules.piece_rules import LAP_PACKING, widest_cut_mm
 from vinefab.fabrication.rules.pressure_rules import (
     BODIES,
     WINDOW,
@@ -37,7 +35,13 @@ from vinefab.fabrication.rules.pressure_rules import (
 )
 from vinefab.fabrication.rules.rule import MOST_OF_ONE, LimitChanges, Limits, Rule
 from vinefab.fabrication.rules.spacing import TURNS, pouch_capsules, tail_capsules
-from vinefab.fabrication.rules.tree_rules import LEAST_WIDTH, PACKING, WIDTH_RATIO
+from vinefab.fabrication.rules.tree_rules import (
+    LAP_PACKING,
+    LEAST_WIDTH,
+    PACKING,
+    WIDTH_RATIO,
+    widest_cut_mm,
+)
 from vinefab.inflation.law import (
     FANS,
     LEAST_LENGTH,

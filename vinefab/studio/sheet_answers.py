@@ -23,7 +23,7 @@ from vinefab.fabrication.package.sheet_pictures import (
 )
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.pressure_rules import WINDOW, WorstBranch, pressure_gauge
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.inflation.pattern import pattern_of
@@ -132,7 +132,7 @@ def _sheet_content(subject: Subject, report: CheckReport) -> dict[str, Any]:
         x0, y0, x1, y1 = sheet_box_mm(job)
         placement = None
         if not job.sheets:  # where pieces lie apart, the layout has no one place
-            place = LayoutPlacement.of(job)
+            place = LayoutPlacement.of(job.facts)
             turn_deg = deg(place.angle_rad)
             placement = {"rotation_deg": turn_deg, "dx_mm": place.dx_mm, "dy_mm": place.dy_mm}
         drawing = {

@@ -1,7 +1,6 @@
 """A design rule: no more film than the shelf holds."""
 
-from vinefab.fabrication.rules.rule import Limits, Rule, RuleApplied, Violation
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Limits, Rule, RuleApplied, Subject, Violation
 from vinefab.model.tree import branch_tree
 
 

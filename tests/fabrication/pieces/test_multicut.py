@@ -3,7 +3,7 @@ from itertools import chain, combinations
 import numpy as np
 import pytest
 
-from vinefab.fabrication.pieces.multicut import Clause, multicut, simplified
+from vinefab.fabrication.pieces.partition import Clause, multicut, simplified
 
 ROWS = range(1, 9)
 

@@ -15,8 +15,7 @@ from ezdxf import path as ezpath
 from tests.fabrication.pieces.test_partition import CROSSED, PROFILE, design, fan
 from vinefab.fabrication.job.passes import weldcut_offset_mm
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.outline.body_outline import body_outline, flat_layout
 from vinefab.fabrication.package.prepare import package, prepare
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.model.design import Pouch

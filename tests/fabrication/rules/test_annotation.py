@@ -9,7 +9,7 @@ import shapely
 from vinefab.fabrication.findings_picture import MOST_MARKED, annotated_job
 from vinefab.fabrication.job.placement import LayoutPlacement
 from vinefab.fabrication.rules.catalog import run_checks
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Design
 from vinefab.model.job import Operation
 from vinefab.model.outline import Contour
@@ -21,7 +21,7 @@ def test_markers_lie_where_the_outline_lies(make, profile):
     # It has to be turned to fit the bed, so that a forgotten placement shows.
     subject = Subject.of(make((2, 300.0, 100.0), (2, 250.0, 90.0), trunk_mm=350.0), profile)
     assert subject.job is not None
-    placed = LayoutPlacement.of(subject.job)
+    placed = LayoutPlacement.of(subject.job.facts)
     assert placed.angle_rad != 0.0
     (outline,) = subject.job.along(Operation.WELDCUT)
     drawn = shapely.LineString(outline.contour.flattened_mm())
@@ -45,7 +45,7 @@ def test_an_error_is_circled_where_it_is(make, profile):
     subject = Subject.of(make((2, 200.0, 60.0), tail_mm=100.0), profile)
     report = run_checks(subject)
     (error,) = report.blocking
-    at = LayoutPlacement.of(subject.job).on_sheet(np.array([[error.x_mm, error.y_mm]]))[0]
+    at = LayoutPlacement.of(subject.job.facts).on_sheet(np.array([[error.x_mm, error.y_mm]]))[0]
     drawing = annotated_job(subject.job, report.findings)
     circles = [
         path.contour for path in drawing.along(Operation.DOC) if (path.contour.bulges == 1.0).all()
@@ -88,4 +88,4 @@ def test_the_drawing_of_a_clean_design_says_so_and_omits_waived_findings(make, p
     waived = tuple(replace(f, waived=True, reason="known") for f in run_checks(subject).findings)
     labels = [path.label for path in annotated_job(subject.job, waived).along(Operation.DOC)]
     assert "legend: no findings" in labels
-    assert math.isfinite(LayoutPlacement.of(subject.job).dx_mm)
+    assert math.isfinite(LayoutPlacement.of(subject.job.facts).dx_mm)

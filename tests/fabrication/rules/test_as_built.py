@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 
 from vinefab.fabrication.rules.catalog import run_checks
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Collar, Design
 from vinefab.model.finding import Severity
 from vinefab.model.laser import Quantity, Standing

@@ -6,7 +6,7 @@ import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.fabrication.rules.catalog import RULES, changed_limits, run_checks
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Design
 
 Make = Callable[..., Design]

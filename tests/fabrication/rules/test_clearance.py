@@ -14,7 +14,7 @@ from vinefab.core.rng import child
 from vinefab.fabrication.job.passes import taken_mm
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.clearance_rules import lies_between, notches
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Design, Pouch
 from vinefab.model.finding import Severity
 

@@ -10,7 +10,7 @@ import pytest
 from vinefab.fabrication.checking import check_design, subject_of
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.pressure_rules import deployed_capsules, fillet_gain
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.inflation.compensation import deployed_joint
 from vinefab.inflation.joint import JointShape
 from vinefab.model.design import Design, Pouch, UnevenLevel, Waiver

@@ -7,7 +7,7 @@ import pytest
 
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.pressure_rules import worst_growths
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.finding import Severity

@@ -13,12 +13,13 @@ from vinefab.fabrication.checking import map_corridors
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.catalog import RULES, run_checks
-from vinefab.fabrication.rules.rule import Limits, RuleNotApplicable
-from vinefab.fabrication.rules.subject import (
+from vinefab.fabrication.rules.rule import (
     Corridor,
+    Limits,
     MapCorridors,
     RigFacts,
     RigPartFacts,
+    RuleNotApplicable,
     Subject,
 )
 from vinefab.fabrication.rules.tree_rules import lap_occupancies, occupancies

@@ -7,7 +7,7 @@ from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.fabrication import checking
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.rules.catalog import RULES, SLEEVE_RULES, merged_reports, run_checks
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Design, PieceSettings, Waiver
 from vinefab.model.files.shipped import names
 from vinefab.model.finding import Severity

@@ -10,7 +10,7 @@ from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import SheetOptions
 from vinefab.fabrication.package.prepare import prepare
 from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES, SLEEVE_RULES, run_checks
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Design
 from vinefab.model.finding import Severity
 from vinefab.model.job import Operation

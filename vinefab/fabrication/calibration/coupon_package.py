@@ -27,7 +27,7 @@ from vinefab.fabrication.package.prepare import package_spec
 from vinefab.fabrication.package.readme_text import filled_document
 from vinefab.fabrication.package.sheet_pictures import job_plan
 from vinefab.fabrication.rules.catalog import checks_text, run_checks
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.finding import CheckReport, RuleRun
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile

@@ -219,7 +219,7 @@ def lap_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
     socket = OpenEnd(
         rim_mm=0.0, blend_mm=(-size.lap_mm, -size.lap_mm - size.blend_mm), rise_mm=size.rise_mm
     )
-    tube, end = PieceEnds(stubs={0: socket}), PieceEnds(base=OpenEnd(rim_mm=-size.lap_mm))
+    tube, end = PieceEnds(stubs=((0, socket),)), PieceEnds(base=OpenEnd(rim_mm=-size.lap_mm))
     found = []
     for width in LAP_WIDTHS_MM:
         for number in range(1, LAP_COPIES + 1):

@@ -16,8 +16,8 @@ from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import closes
 from vinefab.fabrication.job.placement import SheetRobot
-from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
-from vinefab.fabrication.outline.stroke import LocalFrame, Point, placed
+from vinefab.fabrication.outline.body_outline import FlatLayout, flat_layout
+from vinefab.fabrication.outline.joint import LocalFrame, Point, placed
 from vinefab.model.design import Design
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile
@@ -205,10 +205,6 @@ class FreeRoom:
         shapely.prepare(shape)
         self._taken.append(shape)
 
-    def take_path(self, path: LaserPath) -> None:
-        """Occupy the area of a path."""
-        self.take(region(path.contour))
-
     def _near(self, shapes: NDArray[np.object_], by_mm: float) -> NDArray[np.bool_]:
         """Return the mask of shapes within a distance of anything that is occupied."""
         near = np.zeros(len(shapes), dtype=np.bool_)
@@ -222,9 +218,12 @@ class FreeRoom:
     ) -> Box | None:
         """Return the free box of a size at a robot whose middle is nearest to a point, or None."""
         for boxes in self._free_boxes(size_mm, to_mm, self._around(own, LABEL_BESIDE_MM)):
-            beside = boxes[self._beside(boxes, own)]
-            if len(beside):
-                return _bounds(beside[0])
+            near = boxes
+            if len(self.bodies) > 1:  # next to its robot, and nearer to it than to any other
+                near = boxes[shapely.dwithin(self.bodies.geometries[own], boxes, LABEL_BESIDE_MM)]
+                near = near[self._alone(near, own)]
+            if len(near):
+                return _bounds(near[0])
         return None
 
     def box_led(
@@ -273,14 +272,6 @@ class FreeRoom:
             boxes = shapely.box(x[rows], y[rows], x[rows] + size_mm[0], y[rows] + size_mm[1])
             yield np.asarray(boxes)[~self._near(np.asarray(boxes), CLEAR_MM)]
 
-    def _beside(self, boxes: NDArray[np.object_], own: int) -> NDArray[np.bool_]:
-        """Return the mask of boxes next to a robot, and nearer to it than to any other."""
-        if len(self.bodies) < 2:
-            return np.ones(len(boxes), dtype=np.bool_)
-        beside = np.asarray(shapely.dwithin(self.bodies.geometries[own], boxes, LABEL_BESIDE_MM))
-        beside[beside] = self._alone(boxes[beside], own)
-        return beside
-
     def _alone(self, shapes: NDArray[np.object_], own: int) -> NDArray[np.bool_]:
         """Return the mask of shapes clearly nearer to a robot than to any other."""
         mine = shapely.distance(shapes, self.bodies.geometries[own])
@@ -318,7 +309,9 @@ def label_paths(lines: Sequence[str], free: FreeRoom, target: LabelTarget) -> tu
             if (box := free.box_near(size, target.near_mm, target.own)) is not None
         ]
         if found:
-            box, upright = min(found, key=lambda one: math.dist(_middle(one[0]), target.near_mm))
+            middles = [((x0 + x1) / 2.0, (y0 + y1) / 2.0) for (x0, y0, x1, y1), _ in found]
+            far = [math.dist(middle, target.near_mm) for middle in middles]
+            box, upright = found[far.index(min(far))]
             return _written(lines, free, target, (height, box, upright))
     if len(free.bodies) < 2:
         return ()
@@ -375,10 +368,6 @@ def region(contour: Contour) -> shapely.Geometry:
     return area if area.is_valid else area.convex_hull
 
 
-def _middle(box: Box) -> tuple[float, float]:
-    return (box[0] + box[2]) / 2.0, (box[1] + box[3]) / 2.0
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Marking:
     """The marks of a sheet."""
@@ -393,19 +382,40 @@ class Marking:
 
 
 def marks_of(
-    robots: Sequence[SheetRobot], bodies: Sequence[LaserPath], profile: LaserProfile, within: Box
+    robots: Sequence[SheetRobot],
+    bodies: Sequence[LaserPath],
+    profile: LaserProfile,
+    within: Box,
+    partition: Partition | None = None,
 ) -> Marking:
-    """Return fold lines and labels of robots, as far as there is room."""
+    """Return fold lines and labels of robots, or of pieces on one sheet, where there is room."""
     if Operation.MARK not in profile.recipe.by_operation:
         return Marking()
     placed = [robot for robot in robots if robot.placement]
-    areas = [body_area(robot) for robot in placed]
-    free = FreeRoom(bodies, within, areas)
-    folds = [fold_marking(robot, free) for robot in placed]
-    for path in (path for fold in folds for path in fold.paths):
-        free.take_path(path)
-    labels = [_label(robot, free, profile, own) for own, robot in enumerate(placed)]
-    made = [*folds, *labels]
+    taken = list(bodies)
+    if partition is not None:
+        # What seals a piece with stubs is several open paths: its outline encloses it.
+        taken = [path for path in bodies if path.operation is Operation.CUT or not path.of]
+        taken += [replace(robot.paths[0], contour=robot.outline) for robot in placed]
+    free = FreeRoom(taken, within, [body_area(robot) for robot in placed])
+    made = [fold_marking(robot, free) for robot in placed if robot.piece in ("", piece_label(0))]
+    for path in (path for one in made for path in one.paths):
+        free.take(region(path.contour))
+    if partition is None:
+        made += [_label(robot, free, profile, own) for own, robot in enumerate(placed)]
+    else:
+        layout = flat_layout(placed[0].design)
+        made += [
+            _joint(robot, free, layout, (own, end, sleeve))
+            for own, robot in enumerate(placed)
+            for sleeve in partition.sleeves
+            for end, on in ((SOCKET, sleeve.socket_on), (PLUG, sleeve.plug_on))
+            if on == robot.piece
+        ]
+        made += [
+            _piece(robot, free, layout, profile, (own, partition))
+            for own, robot in enumerate(placed)
+        ]
     return Marking(
         paths=tuple(path for one in made for path in one.paths),
         left_out=tuple(message for one in made for message in one.left_out),
@@ -474,41 +484,15 @@ def piece_mark(title: str) -> str:
     return f"label of {title}"
 
 
-def marks_of_pieces(
-    robots: Sequence[SheetRobot],
-    bodies: Sequence[LaserPath],
-    profile: LaserProfile,
-    within: Box,
-    partition: Partition,
-) -> Marking:
-    """Return the marks of the pieces on one sheet, as far as there is room."""
-    if Operation.MARK not in profile.recipe.by_operation:
-        return Marking()
-    # What seals a piece with stubs is several open paths: its outline encloses it.
-    taken = [path for path in bodies if path.operation is Operation.CUT or not path.of]
-    taken += [replace(robot.paths[0], contour=robot.outline) for robot in robots]
-    free = FreeRoom(taken, within, [body_area(robot) for robot in robots])
-    layout = flat_layout(robots[0].design)
-    made = [fold_marking(robot, free) for robot in robots if robot.piece == piece_label(0)]
-    for path in (path for one in made for path in one.paths):
-        free.take_path(path)
-    for own, robot in enumerate(robots):
-        for sleeve in partition.sleeves:
-            for end, on in ((SOCKET, sleeve.socket_on), (PLUG, sleeve.plug_on)):
-                if on == robot.piece:
-                    made.append(_joint(robot, free, layout, (own, end, sleeve)))
-    made += [
-        _piece(robot, free, layout, profile, (own, partition)) for own, robot in enumerate(robots)
-    ]
-    return Marking(
-        paths=tuple(path for one in made for path in one.paths),
-        left_out=tuple(message for one in made for message in one.left_out),
-    )
-
-
-def _frame(layout: FlatLayout, branch: int) -> LocalFrame:
+def _at(
+    robot: SheetRobot, layout: FlatLayout, branch: int, *places_mm: Point
+) -> list[tuple[float, float]]:
+    """Return where places lie on the sheet, given along and left of a branch's axis."""
     x, y = layout.start_mm[branch].tolist()
-    return LocalFrame((x, y), float(layout.heading_rad[branch]))
+    frame = LocalFrame((x, y), float(layout.heading_rad[branch]))
+    flat = np.array([placed(place, frame) for place in places_mm])
+    points = robot.on_sheet(Contour.polyline(flat, closed=False)).points_mm
+    return [(x, y) for x, y in points.tolist()]
 
 
 def _joint(
@@ -519,41 +503,29 @@ def _joint(
     Where no tick has room next to the plug, the label says the depth.
     """
     own, end, sleeve = joint
-    name, frame = joint_mark(end, sleeve.label, robot.title), _frame(layout, sleeve.branch)
+    name = joint_mark(end, sleeve.label, robot.title)
     beyond = sleeve.plug_mm if end == PLUG else sleeve.socket_mm
     paths: list[LaserPath] = []
     words, left_out = f"{sleeve.label} up", []
     if end == PLUG:
-        paths = [mark(tick, name, robot.of) for tick in _depth(robot, sleeve, frame, free)]
+        # As deep as it goes into the socket, on both sides of it.
+        first = sleeve.width_mm / 2.0 + robot.body.reach_mm + CLEAR_MM
+        for side in (-1.0, 1.0):
+            ends = [(sleeve.socket_mm, side * (first + more)) for more in (0.0, TICK_MM)]
+            line = np.array(_at(robot, layout, sleeve.branch, *ends))
+            tick = Contour.polyline(line, closed=False)
+            if free.has(tick):
+                paths.append(mark(tick, name, robot.of))
         for path in paths:
-            free.take_path(path)
+            free.take(region(path.contour))
         if not paths:
             words += f" {sleeve.lap_mm:g} mm"
-    near = _on_sheet(robot, placed((beyond, 0.0), frame))
+    near, _ = _at(robot, layout, sleeve.branch, (beyond, 0.0), (beyond + 1.0, 0.0))
     target = LabelTarget(near_mm=near, label=name, name=robot.of, own=own)
     label = label_paths([words], free, target)
     if not label:
         left_out.append(f"no room for the label of {name}")
     return Marking(paths=(*paths, *label), left_out=tuple(left_out))
-
-
-def _depth(
-    robot: SheetRobot, sleeve: Sleeve, frame: LocalFrame, free: FreeRoom
-) -> Iterator[Contour]:
-    """Yield the ticks on both sides of a plug, as deep as it goes into the socket, if free."""
-    first = sleeve.width_mm / 2.0 + robot.body.reach_mm + CLEAR_MM
-    for side in (-1.0, 1.0):
-        ends = [placed((sleeve.socket_mm, side * (first + more)), frame) for more in (0.0, TICK_MM)]
-        tick = robot.on_sheet(Contour.polyline(np.array(ends), closed=False))
-        if free.has(tick):
-            yield tick
-
-
-def _on_sheet(robot: SheetRobot, point: Point) -> Point:
-    """Return where a point of the flat layout lies on the sheet."""
-    two = np.array([point, (point[0] + 1.0, point[1])])
-    x, y = robot.on_sheet(Contour.polyline(two, closed=False)).points_mm[0].tolist()
-    return x, y
 
 
 def _piece(
@@ -567,7 +539,7 @@ def _piece(
     own, partition = place
     root = next(piece.root for piece in partition.pieces if piece.label == robot.piece)
     middle = float(layout.tree.length_mm[root]) / 2.0 if root else 0.0
-    near = _on_sheet(robot, placed((middle, 0.0), _frame(layout, root)))
+    near, _ = _at(robot, layout, root, (middle, 0.0), (middle + 1.0, 0.0))
     target = LabelTarget(near_mm=near, label=piece_mark(robot.title), name=robot.of, own=own)
     copy = f" copy {robot.number} of {robot.count}" if robot.count > 1 else ""
     full = [

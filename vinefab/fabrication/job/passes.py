@@ -17,7 +17,7 @@ from vinefab.fabrication.outline.body_outline import (
     body_outline,
 )
 from vinefab.fabrication.outline.ends import OpenEnd
-from vinefab.fabrication.outline.stroke import LEAST_ARC_RADIUS_MM
+from vinefab.fabrication.outline.joint import LEAST_ARC_RADIUS_MM
 from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile
@@ -376,7 +376,7 @@ def piece_ends(partition: Partition, piece: Piece) -> PieceEnds:
     return PieceEnds(
         root=piece.root,
         base=outer_end(partition.sleeve(piece.root)) if piece.root else None,
-        stubs={row: stub_end(partition.sleeve(row)) for row in piece.stubs},
+        stubs=tuple((row, stub_end(partition.sleeve(row))) for row in piece.stubs),
     )
 
 

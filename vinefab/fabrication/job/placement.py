@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import scipy  # its parts load at their first use
@@ -17,9 +17,10 @@ import shapely
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.limits import deg
 from vinefab.core.validation import Floats, whole
 from vinefab.fabrication.job.passes import BodyPaths
-from vinefab.fabrication.outline.layout import FlatLayout
+from vinefab.fabrication.outline.body_outline import FlatLayout
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath
 from vinefab.model.outline import Contour
@@ -55,6 +56,11 @@ class SheetOptions:
         if self.process not in PROCESSES:
             raise BadInputError("process", self.process, " or ".join(PROCESSES))
 
+    @property
+    def separate(self) -> bool:
+        """Whether robots are welded and cut in two passes, whatever else the recipe has."""
+        return self.process == "weld+cut"
+
 
 ONE = SheetOptions()
 """One copy, by the process of the recipe."""
@@ -68,23 +74,49 @@ MOST_TRIES = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BedPlacement:
-    """Where contours lie on the bed: a rotation about the origin, then a shift."""
+class LayoutPlacement:
+    """Where the flat layout lies on the sheet: a rotation about the origin, then a shift."""
 
-    angle_rad: float  # counter-clockwise, within -pi/2 to pi/2
+    angle_rad: float  # counter-clockwise
     dx_mm: float
     dy_mm: float
+
+    @classmethod
+    def of(cls, facts: Mapping[str, object]) -> "LayoutPlacement":
+        """Return the placement recorded in a job's `facts`, or in those of one of its pieces."""
+        turn_deg, dx, dy = (
+            float(str(facts[name])) for name in ("rotation_deg", "shift_x_mm", "shift_y_mm")
+        )
+        return LayoutPlacement(angle_rad=math.radians(turn_deg), dx_mm=dx, dy_mm=dy)
+
+    @property
+    def facts(self) -> dict[str, object]:
+        """The placement as plain values."""
+        turn_deg = deg(self.angle_rad)
+        return {"rotation_deg": turn_deg, "shift_x_mm": self.dx_mm, "shift_y_mm": self.dy_mm}
+
+    def shifted(self, dx_mm: float, dy_mm: float) -> Self:
+        """Return this placement, shifted further."""
+        return replace(self, dx_mm=self.dx_mm + dx_mm, dy_mm=self.dy_mm + dy_mm)
+
+    def moved(self, contour: Contour) -> Contour:
+        """Return a contour of the flat layout as it lies on the sheet."""
+        return contour.moved(self.angle_rad, self.dx_mm, self.dy_mm)
+
+    def on_sheet(self, points_mm: Floats) -> Floats:
+        """Return points of the flat layout as they lie on the sheet, shape (k, 2)."""
+        cos, sin = math.cos(self.angle_rad), math.sin(self.angle_rad)
+        turned = points_mm @ np.array([[cos, sin], [-sin, cos]])
+        return np.asarray(turned + np.array([self.dx_mm, self.dy_mm]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BedPlacement(LayoutPlacement):
+    """Where contours lie on the bed, turned by a right angle at most."""
+
     width_mm: float  # of the box around everything, after the rotation
     height_mm: float
     fits: bool  # whether the box fits the room
-
-    def moved(self, contour: Contour) -> Contour:
-        """Return a contour of the flat layout as it lies on the bed."""
-        return contour.moved(self.angle_rad, self.dx_mm, self.dy_mm)
-
-    def shifted(self, dx_mm: float, dy_mm: float) -> "BedPlacement":
-        """Return this placement, shifted further."""
-        return replace(self, dx_mm=self.dx_mm + dx_mm, dy_mm=self.dy_mm + dy_mm)
 
 
 def box_around_mm(contours: Iterable[Contour]) -> tuple[float, float, float, float]:
@@ -281,10 +313,6 @@ class _Bed:
         """Return the use of the bed below which no place of a robot comes."""
         return math.prod(map(max, self.used_mm, stamp.size_mm))
 
-    def spectrum(self) -> NDArray[np.complexfloating]:
-        """Return the transform of the taken cells."""
-        return self._transform(self.taken)
-
     def _transform(self, cells: Cells) -> NDArray[np.complexfloating]:
         # Single precision: the counts of cells that it gives are off by some hundredths.
         return scipy.fft.rfft2(cells.astype(np.float32), s=self.period)
@@ -297,7 +325,7 @@ class _Bed:
         Parameters
         ----------
         taken
-            The bed's `spectrum`.
+            Transform of the bed's taken cells.
         least
             A use that is known to be possible: None may be returned where none is less.
         """
@@ -333,16 +361,38 @@ class _Bed:
                 return True
         return not left.any()
 
-    def put(self, stamp: _Stamp, row: int, column: int) -> None:
-        """Take the cells of a robot."""
+    def placement(self, stamps: Sequence[_Stamp], corner_mm: float) -> BedPlacement | None:
+        """Put a robot where it needs the least film, in the best of some rotations, if it fits."""
+        # Those that may need the least film first: once one is placed, most of the others cannot
+        # need less. Of equals the first rotation counts, whatever the order of the tries.
+        tries, taken = list[tuple[float, int, int, int]](), self._transform(self.taken)
+        least = math.inf
+        for number in sorted(range(len(stamps)), key=lambda number: self.least_use(stamps[number])):
+            stamp = stamps[number]
+            if self.least_use(stamp) <= least and (best := self.best(stamp, taken, least)):
+                tries.append((best[0], number, *best[1:]))
+                least = min(least, best[0])
+        if not tries:
+            return None
+        _, number, row, column = min(tries)
+        stamp = stamps[number]
         cells = stamp.cells(self)
         high, wide = cells.shape
         self.taken[row : row + high, column : column + wide] |= cells[
             : self.taken.shape[0] - row, : self.taken.shape[1] - column
         ]
+        at_mm = column * self.cell_mm, row * self.cell_mm
         self.used_mm = (
-            max(self.used_mm[0], column * self.cell_mm + stamp.size_mm[0]),
-            max(self.used_mm[1], row * self.cell_mm + stamp.size_mm[1]),
+            max(self.used_mm[0], at_mm[0] + stamp.size_mm[0]),
+            max(self.used_mm[1], at_mm[1] + stamp.size_mm[1]),
+        )
+        return BedPlacement(
+            angle_rad=math.remainder(stamp.turn_rad, math.tau),
+            dx_mm=corner_mm + at_mm[0] - stamp.low_mm[0],
+            dy_mm=corner_mm + at_mm[1] - stamp.low_mm[1],
+            width_mm=stamp.size_mm[0],
+            height_mm=stamp.size_mm[1],
+            fits=True,
         )
 
 
@@ -383,106 +433,37 @@ def nest(
     """
     if len(robots) == 1:
         return [place_contours(robots[0], room_mm, corner_mm)]
-    shapes = [_shape(contours) for contours in robots]
-    rows = range(len(robots))
+    shapes, longest_mm = list[shapely.Polygon](), list[float]()
+    for contours in robots:
+        # All paths as one shape, a little too large.
+        lines = [shapely.LineString(contour.flattened_mm(0.05)) for contour in contours]
+        body = shapely.Polygon(contours[0].flattened_mm(0.05))
+        around = body if body.is_valid else body.convex_hull
+        shapes.append(shapely.union_all([around, *lines]).buffer(0.06, quad_segs=4))
+        x, y = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shapes[-1]))[:3].T
+        longest_mm.append(float(np.hypot(np.diff(x), np.diff(y)).max()))
     # The largest first: small ones find room between its branches. If that leaves some without a
     # place, the longest first: robots nearly as long as the bed have few places.
+    rows = range(len(robots))
     orders = (
         sorted(rows, key=lambda row: (-shapes[row].area, row)),
-        sorted(rows, key=lambda row: (-_long_mm(shapes[row]), row)),
+        sorted(rows, key=lambda row: (-longest_mm[row], row)),
     )
-    found: list[BedPlacement | None] = []
+    most: list[BedPlacement | None] = []
     for order in orders:
-        tried = _nested(shapes, order, room_mm, corner_mm)
-        if not found or _count(tried) > _count(found):
-            found = tried
-        if once or None not in found:
+        bed, stamps = _Bed(room_mm), dict[bytes, list[_Stamp]]()
+        found: list[BedPlacement | None] = [None] * len(robots)
+        for row in order:
+            key = shapes[row].wkb
+            if key not in stamps:
+                turns = np.arange(_TURNS) * math.tau / _TURNS
+                stamps[key] = [_Stamp(shapes[row], turn) for turn in turns.tolist()]
+            found[row] = bed.placement(stamps[key], corner_mm)
+        if not most or found.count(None) < most.count(None):
+            most = found
+        if once or None not in most:
             break
-    return found
-
-
-def _nested(
-    shapes: Sequence[shapely.Polygon],
-    order: Sequence[int],
-    room_mm: tuple[float, float],
-    corner_mm: float,
-) -> list[BedPlacement | None]:
-    """Return the placement of each robot when they are placed in an order."""
-    bed = _Bed(room_mm)
-    stamps: dict[bytes, list[_Stamp]] = {}
-    found: list[BedPlacement | None] = [None] * len(shapes)
-    for row in order:
-        key = shapes[row].wkb
-        if key not in stamps:
-            turns = np.arange(_TURNS) * math.tau / _TURNS
-            stamps[key] = [_Stamp(shapes[row], turn) for turn in turns.tolist()]
-        found[row] = _put(bed, stamps[key], corner_mm)
-    return found
-
-
-def _count(placements: Sequence[BedPlacement | None]) -> int:
-    return sum(placement is not None for placement in placements)
-
-
-def _long_mm(shape: shapely.Polygon) -> float:
-    """Return the length of a robot: the longer side of its minimum rotated rectangle."""
-    x, y = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shape))[:3].T
-    return float(np.hypot(np.diff(x), np.diff(y)).max())
-
-
-def _put(bed: _Bed, stamps: list[_Stamp], corner_mm: float) -> BedPlacement | None:
-    # Those that may need the least film first: once one is placed, most of the others cannot need
-    # less. Of equals the first rotation counts, whatever the order in which they are tried.
-    tries, taken, least = list[tuple[tuple[float, int, int], int]](), bed.spectrum(), math.inf
-    for number in sorted(range(len(stamps)), key=lambda number: bed.least_use(stamps[number])):
-        stamp = stamps[number]
-        if bed.least_use(stamp) <= least and (best := bed.best(stamp, taken, least)):
-            tries.append((best, number))
-            least = min(least, best[0])
-    if not tries:
-        return None
-    (_, row, column), number = min(tries, key=lambda found: (found[0][0], found[1]))
-    stamp = stamps[number]
-    bed.put(stamp, row, column)
-    return BedPlacement(
-        angle_rad=math.remainder(stamp.turn_rad, math.tau),
-        dx_mm=corner_mm + column * bed.cell_mm - stamp.low_mm[0],
-        dy_mm=corner_mm + row * bed.cell_mm - stamp.low_mm[1],
-        width_mm=stamp.size_mm[0],
-        height_mm=stamp.size_mm[1],
-        fits=True,
-    )
-
-
-def _shape(contours: tuple[Contour, ...]) -> shapely.Polygon:
-    """Return a robot with all its paths as one shape, a little too large."""
-    lines = [shapely.LineString(contour.flattened_mm(0.05)) for contour in contours]
-    body = shapely.Polygon(contours[0].flattened_mm(0.05))
-    around = body if body.is_valid else body.convex_hull
-    return shapely.union_all([around, *lines]).buffer(0.06, quad_segs=4)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LayoutPlacement:
-    """Where the flat layout lies on the sheet: a rotation about the origin, then a shift."""
-
-    angle_rad: float
-    dx_mm: float
-    dy_mm: float
-
-    @classmethod
-    def of(cls, job: Job) -> "LayoutPlacement":
-        """Return the placement recorded in a job's facts."""
-        turn_deg, dx, dy = (
-            float(str(job.facts[name])) for name in ("rotation_deg", "shift_x_mm", "shift_y_mm")
-        )
-        return cls(angle_rad=math.radians(turn_deg), dx_mm=dx, dy_mm=dy)
-
-    def on_sheet(self, points_mm: Floats) -> Floats:
-        """Return points of the flat layout as they lie on the sheet, shape (k, 2)."""
-        cos, sin = math.cos(self.angle_rad), math.sin(self.angle_rad)
-        turned = points_mm @ np.array([[cos, sin], [-sin, cos]])
-        return np.asarray(turned + np.array([self.dx_mm, self.dy_mm]))
+    return most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -509,16 +490,16 @@ class SheetPlaces:
         """Return the places that a job's facts record; of several copies those of the first."""
         pieces = fact_rows(job, "pieces")
         if not job.sheets:
-            return cls(layout=layout, whole=LayoutPlacement.of(job), uncut={}, cut={}, axes={})
+            return cls(
+                layout=layout, whole=LayoutPlacement.of(job.facts), uncut={}, cut={}, axes={}
+            )
         row = {name: number for number, name in enumerate(layout.tree.ids)}
         first = [piece for piece in pieces if piece["copy"] == 1]
         # The sheets stand side by side.
         wide_mm = job.sheets[0].sheet_width_mm
         placed = {
-            piece["label"]: LayoutPlacement(
-                angle_rad=math.radians(piece["transform"]["rotation_deg"]),
-                dx_mm=piece["transform"]["shift_x_mm"] + (int(piece["sheet"]) - 1) * wide_mm,
-                dy_mm=piece["transform"]["shift_y_mm"],
+            piece["label"]: LayoutPlacement.of(piece["transform"]).shifted(
+                (int(piece["sheet"]) - 1) * wide_mm, 0.0
             )
             for piece in first
         }
@@ -543,46 +524,45 @@ class SheetPlaces:
         branches
             Indices of the branches that it may lie on, where pieces lie apart; all by default.
         """
-        at = np.array([at_mm])
-        return self._placement(at[0], branches).on_sheet(at).ravel()
+        at = np.array(at_mm)
+        placement = self.whole
+        if placement is None:
+            row = self._branch(at, branches)
+            cut = self.cut.get(row)
+            if cut is None:
+                placement = self.uncut[row]
+            else:
+                placement = cut.inner if self._along_mm(row, at) < cut.at_mm else cut.outer
+        return placement.on_sheet(at[None]).ravel()
 
     def lines(self, marker_wkt: str, branches: Sequence[int] = ()) -> list[Floats]:
-        """Return the lines of a marker's geometry on the sheet, shape (k, 2) each."""
-        found = []
-        for line in marker_lines(marker_wkt):
-            for ends in pairwise(line):
-                found += self._segment(np.array(ends), branches)
-        return found
+        """Return the lines of a marker's geometry on the sheet, shape (k, 2) each.
 
-    def _segment(self, ends_mm: Floats, branches: Sequence[int]) -> list[Floats]:
-        """Return a straight line on the sheet: in two parts if it runs along a branch that is cut.
-
-        A line that is the axis of no branch is drawn on the piece of its middle.
+        A straight line along a branch that is cut comes in two parts. One that is the axis of no
+        branch is drawn on the piece of its middle.
         """
-        if self.whole:
-            return [self.whole.on_sheet(ends_mm)]
-        row = self.axes.get(_rounded(ends_mm))
-        if row is None:
-            row = self._branch(ends_mm.mean(axis=0), branches)
-        cut = self.cut.get(row)
-        if cut is None:
-            return [self.uncut[row].on_sheet(ends_mm)]
-        first, last = (self._along_mm(row, end) - cut.at_mm for end in ends_mm)
-        if first * last >= 0.0:
-            return [(cut.inner if first + last < 0.0 else cut.outer).on_sheet(ends_mm)]
-        between = ends_mm[0] + first / (first - last) * (ends_mm[1] - ends_mm[0])
-        halves = (np.array([ends_mm[0], between]), np.array([between, ends_mm[1]]))
-        sides = (cut.inner, cut.outer) if first < 0.0 else (cut.outer, cut.inner)
-        return [side.on_sheet(half) for side, half in zip(sides, halves, strict=True)]
-
-    def _placement(self, at_mm: Floats, branches: Sequence[int]) -> LayoutPlacement:
-        if self.whole:
-            return self.whole
-        row = self._branch(at_mm, branches)
-        cut = self.cut.get(row)
-        if cut is None:
-            return self.uncut[row]
-        return cut.inner if self._along_mm(row, at_mm) < cut.at_mm else cut.outer
+        found = list[Floats]()
+        straight = (np.array(two) for line in marker_lines(marker_wkt) for two in pairwise(line))
+        for ends_mm in straight:
+            if self.whole:
+                found.append(self.whole.on_sheet(ends_mm))
+                continue
+            row = self.axes.get(_rounded(ends_mm))
+            if row is None:
+                row = self._branch(ends_mm.mean(axis=0), branches)
+            cut = self.cut.get(row)
+            if cut is None:
+                found.append(self.uncut[row].on_sheet(ends_mm))
+                continue
+            first, last = (self._along_mm(row, end) - cut.at_mm for end in ends_mm)
+            if first * last >= 0.0:
+                found.append((cut.inner if first + last < 0.0 else cut.outer).on_sheet(ends_mm))
+                continue
+            between = ends_mm[0] + first / (first - last) * (ends_mm[1] - ends_mm[0])
+            sides = (cut.inner, cut.outer) if first < 0.0 else (cut.outer, cut.inner)
+            found.append(sides[0].on_sheet(np.array([ends_mm[0], between])))
+            found.append(sides[1].on_sheet(np.array([between, ends_mm[1]])))
+        return found
 
     def _along_mm(self, row: int, at_mm: Floats) -> float:
         heading = float(self.layout.heading_rad[row])

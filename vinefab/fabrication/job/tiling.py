@@ -14,7 +14,6 @@ import math
 from bisect import bisect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import reduce
 from itertools import pairwise
 
 import numpy as np
@@ -23,9 +22,15 @@ import shapely
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.marks import CLEAR_MM, Box, mark, region
 from vinefab.fabrication.job.passes import BodyPaths, in_order, sealed_by_hand
-from vinefab.fabrication.job.placement import BedPlacement, place_contours, placed_at
-from vinefab.fabrication.outline.layout import flat_layout
-from vinefab.fabrication.outline.stroke import Point
+from vinefab.fabrication.job.placement import (
+    BedPlacement,
+    LayoutPlacement,
+    box_around_mm,
+    place_contours,
+    placed_at,
+)
+from vinefab.fabrication.outline.body_outline import flat_layout
+from vinefab.fabrication.outline.joint import Point
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, SealerSettings
@@ -52,6 +57,20 @@ class BranchAxes:
     start_mm: Floats  # starts of the axes, shape (n, 2)
     along: Floats  # unit vectors, shape (n, 2)
 
+    @classmethod
+    def of(cls, design: Design, placement: LayoutPlacement) -> "BranchAxes":
+        """Return the axes of a design whose flat layout lies somewhere on the sheet."""
+        layout, turn = flat_layout(design), replace(placement, dx_mm=0.0, dy_mm=0.0)
+        start = layout.start_mm.copy()
+        start[0, 0] -= layout.tail_mm
+        along = np.column_stack([np.cos(layout.heading_rad), np.sin(layout.heading_rad)])
+        return cls(
+            names=layout.tree.ids,
+            parent=tuple(layout.tree.parent.tolist()),
+            start_mm=placement.on_sheet(start),
+            along=turn.on_sheet(along),
+        )
+
     def station_mm(self, branch: int, point_mm: Sequence[float]) -> float:
         """Return the station of a point along a branch's axis."""
         return float(np.dot(np.subtract(point_mm, self.start_mm[branch]), self.along[branch]))
@@ -62,20 +81,26 @@ class BranchAxes:
         return bool(self.along[branch][0] * y - self.along[branch][1] * x > 0.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stretch:
-    """Part of a segment of a path that lies in one piece of a branch."""
-
-    segment: Segment  # that part
-    piece: tuple[int, int]  # branch, and number of its piece, counted from its base
-
-
 def stations_mm(axes: BranchAxes, contours: Sequence[Contour]) -> list[list[float]]:
     """Return the places along each branch's axis where all paths may be parted."""
+    rows = {name: row for row, name in enumerate(axes.names)}
     allowed: dict[tuple[int, Part], list[Range]] = {}
     around = [contour for contour in contours if len(contour) > 1]
     for contour in around:
-        sides = _sides(axes, contour)
+        # The longest straight stretch of each side of a branch, along the branch's axis.
+        sides: dict[tuple[int, Part, bool], Range] = {}
+        for segment in contour.segments:
+            if segment.bulge or segment.part not in (Part.SIDE, Part.TAIL):
+                continue
+            row = rows[segment.branch]
+            low, high = sorted(axes.station_mm(row, p) for p in (segment.start_mm, segment.end_mm))
+            key = row, segment.part, axes.is_left(row, segment.start_mm)
+            had = sides.get(key, (0.0, -1.0))
+            # A cut that starts in the middle of a side has two segments there.
+            if had[1] >= had[0] and low <= had[1] + 1e-6 and high >= had[0] - 1e-6:
+                low, high = min(low, had[0]), max(high, had[1])
+            if high - low >= had[1] - had[0]:
+                sides[key] = low, high
         for row, part, left in sides:
             if left and (row, part, False) in sides:
                 both = sides[row, part, True], sides[row, part, False]
@@ -91,50 +116,32 @@ def stations_mm(axes: BranchAxes, contours: Sequence[Contour]) -> list[list[floa
     return [sorted(places) for places in found]
 
 
-def _sides(axes: BranchAxes, contour: Contour) -> dict[tuple[int, Part, bool], Range]:
-    """Return the longest straight stretch of each side of a branch, along the branch's axis."""
-    rows = {name: row for row, name in enumerate(axes.names)}
-    sides: dict[tuple[int, Part, bool], Range] = {}
-    for segment in contour.segments:
-        if segment.bulge or segment.part not in (Part.SIDE, Part.TAIL):
-            continue
-        row = rows[segment.branch]
-        low, high = sorted(axes.station_mm(row, p) for p in (segment.start_mm, segment.end_mm))
-        key = row, segment.part, axes.is_left(row, segment.start_mm)
-        had = sides.get(key, (0.0, -1.0))
-        # A cut that starts in the middle of a side has two segments there.
-        if had[1] >= had[0] and low <= had[1] + 1e-6 and high >= had[0] - 1e-6:
-            low, high = min(low, had[0]), max(high, had[1])
-        if high - low >= had[1] - had[0]:
-            sides[key] = low, high
-    return sides
+BranchRun = tuple[int, int]
+"""A branch, and the number of a piece of it, counted from its base."""
 
 
-def stretches(axes: BranchAxes, contour: Contour, places_mm: list[list[float]]) -> list[Stretch]:
-    """Return a path parted at all places allowed."""
+def stretches(
+    axes: BranchAxes, contour: Contour, places_mm: list[list[float]]
+) -> list[tuple[Segment, BranchRun]]:
+    """Return the segments of a path parted at all places allowed, each with where it lies."""
     rows = {name: row for row, name in enumerate(axes.names)}
     found = []
     for segment in contour.segments:
-        row = rows[segment.branch]
-        for part in _parted(axes, row, segment, places_mm[row]):
-            (x0, y0), (x1, y1) = part.start_mm, part.end_mm
-            station = axes.station_mm(row, ((x0 + x1) / 2.0, (y0 + y1) / 2.0))
-            piece = row, bisect(places_mm[row], station)
-            found.append(Stretch(segment=part, piece=piece))
+        row, ends = rows[segment.branch], [segment.start_mm, segment.end_mm]
+        if not segment.bulge and segment.part is not Part.MOUTH:
+            first, last = (axes.station_mm(row, end) for end in ends)
+            # A place where the segment ends anyway, but for rounding, would leave a piece of no
+            # length.
+            low, high = min(first, last) + _MEETS_MM, max(first, last) - _MEETS_MM
+            between = [place for place in places_mm[row] if low < place < high]
+            start, run = np.array(ends[0]), np.subtract(ends[1], ends[0])
+            shares = sorted((place - first) / (last - first) for place in between)
+            ends[1:1] = [_point(start + share * run) for share in shares]
+        for one, two in pairwise(ends):
+            middle = (one[0] + two[0]) / 2.0, (one[1] + two[1]) / 2.0
+            piece = row, bisect(places_mm[row], axes.station_mm(row, middle))
+            found.append((replace(segment, start_mm=one, end_mm=two), piece))
     return found
-
-
-def _parted(axes: BranchAxes, row: int, segment: Segment, places_mm: list[float]) -> list[Segment]:
-    if segment.bulge or segment.part is Part.MOUTH:
-        return [segment]
-    first, last = (axes.station_mm(row, p) for p in (segment.start_mm, segment.end_mm))
-    # A place where the segment ends anyway, but for rounding, would leave a piece of no length.
-    low, high = min(first, last) + _MEETS_MM, max(first, last) - _MEETS_MM
-    between = [place for place in places_mm if low < place < high]
-    shares = sorted((place - first) / (last - first) for place in between)
-    start, run = np.array(segment.start_mm), np.subtract(segment.end_mm, segment.start_mm)
-    ends = [segment.start_mm, *(_point(start + share * run) for share in shares), segment.end_mm]
-    return [replace(segment, start_mm=one, end_mm=two) for one, two in pairwise(ends)]
 
 
 def lengthened(run: list[Segment], *, at_start: bool, at_end: bool) -> list[Segment]:
@@ -159,13 +166,13 @@ def _point(point: Floats) -> tuple[float, float]:
 TARGET_MM = 8.0
 """Width and height of a registration target, a cross."""
 
+_TARGET_RIM_MM = TARGET_MM / 2.0 + 0.5
+
 MOST_TILES = 64
 """Most tiles of a robot; a robot of a kilometre is refused at once."""
 
 _RIM_MM = 15.0
 """Margin around a tile's paths, so that windows overlap enough to share targets."""
-
-BranchRun = tuple[int, int]
 
 
 @dataclass(slots=True)
@@ -190,17 +197,25 @@ def film_tiles(
 ) -> list[FilmTile]:
     """Return the tiles of a robot in the order of cutting, the mouth's first; see `register`."""
     contours = [path.contour for path in paths]
-    whole = reduce(union_box, (contour.box_mm for contour in contours))
-    wide, high = (whole[2] - whole[0]) / room_mm[0], (whole[3] - whole[1]) / room_mm[1]
+    x0, y0, x1, y1 = box_around_mm(contours)
+    wide, high = (x1 - x0) / room_mm[0], (y1 - y0) / room_mm[1]
     _refuse_many(wide if pass_through else max(wide, high))
     places = stations_mm(axes, contours)
     parted = [stretches(axes, contour, places) for contour in contours]
     boxes: dict[BranchRun, Box] = {}
-    for stretch in (stretch for found in parted for stretch in found):
-        piece = _joined(axes, places, stretch.piece)
-        box = stretch.segment.box_mm
-        boxes[piece] = union_box(boxes[piece], box) if piece in boxes else box
-    fits = _fit(boxes, room_mm, pass_through=pass_through)
+    for segment, piece in (stretch for found in parted for stretch in found):
+        whole = _joined(axes, places, piece)
+        box = segment.box_mm
+        boxes[whole] = union_box(boxes[whole], box) if whole in boxes else box
+    if pass_through and y1 - y0 > room_mm[1]:
+        raise NoTilesError("it is wider than the bed, across the way the film is fed")
+
+    def fits(box: Box) -> bool:
+        """Whether a box and the overlaps around it fit a window."""
+        across, up = box[2] - box[0], box[3] - box[1]
+        spare = 2.0 * _RIM_MM
+        return across <= room_mm[0] - spare and (pass_through or up <= room_mm[1] - spare)
+
     grown = _grown(axes, places, boxes, fits)
     # Trying all pairs of very many tiles takes too long; merging rarely leaves a quarter of them.
     _refuse_many(len(grown) // 4)
@@ -208,8 +223,8 @@ def film_tiles(
     _refuse_many(len(tiles))
     number = {piece: row for row, tile in enumerate(tiles) for piece in tile.pieces}
     for path, found in zip(paths, parted, strict=True):
-        owners = [number[_joined(axes, places, stretch.piece)] for stretch in found]
-        for owner, run in _runs(path.contour, [s.segment for s in found], owners):
+        owners = [number[_joined(axes, places, piece)] for _, piece in found]
+        for owner, run in _runs(path.contour, [segment for segment, _ in found], owners):
             part = Contour.from_segments(_simple(run), closed=False)
             tiles[owner].paths.append(
                 LaserPath(operation=path.operation, contour=part, label=path.label, of=path.of)
@@ -231,24 +246,6 @@ def _joined(axes: BranchAxes, places: list[list[float]], piece: BranchRun) -> Br
         branch = axes.parent[branch]
         part = len(places[branch])
     return branch, part
-
-
-def _fit(
-    boxes: dict[BranchRun, Box], room_mm: Point, *, pass_through: bool
-) -> Callable[[Box], bool]:
-    """Return a predicate: whether a box and the overlaps around it fit a window."""
-    spare = 2.0 * _RIM_MM
-    wide, high = room_mm[0] - spare, room_mm[1] - spare
-    if pass_through:
-        whole = reduce(union_box, boxes.values())
-        if whole[3] - whole[1] > room_mm[1]:
-            raise NoTilesError("it is wider than the bed, across the way the film is fed")
-        high = math.inf
-
-    def fits(box: Box) -> bool:
-        return box[2] - box[0] <= wide and box[3] - box[1] <= high
-
-    return fits
 
 
 def _grown(
@@ -439,7 +436,9 @@ def tiled(
         placement = replace(placed_at(contours, turn, room, margin), fits=False)
         paths = [replace(path, contour=placement.moved(path.contour)) for path in body.paths]
         try:
-            tiles = film_tiles(_axes(design, placement), paths, room, pass_through=pass_through)
+            tiles = film_tiles(
+                BranchAxes.of(design, placement), paths, room, pass_through=pass_through
+            )
         except NoTilesError as error:
             reasons[row] = str(error)
         else:
@@ -458,13 +457,17 @@ def tiled(
 def register(tiles: Sequence[FilmTile], room_mm: Point, contours: Sequence[Contour]) -> None:
     """Place two targets for each tile after the first, which an earlier tile makes."""
     taken = shapely.union_all([region(contour) for contour in contours])
-    robot = reduce(union_box, (contour.box_mm for contour in contours))
+    robot = box_around_mm(contours)
     for row, tile in enumerate(tiles):
         if tile.after is None:
             continue
         others = [tile.after, *(other for other in range(row) if other != tile.after)]
         for other in others:
-            pair = near_pair(_shared(tile.low_mm, tiles[other].low_mm, room_mm), robot, taken)
+            # The overlap of the two windows, reduced by the size of a target.
+            windows = list(zip(tile.low_mm, tiles[other].low_mm, room_mm, strict=True))
+            x0, y0 = (max(a, b) + _TARGET_RIM_MM for a, b, _ in windows)
+            x1, y1 = (min(a, b) + room - _TARGET_RIM_MM for a, b, room in windows)
+            pair = near_pair((x0, y0, x1, y1), robot, taken)
             if pair:
                 tile.after, tile.found_mm = other, pair
                 tiles[other].made_mm += pair
@@ -473,14 +476,6 @@ def register(tiles: Sequence[FilmTile], room_mm: Point, contours: Sequence[Conto
                 break
         else:
             raise NoTilesError(f"tile {row + 1} has no room for two registration targets")
-
-
-def _shared(one: Point, two: Point, room_mm: Point) -> Box:
-    """Return the overlap of two windows, reduced by the size of a target."""
-    rim = TARGET_MM / 2.0 + 0.5
-    low = [max(a, b) + rim for a, b in zip(one, two, strict=True)]
-    high = [min(a, b) + room - rim for a, b, room in zip(one, two, room_mm, strict=True)]
-    return low[0], low[1], high[0], high[1]
 
 
 def near_pair(box: Box, robot: Box, taken: shapely.Geometry) -> list[Point]:
@@ -580,21 +575,6 @@ def tile_jobs(
     return tuple(jobs)
 
 
-def _axes(design: Design, placement: BedPlacement) -> BranchAxes:
-    layout = flat_layout(design)
-    start = layout.start_mm.copy()
-    start[0, 0] -= layout.tail_mm
-    cos, sin = math.cos(placement.angle_rad), math.sin(placement.angle_rad)
-    turn = np.array([[cos, sin], [-sin, cos]])
-    along = np.column_stack([np.cos(layout.heading_rad), np.sin(layout.heading_rad)])
-    return BranchAxes(
-        names=layout.tree.ids,
-        parent=tuple(layout.tree.parent.tolist()),
-        start_mm=start @ turn + np.array([placement.dx_mm, placement.dy_mm]),
-        along=along @ turn,
-    )
-
-
 def reg(contour: Contour) -> LaserPath:
     """Return a line of a registration target as a path that is never cut."""
     return LaserPath(operation=Operation.REG, contour=contour, label=TARGET)
@@ -634,9 +614,9 @@ def registration(
     weld = profile.recipe.by_operation.get(Operation.WELD)
     if not isinstance(weld, SealerSettings) or not sealed_by_hand(profile, separate=separate):
         return ()
-    rim = TARGET_MM / 2.0 + 0.5
+    rim = _TARGET_RIM_MM
     room = within[0] + rim, within[1] + rim, within[2] - rim, within[3] - rim
-    robots = reduce(union_box, (path.contour.box_mm for path in paths))
+    robots = box_around_mm(path.contour for path in paths)
     taken = shapely.union_all([region(path.contour) for path in paths])
     holes = near_pair(room, robots, taken)
     if holes:
@@ -652,10 +632,15 @@ def registration(
     lines = cross_lines(crosses) if holes else []
     cut = profile.settings(Operation.CUT)
     radius_mm = weld.pin_mm.value / 2.0 - cut.kerf_mm.value / 2.0
+    # A circle of four arcs, which every format holds exactly.
+    quarters = radius_mm * np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
+    circle = replace(
+        Contour.polyline(quarters, closed=True), bulges=np.full(4, math.tan(math.pi / 8.0))
+    )
     return (
         *(mark(line, TARGET, "") for line in lines if can_mark),
         *(
-            replace(mark(_circle(at, radius_mm), PIN_HOLE, ""), variant=HOLES, settings=cut)
+            replace(mark(circle.moved(0.0, *at), PIN_HOLE, ""), variant=HOLES, settings=cut)
             for at in holes
         ),
         *(reg(line) for line in lines),
@@ -664,16 +649,3 @@ def registration(
 
 def _around(point: Point) -> shapely.Geometry:
     return shapely.Point(point).buffer(TARGET_MM)
-
-
-def _circle(middle: Point, radius_mm: float) -> Contour:
-    """Return a circle of four arcs, which every format holds exactly."""
-    x, y = middle
-    quarters = [(radius_mm, 0.0), (0.0, radius_mm), (-radius_mm, 0.0), (0.0, -radius_mm)]
-    return Contour(
-        points_mm=np.array([(x + dx, y + dy) for dx, dy in quarters]),
-        bulges=np.full(4, math.tan(math.pi / 8.0)),
-        parts=(Part.OTHER,) * 4,
-        branches=("",) * 4,
-        closed=True,
-    )

@@ -1,4 +1,4 @@
-"""The outline of a design: one walk around its tree, in exact lines and arcs.
+"""The flat layout of a design, and its outline: one walk around its tree, in exact lines and arcs.
 
 From the mouth's right corner up one side of tail and trunk, at each joint on to the next branch
 counter-clockwise, around each tip, and back down to the mouth's left corner. The body is always to
@@ -7,15 +7,16 @@ body cross each other is for the rules.
 """
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vinefab.core.plain_text import counted
-from vinefab.core.validation import LARGEST_MM
+from vinefab.core.validation import LARGEST_MM, Floats, frozen_floats
 from vinefab.fabrication.outline.ends import (
     BranchSide,
     OpenEnd,
@@ -26,29 +27,83 @@ from vinefab.fabrication.outline.ends import (
     tip_of,
 )
 from vinefab.fabrication.outline.joint import (
+    LEAST_CUT_MM,
+    LEAST_SEGMENT_MM,
     STEEPEST,
+    WORST_ERROR_MM,
     Joint,
+    LocalFrame,
+    Pen,
+    Point,
+    StrokeRun,
     allowed_reach_mm,
     crotch_reach_mm,
     joint_of,
     level_lengths_mm,
     level_tapers_rad,
-    taper_rad,
-)
-from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
-from vinefab.fabrication.outline.stroke import (
-    LEAST_CUT_MM,
-    LEAST_SEGMENT_MM,
-    WORST_ERROR_MM,
-    LocalFrame,
-    Pen,
-    Point,
-    StrokeRun,
-    StrokeSegment,
     placed,
+    taper_rad,
 )
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.outline import Contour, Part
+from vinefab.model.tree import BranchTree, branch_tree
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlatLayout:
+    """Every branch of a design as it lies on the sheet, n of them.
+
+    The trunk's base is the origin, the trunk points along +x and the tail along -x.
+    """
+
+    tree: BranchTree  # the planned branches
+    start_mm: Floats  # joint where each branch begins, shape (n, 2)
+    end_mm: Floats  # joint or tip where each branch ends, shape (n, 2)
+    heading_rad: Floats  # direction of each branch, counter-clockwise from +x, shape (n,)
+    width_mm: Floats  # lay-flat lumen width where each branch begins, shape (n,)
+    end_width_mm: Floats  # lay-flat lumen width where each branch ends, shape (n,)
+    tail_mm: float  # straight length below the trunk's base
+
+    @property
+    def is_leaf(self) -> NDArray[np.bool_]:
+        """Whether each branch has no children, shape (n,)."""
+        return self.tree.is_leaf
+
+
+def flat_layout(design: Design) -> FlatLayout:
+    """Return where every branch of a design lies on the sheet.
+
+    Examples
+    --------
+    >>> from vinefab.model.design import Build, Level
+    >>> fork = Level(branches=2, length_mm=50.0, fan_rad=np.pi)
+    >>> design = Design(
+    ...     name="t", trunk_length_mm=100.0, levels=(fork,), build=Build.standard(2)
+    ... )
+    >>> flat_layout(design).end_mm.round(6).tolist()
+    [[100.0, 0.0], [100.0, -50.0], [100.0, 50.0]]
+    """
+    tree = branch_tree(design)
+    start, end, heading = np.zeros((len(tree), 2)), np.zeros((len(tree), 2)), np.zeros(len(tree))
+    for level in range(1, design.depth + 1):
+        rows = np.flatnonzero(tree.level == level)
+        if level > 1:
+            parents = tree.parent[rows]
+            start[rows] = end[parents]
+            heading[rows] = heading[parents] + tree.offset_rad[rows]
+        along = np.column_stack([np.cos(heading[rows]), np.sin(heading[rows])])
+        end[rows] = start[rows] + tree.length_mm[rows, None] * along
+    return FlatLayout(
+        tree=tree,
+        start_mm=frozen_floats("start_mm", start, 2),
+        end_mm=frozen_floats("end_mm", end, 2),
+        heading_rad=frozen_floats("heading_rad", heading),
+        width_mm=frozen_floats("width_mm", np.array(design.build.widths_mm)[tree.level - 1]),
+        end_width_mm=frozen_floats(
+            "end_width_mm", np.array(design.build.end_widths_mm)[tree.level - 1]
+        ),
+        tail_mm=design.build.tail_mm,
+    )
 
 
 class ProblemKind(StrEnum):
@@ -112,6 +167,23 @@ class OutlineParts:
     def tip(self, sibling: int) -> TipStroke:
         """Return the far end of a leaf."""
         return self.tips[sibling % len(self.tips)]
+
+    def used_mm(self, level: int, sibling: int) -> tuple[Point, Point]:
+        """Return the lengths of a branch's right and left side that its base and its end take.
+
+        At the base that is the largest of all kinds of joints.
+        """
+        base, end = (0.0, 0.0), (self.tip(sibling).used_mm,) * 2
+        if level > 1:
+            gaps = [joint.gaps[sibling : sibling + 2] for joint in self.joints[level - 2]]
+            base = (
+                max(one.second_used_mm for one, _ in gaps),
+                max(two.first_used_mm for _, two in gaps),
+            )
+        if level <= len(self.joints):
+            around = self.joint(level, sibling).gaps
+            end = around[0].first_used_mm, around[-1].second_used_mm
+        return base, end
 
 
 def outline_parts(design: Design, offset_mm: float, least_fillet_mm: float = 0.0) -> OutlineParts:
@@ -264,7 +336,10 @@ def drawing_problems(
     """Return a problem for the shortest segment of a contour, if it is too short to draw."""
     shortest = min(contour.segments, key=lambda segment: segment.length_mm)
     # The mouth's width, the tip's arcs: only designs of microscopic size get here.
-    if shortest.length_mm >= LEAST_SEGMENT_MM * (1.0 - 1e-6) and pattern.tail.start_mm[1] < 0.0:
+    if (
+        shortest.length_mm >= LEAST_SEGMENT_MM * (1.0 - 1e-6)
+        and pattern.tail.collar.start_mm[1] < 0.0
+    ):
         return ()
     level = int(layout.tree.level[layout.tree.ids.index(shortest.branch)])
     found = (shortest.length_mm, LEAST_SEGMENT_MM)
@@ -316,7 +391,7 @@ def _tail(design: Design, places: _Places, pattern: OutlineParts) -> Iterator[Ou
     collar, tail = design.build.collar, pattern.tail
     if collar is None:
         return
-    room = tail.base_mm[0] - tail.even_mm
+    room = tail.bend.start_mm[0] - tail.even_mm
     if room < LEAST_SEGMENT_MM:
         yield places.problem(ProblemKind.COLLAR, 1, ("0",), (room, LEAST_SEGMENT_MM))
     rise = abs(collar.flat_width_mm - design.build.widths_mm[0]) / 2
@@ -326,58 +401,26 @@ def _tail(design: Design, places: _Places, pattern: OutlineParts) -> Iterator[Ou
     least = max(rise, math.sqrt(max(0.0, (4.0 * radius - rise) * rise)))
     if collar.flare_mm < least:
         yield places.problem(ProblemKind.COLLAR_FLARE, 1, ("0",), (collar.flare_mm, least))
-    if -tail.start_mm[1] < LEAST_SEGMENT_MM:
-        found = (-tail.start_mm[1], LEAST_SEGMENT_MM)
-        yield places.problem(ProblemKind.VANISHED, 1, ("0",), found)
+    half = -tail.collar.start_mm[1]
+    if half < LEAST_SEGMENT_MM:
+        yield places.problem(ProblemKind.VANISHED, 1, ("0",), (half, LEAST_SEGMENT_MM))
 
 
 def _rooms(design: Design, places: _Places, pattern: OutlineParts) -> Iterator[OutlineProblem]:
     """Check the straight side that is left between the two ends of every kind of branch."""
-    trunk = design.trunk_length_mm
-    if level_tapers_rad(design, 1)[0]:
-        # The side of a tapered trunk ends where the tail's begins.
-        trunk = _side_mm(design, 1, 0)
-    else:
-        trunk -= pattern.tail.even_mm
-    yield from _room(places, pattern, (1, 0), (trunk, 0.0, 0.0))
-    for kinds in pattern.joints:
-        level = kinds[0].level + 1
-        for child in range(design.levels[level - 2].branches):
-            right = max(joint.gaps[child].second_used_mm for joint in kinds)
-            left = max(joint.gaps[child + 1].first_used_mm for joint in kinds)
-            base = (_side_mm(design, level, child), right, left)
-            yield from _room(places, pattern, (level, child), base)
-
-
-def _side_mm(design: Design, level: int, child: int) -> float:
-    """Return the length of a branch's side between the discs at its ends.
-
-    Where the larger disc hides the smaller one it is negative: by how much the branch is too short.
-    """
-    build, length = design.build, level_lengths_mm(design, level)[child]
-    least = (build.widths_mm[level - 1] - build.end_widths_mm[level - 1]) / 2.0 / STEEPEST
-    if length < least:
-        return length - least
-    return length * math.cos(level_tapers_rad(design, level)[child])
-
-
-def _room(
-    places: _Places,
-    pattern: OutlineParts,
-    branch: tuple[int, int],
-    base: tuple[float, float, float],
-) -> Iterator[OutlineProblem]:
-    """Check one branch: ``base`` holds its length and its base's lengths, right and left."""
-    level, child = branch
-    if level <= len(pattern.joints):
-        gaps = pattern.joint(level, child).gaps
-        right, left = gaps[0].first_used_mm, gaps[-1].second_used_mm
-    else:
-        right = left = pattern.tip(child).used_mm
-    room = base[0] - max(base[1] + right, base[2] + left)
-    if room < LEAST_SEGMENT_MM:
-        name = places.ids[places.first[level] + child]
-        yield places.problem(ProblemKind.NO_ROOM, level, (name,), (room, LEAST_SEGMENT_MM))
+    for level, width in enumerate(design.build.widths_mm, start=1):
+        least = (width - design.build.end_widths_mm[level - 1]) / 2.0 / STEEPEST
+        lengths, leans = level_lengths_mm(design, level), level_tapers_rad(design, level)
+        for child, (length, lean) in enumerate(zip(lengths, leans, strict=True)):
+            # Where the larger disc hides the smaller one: by how much the branch is too short.
+            side = length - least if length < least else length * math.cos(lean)
+            if level == 1 and not lean:  # that of a tapered trunk ends where the tail's begins
+                side -= pattern.tail.even_mm
+            base, end = pattern.used_mm(level, child)
+            room = side - max(base[0] + end[0], base[1] + end[1])
+            if room < LEAST_SEGMENT_MM:
+                name = places.ids[places.first[level] + child]
+                yield places.problem(ProblemKind.NO_ROOM, level, (name,), (room, LEAST_SEGMENT_MM))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -396,7 +439,7 @@ class PieceEnds:
 
     root: int = 0  # index of the branch that it begins with; the trunk has the tail
     base: OpenEnd | None = None  # the base of any other
-    stubs: Mapping[int, OpenEnd] = field(default_factory=dict)  # by the index of their branches
+    stubs: tuple[tuple[int, OpenEnd], ...] = ()  # each with the index of its branch
 
 
 WHOLE_ROBOT = PieceEnds()
@@ -433,10 +476,8 @@ def body_outline(
     >>> [round(edge, 6) for edge in outline.contour.box_mm]
     [-200.0, -20.0, 120.0, 20.0]
     """
-    drawn = drawn_of(design)
-    stubs = tuple(sorted(ends.stubs.items()))
     made = _kept_outline if design.branch_count <= _MOST_KEPT else _outline
-    return made(drawn, offset_mm, least_fillet_mm, (ends.root, ends.base, stubs))
+    return made(drawn_of(design), offset_mm, least_fillet_mm, ends)
 
 
 _MOST_KEPT = 200
@@ -444,13 +485,9 @@ _MOST_KEPT = 200
 
 
 def _outline(
-    drawn: DrawnDesign,
-    offset_mm: float,
-    least_fillet_mm: float,
-    piece: tuple[int, OpenEnd | None, tuple[tuple[int, OpenEnd], ...]],
+    drawn: DrawnDesign, offset_mm: float, least_fillet_mm: float, ends: PieceEnds
 ) -> BodyOutline:
-    design, (root, base, stubs) = design_drawn(drawn), piece
-    ends = PieceEnds(root=root, base=base, stubs=dict(stubs))
+    design = design_drawn(drawn)
     layout = flat_layout(design)
     pattern = outline_parts(design, offset_mm, least_fillet_mm)
     problems = parts_problems(design, layout, pattern)
@@ -471,146 +508,92 @@ class _Walk:
 
     def __init__(self, layout: FlatLayout, pattern: OutlineParts, piece: PieceEnds) -> None:
         self.layout, self.pattern, self.piece = layout, pattern, piece
+        self.stubs = dict(piece.stubs)
         self.ids = layout.tree.ids
         self.level = layout.tree.level.tolist()
-        self.ends: list[Point] = [(x, y) for x, y in layout.end_mm.tolist()]
-        self.heading = layout.heading_rad.tolist()
         self.sibling = [0] * len(self.ids)
         self.children: list[list[int]] = [[] for _ in self.ids]
         for branch, parent in enumerate(layout.tree.parent.tolist()):
             if parent >= 0:
                 self.sibling[branch] = len(self.children[parent])
                 self.children[parent].append(branch)
-        self.pen = Pen([pattern.tail.start_mm])
+        heading = layout.heading_rad.tolist()
+        # Frames of each branch, where it begins and where it ends.
+        self.begins, self.ends = (
+            [LocalFrame((x, y), turn) for (x, y), turn in zip(at.tolist(), heading, strict=True)]
+            for at in (layout.start_mm, layout.end_mm)
+        )
+        self.pen = Pen(pattern.tail.collar.start_mm)
 
     def contour(self) -> Contour:
-        """Walk from one corner of the mouth to the other."""
-        base = self.piece.base
-        return self._from_tail() if base is None else self._from_base(base)
-
-    def _from_base(self, base: OpenEnd) -> Contour:
-        """Walk from the right corner of a piece's base around it to the left corner."""
-        root = self.piece.root
-        frame, owner = self._base_frame(root), (self.ids[root],)
-        right = self._branch_side(root).end_mm(base, self.pattern.offset_mm)
-        left = _reversed(_across_axis(right))
-        self.pen = Pen([placed(right.start_mm, frame)])
+        """Walk from the right corner of the mouth, or of a piece's base, to the left corner."""
+        root, base = self.piece.root, self.piece.base
+        right = self.pattern.tail.collar if base is None else self._open_end(root, base)
+        left = right.mirrored().reversed()
+        frame, owner = self.begins[root], (self.ids[root],)
+        self.pen = Pen(placed(right.start_mm, frame))
         self.pen.pieces(right, frame, owner)
         self._around(root)
         self._side(placed(left.start_mm, frame), root)
         self.pen.pieces(left, frame, owner)
         return self.pen.contour()
 
-    def _base_frame(self, branch: int) -> LocalFrame:
-        """Return the frame of a branch, which begins where the branch does."""
-        x, y = self.layout.start_mm[branch].tolist()
-        return LocalFrame((x, y), self.heading[branch])
-
-    def _branch_side(self, branch: int) -> BranchSide:
-        """Return the right side of a branch, as far outside the lumen as the outline runs."""
-        layout = self.layout
-        half, end = float(layout.width_mm[branch]) / 2, float(layout.end_width_mm[branch]) / 2
-        lean = taper_rad(half, end, float(layout.tree.length_mm[branch]))
-        return BranchSide(half_mm=half + self.pattern.offset_mm, lean_rad=lean)
-
-    def _from_tail(self) -> Contour:
-        """Walk from the right corner of the tail's mouth around the body to the left corner."""
-        tail, name = self.pattern.tail, self.ids[0]
-        for piece in tail.pieces:
-            self.pen.go_to(piece.end_mm, piece.part, name, piece.bulge)
-        self._around(0)
-        # The left side mirrors the right one.
-        ends = [tail.start_mm, *(piece.end_mm for piece in tail.pieces)]
-        self._side(_mirrored(ends[-1]), 0)
-        for piece, end in zip(reversed(tail.pieces), reversed(ends[:-1]), strict=True):
-            self.pen.go_to(_mirrored(end), piece.part, name, piece.bulge)
-        return self.pen.contour()
+    def _open_end(self, branch: int, end: OpenEnd) -> StrokeRun:
+        """Return the right side of an open end, from its mouth to the branch's own side."""
+        layout, offset = self.layout, self.pattern.offset_mm
+        half, far = float(layout.width_mm[branch]) / 2, float(layout.end_width_mm[branch]) / 2
+        lean = taper_rad(half, far, float(layout.tree.length_mm[branch]))
+        return BranchSide(half_mm=half + offset, lean_rad=lean).end_mm(end, offset)
 
     def _around(self, branch: int) -> None:
         """Walk from the base of a branch's right side to the end of its left side."""
-        if branch in self.piece.stubs:
+        if branch in self.stubs:
             # Along the stub to its mouth, and back.
-            end = self._branch_side(branch).end_mm(self.piece.stubs[branch], self.pattern.offset_mm)
-            frame, owner = self._base_frame(branch), (self.ids[branch],)
-            right, left = _reversed(end), _across_axis(end)
+            left = self._open_end(branch, self.stubs[branch]).mirrored()
+            right = left.mirrored().reversed()
+            frame, owner = self.begins[branch], (self.ids[branch],)
             self._side(placed(right.start_mm, frame), branch)
             self.pen.pieces(right, frame, owner)
             self.pen.go_to(placed(left.start_mm, frame), Part.MOUTH, self.ids[branch])
             self.pen.pieces(left, frame, owner)
             return
         if not self.children[branch]:
-            frame = LocalFrame(self.ends[branch], self.heading[branch])
-            tip = self.pattern.tip(self.sibling[branch])
-            self._side(placed(tip.run.start_mm, frame), branch)
-            self.pen.pieces(tip.run, frame, (self.ids[branch],))
+            run = self.pattern.tip(self.sibling[branch]).run
+            self._side(placed(run.start_mm, self.ends[branch]), branch)
+            self.pen.pieces(run, self.ends[branch], (self.ids[branch],))
             return
         joint = self.pattern.joint(self.level[branch], self.sibling[branch])
-        self._gap(joint, 0, branch, branch)
-        for number, child in enumerate(self.children[branch], start=1):
-            self._around(child)
-            self._gap(joint, number, branch, child)
-
-    def _gap(self, joint: Joint, number: int, parent: int, first: int) -> None:
-        """Walk from the left of one neighbour at a joint to the right of the next."""
-        gap = joint.gaps[number]
-        frame = LocalFrame(self.ends[parent], self.heading[parent])
-        self._side(placed(gap.run.start_mm, frame), first)
-        owners = (self.ids[parent], *(self.ids[child] for child in self.children[parent]))
-        self.pen.pieces(gap.run, frame, owners)
+        owners = (self.ids[branch], *(self.ids[child] for child in self.children[branch]))
+        # Into the joint from the parent's side, then from that of each child to the next.
+        for gap, first in zip(joint.gaps, (branch, *self.children[branch]), strict=True):
+            if first != branch:
+                self._around(first)
+            self._side(placed(gap.run.start_mm, self.ends[branch]), first)
+            self.pen.pieces(gap.run, self.ends[branch], owners)
 
     def _side(self, point: Point, branch: int) -> None:
         """Walk straight along a branch; below the trunk's base its side is the tail."""
         if branch > 0:
             self.pen.go_to(point, Part.SIDE, self.ids[branch])
             return
-        here = self.pen.points[-1]
-        for end, bulge in self._base(here, point):
-            part = Part.JOINT if bulge else self._trunk_part(end)
-            self.pen.go_to(end, part, self.ids[0], bulge)
-        self.pen.go_to(point, self._trunk_part(point), self.ids[0])
-
-    def _base(self, here: Point, point: Point) -> list[tuple[Point, float]]:
-        """Return the points and bulges past the trunk's base, where a straight side passes it.
-
-        The side of an even trunk is divided there only if both parts are long enough to draw.
-        """
-        tail = self.pattern.tail
-        way = [(tail.base_mm, 0.0), *((piece.end_mm, piece.bulge) for piece in tail.bend)]
+        here, bend = self.pen.at_mm, self.pattern.tail.bend
+        base = bend.start_mm[0]
         if here[0] > point[0]:
-            ends = [_mirrored(end) for end, _ in reversed(way)]
-            way = list(zip(ends, [0.0, *(bulge for _, bulge in reversed(way[1:]))], strict=True))
-        if tail.bend:
-            return way if min(here[0], point[0]) <= tail.base_mm[0] + 1e-9 else []
-        base = way[0][0]
-        if (here[0] < base[0]) == (point[0] < base[0]):
-            return []
-        nearest = min(math.dist(here, base), math.dist(way[-1][0], point))
-        # Leaving out the corner of a tapered trunk moves its side.
-        least = LEAST_SEGMENT_MM if base[0] else LEAST_CUT_MM
-        return way if nearest >= least else []
+            bend = bend.mirrored().reversed()
+        if bend.pieces:
+            passes = min(here[0], point[0]) <= base + 1e-9
+        else:
+            # The side of an even trunk is divided at its base only if both parts are long enough to
+            # draw. Leaving out the corner of a tapered trunk moves its side.
+            nearest = min(math.dist(here, bend.start_mm), math.dist(bend.start_mm, point))
+            passes = (here[0] < base) != (point[0] < base)
+            passes &= nearest >= (LEAST_SEGMENT_MM if base else LEAST_CUT_MM)
+        if passes:
+            self._trunk_side(bend.start_mm)
+            self.pen.pieces(bend, self.begins[0], self.ids[:1])
+        self._trunk_side(point)
 
-    def _trunk_part(self, point: Point) -> Part:
-        """Return the part of the straight side that leads to a point of the trunk."""
-        middle = (self.pen.points[-1][0] + point[0]) / 2
-        return Part.TAIL if middle < 0.0 else Part.SIDE
-
-
-def _mirrored(point: Point) -> Point:
-    """Return a point of the right side of a branch on its left side."""
-    return point[0], -point[1]
-
-
-def _across_axis(run: StrokeRun) -> StrokeRun:
-    """Return a run of the right side of a branch on its left side."""
-    pieces = (StrokeSegment(_mirrored(p.end_mm), -p.bulge, p.part) for p in run.pieces)
-    return StrokeRun(_mirrored(run.start_mm), tuple(pieces))
-
-
-def _reversed(run: StrokeRun) -> StrokeRun:
-    """Return a run from its other end."""
-    ends = [run.start_mm, *(piece.end_mm for piece in run.pieces)]
-    pieces = (
-        StrokeSegment(end, -piece.bulge, piece.part)
-        for piece, end in zip(reversed(run.pieces), reversed(ends[:-1]), strict=True)
-    )
-    return StrokeRun(ends[-1], tuple(pieces))
+    def _trunk_side(self, point: Point) -> None:
+        """Walk straight to a point, along tail or trunk."""
+        middle = (self.pen.at_mm[0] + point[0]) / 2
+        self.pen.go_to(point, Part.TAIL if middle < 0.0 else Part.SIDE, self.ids[0])

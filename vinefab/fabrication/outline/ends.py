@@ -11,9 +11,7 @@ the planned length.
 import math
 from dataclasses import dataclass
 
-from vinefab.fabrication.outline.joint import Neck, level_tapers_rad, neck, neck_length_mm
-from vinefab.fabrication.outline.layout import level_fillets_mm
-from vinefab.fabrication.outline.stroke import (
+from vinefab.fabrication.outline.joint import (
     LEAST_CUT_MM,
     LEAST_SEGMENT_MM,
     WORST_ERROR_MM,
@@ -21,10 +19,13 @@ from vinefab.fabrication.outline.stroke import (
     StrokeRun,
     StrokeSegment,
     arc,
+    level_tapers_rad,
+    neck,
+    neck_length_mm,
     polar,
     turned,
 )
-from vinefab.model.design import Build, Design, Pouch
+from vinefab.model.design import DEFAULT_FILLET_RATIO, DEFAULT_LEAST_FILLET_MM, Build, Design, Pouch
 from vinefab.model.outline import Part
 
 
@@ -32,13 +33,11 @@ from vinefab.model.outline import Part
 class Tail:
     """The right side of a tail."""
 
-    start_mm: Point  # right corner of the mouth
-    # From the mouth to where the tail is as wide as the trunk; none without a collar.
-    pieces: tuple[StrokeSegment, ...]
+    # From the right corner of the mouth to where the tail is as wide as the trunk.
+    collar: StrokeRun
     even_mm: float  # x where that is; beyond the trunk's base only if the collar is too long
-    base_mm: Point  # where the trunk's base ends the tail's side
-    # From there to where a tapered trunk's side begins; none for an even trunk.
-    bend: tuple[StrokeSegment, ...] = ()
+    # From the end of the tail's side, at the trunk's base, to where a tapered trunk's side begins.
+    bend: StrokeRun
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,37 +92,28 @@ class BranchSide:
 def tail_of(design: Design, offset_mm: float) -> Tail:
     """Return the tail of a design."""
     mouth, half = -design.build.tail_mm, design.build.widths_mm[0] / 2 + offset_mm
-    base, bend = _bend(half, level_tapers_rad(design, 1)[0])
+    lean = level_tapers_rad(design, 1)[0]
+    # Where the trunk tapers, an arc leads from the tail's side to its own. One too short for a
+    # laser is drawn as the corner of the two sides, outside it by r (1 / cos(t / 2) - 1), as long
+    # as that is nothing: for a length r t of 0.2 mm at most 0.002 mm where the trunk is 5 mm wide
+    # or wider.
+    length, lost = half * lean, half * (1.0 / math.cos(lean / 2) - 1.0)
+    if length < LEAST_SEGMENT_MM or (length < LEAST_CUT_MM and lost <= WORST_ERROR_MM):
+        bend = StrokeRun((half * math.tan(lean / 2), -half))
+    else:
+        arc_ = StrokeSegment(turned((0.0, -half), lean), math.tan(lean / 4), Part.JOINT)
+        bend = StrokeRun((0.0, -half), (arc_,))
     collar = design.build.collar
     if collar is None:
-        return Tail(start_mm=(mouth, -half), pieces=(), even_mm=mouth, base_mm=base, bend=bend)
+        return Tail(collar=StrokeRun((mouth, -half)), even_mm=mouth, bend=bend)
     wide = collar.flat_width_mm / 2 + offset_mm
     # A straight piece too short to draw is left out.
     start = mouth + (collar.length_mm if collar.length_mm >= LEAST_SEGMENT_MM else 0.0)
     pieces = transition(collar.flare_mm, (start, wide - half), offset_mm)
     straight = [StrokeSegment((start, -wide), 0.0, Part.TAIL)] if start > mouth else []
     shifted = [StrokeSegment((p.end_mm[0], p.end_mm[1] - wide), p.bulge, p.part) for p in pieces]
-    return Tail(
-        start_mm=(mouth, -wide),
-        pieces=(*straight, *shifted),
-        even_mm=start + collar.flare_mm,
-        base_mm=base,
-        bend=bend,
-    )
-
-
-def _bend(half_mm: float, lean_rad: float) -> tuple[Point, tuple[StrokeSegment, ...]]:
-    """Return where the tail's side ends, and the pieces from there to the trunk's side.
-
-    An arc too short for a laser is drawn as the corner of the two sides, outside it by
-    r (1 / cos(t / 2) - 1), as long as that is nothing: for a length r t of 0.2 mm at most 0.002 mm
-    where the trunk is 5 mm wide or wider.
-    """
-    length, lost = half_mm * lean_rad, half_mm * (1.0 / math.cos(lean_rad / 2) - 1.0)
-    if length < LEAST_SEGMENT_MM or (length < LEAST_CUT_MM and lost <= WORST_ERROR_MM):
-        return (half_mm * math.tan(lean_rad / 2), -half_mm), ()
-    end = turned((0.0, -half_mm), lean_rad)
-    return (0.0, -half_mm), (StrokeSegment(end, math.tan(lean_rad / 4), Part.JOINT),)
+    run = StrokeRun((mouth, -wide), (*straight, *shifted))
+    return Tail(collar=run, even_mm=start + collar.flare_mm, bend=bend)
 
 
 def transition(
@@ -152,6 +142,12 @@ def transition(
         StrokeSegment((middle, risen), bulge, part),
         StrokeSegment((start + flare_mm, rise), -bulge, part),
     ]
+
+
+def level_fillets_mm(build: Build) -> tuple[float, ...]:
+    """Return the designed fillet radius of every level, the trunk's default first."""
+    trunk = max(DEFAULT_LEAST_FILLET_MM, DEFAULT_FILLET_RATIO * build.widths_mm[0])
+    return (trunk, *build.fillet_mm)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,44 +210,39 @@ def pouch_tip(
     pouch: Pouch, leaf: Leaf, offset_mm: float, least_fillet_mm: float = 0.0
 ) -> TipStroke:
     """Return a pouch on the end of a branch."""
-    round_pouch = pouch.shape == "round"
+    round_pouch, lean = pouch.shape == "round", leaf.lean_rad
     fillet = leaf.fillet_mm if round_pouch else corner_radii_mm(pouch, leaf)[0]
     fillet = max(0.0, fillet - offset_mm)
     drawn = Leaf(
         half_mm=leaf.half_mm + offset_mm,
-        lean_rad=leaf.lean_rad,
+        lean_rad=lean,
         fillet_mm=fillet if fillet >= least_fillet_mm else 0.0,
     )
     if round_pouch:
         pouch_mm = (pouch.radius_mm or 0.0) + offset_mm
-        half, lean = drawn.half_mm, drawn.lean_rad
-        found = neck(half, pouch_mm, drawn.fillet_mm)
-        start = turned((-found.used_mm, -half), lean)
+        found = neck(drawn.half_mm, pouch_mm, drawn.fillet_mm)
+        start = turned((-found.used_mm, -drawn.half_mm), lean)
         enter = polar(pouch_mm, found.angle_rad - math.pi + lean)
-        right = _neck_fillet(found, enter)
+        right = []
+        if found.radius_mm * found.turn_rad != 0.0:
+            right = [StrokeSegment(enter, -math.tan(found.turn_rad / 4.0), Part.FILLET)]
         turn = 2.0 * (math.pi - found.angle_rad - lean)
-        return _mirrored(right, start, arc((0.0, 0.0), enter, turn, Part.POUCH), lean)
-    return _rectangle(pouch, corner_radii_mm(pouch, leaf)[1], drawn, offset_mm)
-
-
-def _mirrored(
-    right: list[StrokeSegment], start: Point, middle: list[StrokeSegment], lean_rad: float
-) -> TipStroke:
-    """Return the tip whose left side mirrors its right side about the branch's axis."""
-    ends = [start, *(piece.end_mm for piece in right)]
-    left = [
-        StrokeSegment((end[0], -end[1]), piece.bulge, piece.part)
-        for end, piece in zip(reversed(ends[:-1]), reversed(right), strict=True)
-    ]
+        middle = arc((0.0, 0.0), enter, turn, Part.POUCH)
+    else:
+        front = (pouch.length_mm or 0.0) / 2 + offset_mm
+        side = (pouch.width_mm or 0.0) / 2 + offset_mm
+        # Inward beyond its radius, a rounded corner becomes a sharp one.
+        radius = max(0.0, corner_radii_mm(pouch, leaf)[1] + offset_mm)
+        axis = (radius - front, radius - side)
+        right, start = _shoulder(drawn, axis, radius)
+        right += [StrokeSegment((-axis[0], -side), 0.0, Part.POUCH)]
+        right += arc((-axis[0], axis[1]), (-axis[0], -side), math.pi / 2, Part.POUCH)
+        middle = [StrokeSegment((-axis[0] + radius, -axis[1]), 0.0, Part.POUCH)]
+    # The left side mirrors the right one about the branch's axis.
+    left = StrokeRun(start, tuple(right)).mirrored().reversed().pieces
     return TipStroke(
-        run=StrokeRun(start, (*right, *middle, *left)), used_mm=-turned(start, -lean_rad)[0]
+        run=StrokeRun(start, (*right, *middle, *left)), used_mm=-turned(start, -lean)[0]
     )
-
-
-def _neck_fillet(found: Neck, enter: Point) -> list[StrokeSegment]:
-    if found.radius_mm * found.turn_rad == 0.0:
-        return []
-    return [StrokeSegment(enter, -math.tan(found.turn_rad / 4.0), Part.FILLET)]
 
 
 def corner_radii_mm(pouch: Pouch, leaf: Leaf) -> Point:
@@ -283,19 +274,6 @@ def least_convex_radius_mm(design: Design) -> float:
         return pouch.flat_width_mm / 2
     leans = level_tapers_rad(design, design.depth)
     return min(corner_radii_mm(pouch, leaf_of(design, lean))[1] for lean in leans)
-
-
-def _rectangle(pouch: Pouch, outer_mm: float, drawn: Leaf, offset_mm: float) -> TipStroke:
-    front = (pouch.length_mm or 0.0) / 2 + offset_mm
-    side = (pouch.width_mm or 0.0) / 2 + offset_mm
-    # Inward beyond its radius, a rounded corner becomes a sharp one.
-    radius = max(0.0, outer_mm + offset_mm)
-    axis = (radius - front, radius - side)
-    right, start = _shoulder(drawn, axis, radius)
-    right += [StrokeSegment((-axis[0], -side), 0.0, Part.POUCH)]
-    right += arc((-axis[0], axis[1]), (-axis[0], -side), math.pi / 2, Part.POUCH)
-    middle = [StrokeSegment((-axis[0] + radius, -axis[1]), 0.0, Part.POUCH)]
-    return _mirrored(right, start, middle, drawn.lean_rad)
 
 
 def _shoulder(leaf: Leaf, axis: Point, radius_mm: float) -> tuple[list[StrokeSegment], Point]:

@@ -15,25 +15,145 @@ then there is one kind of joint for each child of a fan.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from vinefab.fabrication.outline.stroke import (
-    LEAST_SEGMENT_MM,
-    Point,
-    StrokeRun,
-    StrokeSegment,
-    arc,
-    polar,
-    turned,
-)
 from vinefab.model.design import Design, Level
-from vinefab.model.outline import Part
+from vinefab.model.outline import Contour, Part, Segment
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
+
+LEAST_SEGMENT_MM = 0.05
+"""Length of the shortest segment of an outline."""
+
+LEAST_CUT_MM = 0.2
+"""Length of the shortest segment that a laser draws well: rule VF-L02 refuses shorter ones."""
+
+LEAST_ARC_RADIUS_MM = 0.5
+"""Radius of the smallest arc that a laser draws well: rule VF-L02 refuses smaller ones."""
+
+WORST_ERROR_MM = 0.002
+"""An arc too short to draw may become a corner that is this far from the exact shape."""
+
+MOST_TURN_RAD = math.radians(174.9)
+"""Largest turn of an arc, longer ones are split: readers fail near half a circle."""
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class StrokeSegment:
+    """One line or arc that begins at the end of the previous one."""
+
+    end_mm: Point  # in the frame of its run
+    bulge: float  # tangent of a quarter of its turn, as in `Segment`
+    part: Part
+    owner: int = 0  # which of the run's branches it belongs to
+
+
+@dataclass(frozen=True, slots=True)
+class StrokeRun:
+    """Connected lines and arcs, in a frame of their own."""
+
+    start_mm: Point  # where the first piece begins
+    pieces: tuple[StrokeSegment, ...] = ()  # none for a bare corner
+
+    @property
+    def end_mm(self) -> Point:
+        """Where the last piece ends."""
+        return self.pieces[-1].end_mm if self.pieces else self.start_mm
+
+    def mirrored(self) -> "StrokeRun":
+        """Return the run on the other side of the x axis."""
+        (x, y), pieces = self.start_mm, self.pieces
+        turned_over = (
+            StrokeSegment((p.end_mm[0], -p.end_mm[1]), -p.bulge, p.part, p.owner) for p in pieces
+        )
+        return StrokeRun((x, -y), tuple(turned_over))
+
+    def reversed(self) -> "StrokeRun":
+        """Return the run from its other end."""
+        ends = [self.start_mm, *(piece.end_mm for piece in self.pieces)][::-1]
+        back = zip(ends[1:], self.pieces[::-1], strict=True)
+        pieces = (StrokeSegment(end, -p.bulge, p.part, p.owner) for end, p in back)
+        return StrokeRun(ends[0], tuple(pieces))
+
+
+@dataclass(frozen=True, slots=True)
+class LocalFrame:
+    """A frame of a run, placed on the sheet."""
+
+    origin_mm: Point
+    heading_rad: float  # direction of its x axis
+
+
+def polar(radius_mm: float, angle_rad: float) -> Point:
+    """Return the point at a distance and direction from the origin."""
+    return radius_mm * math.cos(angle_rad), radius_mm * math.sin(angle_rad)
+
+
+def turned(point: Point, angle_rad: float) -> Point:
+    """Return a point turned counter-clockwise about the origin."""
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return cos * point[0] - sin * point[1], sin * point[0] + cos * point[1]
+
+
+def arc(
+    center_mm: Point, start_mm: Point, turn_rad: float, part: Part, owner: int = 0
+) -> list[StrokeSegment]:
+    """Return an arc from its start, split into equal pieces below 175 degrees."""
+    count = max(1, math.ceil(abs(turn_rad) / MOST_TURN_RAD))
+    bulge = math.tan(turn_rad / count / 4.0)
+    spoke = start_mm[0] - center_mm[0], start_mm[1] - center_mm[1]
+    pieces = []
+    for step in range(1, count + 1):
+        x, y = turned(spoke, turn_rad * step / count)
+        pieces.append(StrokeSegment((center_mm[0] + x, center_mm[1] + y), bulge, part, owner))
+    return pieces
+
+
+class Pen:
+    """Draws a contour, segment by segment."""
+
+    def __init__(self, start_mm: Point) -> None:
+        self.at_mm, self.segments = start_mm, list[Segment]()
+
+    def go_to(self, point: Point, part: Part, branch: str, bulge: float = 0.0) -> None:
+        """Draw to a point, unless the pen is there already; an arc that turns too far as two."""
+        if math.dist(self.at_mm, point) < 1e-9:
+            return
+        if abs(bulge) > math.tan(MOST_TURN_RAD / 4.0):
+            (x0, y0), (x1, y1) = self.at_mm, point
+            middle = (x0 + x1 + bulge * (y1 - y0)) / 2.0, (y0 + y1 - bulge * (x1 - x0)) / 2.0
+            bulge = math.tan(math.atan(bulge) / 2.0)
+            self.go_to(middle, part, branch, bulge)
+        self.segments.append(
+            Segment(start_mm=self.at_mm, end_mm=point, bulge=bulge, part=part, branch=branch)
+        )
+        self.at_mm = point
+
+    def pieces(self, run: StrokeRun, frame: LocalFrame, owners: Sequence[str]) -> None:
+        """Draw a run's pieces; the pen stands at the run's start."""
+        for piece in run.pieces:
+            point = placed(piece.end_mm, frame)
+            self.go_to(point, piece.part, owners[piece.owner], piece.bulge)
+
+    def contour(self) -> Contour:
+        """Return the open contour drawn so far."""
+        return Contour.from_segments(self.segments, closed=False)
+
+
+def placed(point: Point, frame: LocalFrame) -> Point:
+    """Return where a frame's point lies on the sheet."""
+    x, y = turned(point, frame.heading_rad)
+    return frame.origin_mm[0] + x, frame.origin_mm[1] + y
+
 
 LEFT, RIGHT = 1, -1
 """Sides of a strip, seen along its direction away from the joint, and of the core."""
 
+PARENT = 0
+"""Owner number of the parent."""
 
 STEEPEST = 0.99
 """Sine of the largest angle by which the sides of a tapered branch may lean."""
@@ -51,29 +171,7 @@ class Strip:
     angle_rad: float  # direction of the side away from the joint, relative to the parent's heading
     half_mm: float  # its distance from the joint
     length_mm: float  # its planned length
-    owner: int  # 0 for the parent, 1, 2, ... for the children
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointBranch:
-    """One branch as its joint sees it."""
-
-    angle_rad: float  # direction of its axis away from the joint, relative to the parent's heading
-    half_mm: float  # half its width at the joint
-    length_mm: float  # its planned length
-    owner: int  # 0 for the parent, 1, 2, ... for the children
-    # Angle by which its sides lean towards its axis, away from the joint; negative for a parent
-    # that is narrower here than at its base.
-    narrowing_rad: float = 0.0
-
-    def side(self, side: int) -> Strip:
-        """Return its left or right side."""
-        return Strip(
-            angle_rad=self.angle_rad - side * self.narrowing_rad,
-            half_mm=self.half_mm,
-            length_mm=self.length_mm,
-            owner=self.owner,
-        )
+    owner: int  # `PARENT`, or 1, 2, ... for the children
 
 
 def taper_rad(base_half_mm: float, end_half_mm: float, length_mm: float) -> float:
@@ -199,7 +297,6 @@ class Core:
 class Contact:
     """Where a ball that rolls down one side of a child rests on the core."""
 
-    side: int  # `LEFT` or `RIGHT` side of the child
     used_mm: float  # how far from the joint, along the child, the child's straight side ends
     side_mm: Point  # the end of the child's straight side
     core_mm: Point  # the point of the core that the ball touches
@@ -239,7 +336,6 @@ def contact(
     if -core.radius_mm * math.sin(past) < tolerance_mm and leans > 1e-9:
         return _on_parent((strip, side, zone), core, radius_mm)
     return Contact(
-        side=side,
         used_mm=found.used_mm,
         side_mm=turned((found.used_mm, side * strip.half_mm), strip.angle_rad),
         core_mm=polar(core.radius_mm, normal),
@@ -274,7 +370,6 @@ def _on_parent(child: tuple[Strip, int, int], core: Core, radius_mm: float) -> C
     x = turned((used, side * (strip.half_mm + radius)), angle)[0]
     around = 2.0 * core.side_rad * core.radius_mm
     return Contact(
-        side=side,
         used_mm=used,
         side_mm=turned((used, side * strip.half_mm), strip.angle_rad),
         core_mm=turned((x, zone * core.radius_mm), back),
@@ -287,18 +382,6 @@ def _on_parent(child: tuple[Strip, int, int], core: Core, radius_mm: float) -> C
     )
 
 
-PARENT = 0
-"""Owner number of the parent."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Given:
-    """The core, and the fillet radius asked for."""
-
-    core: Core
-    fillet_mm: float
-
-
 def solve_gap(first: Strip, second: Strip, core: Core, fillet_mm: float) -> Gap:
     """Return the walk between two neighbours at a joint.
 
@@ -306,61 +389,39 @@ def solve_gap(first: Strip, second: Strip, core: Core, fillet_mm: float) -> Gap:
     would show for less, one ball that rests on both sides presses into it: no radius is bent to
     make it fit, and the gap says how far off that is.
     """
-    given = _Given(core=core, fillet_mm=fillet_mm)
-    one, two = _contacts(first, second, given)
-    # Too little of the parent's end would show between the two.
-    hidden = (
-        one is not None and two is not None and two.position_mm - one.position_mm < LEAST_SEGMENT_MM
-    )
-    if hidden:
-        return _between_children(first, second, given)
-    return _past_core((first, second), (one, two), given)
-
-
-def _contacts(first: Strip, second: Strip, given: _Given) -> tuple[Contact | None, Contact | None]:
-    """Return where the ball rests on the core at both ends of the gap; None for the parent.
-
-    Where the way begins or ends on the parent's side, no arc may follow that is too short: then a
-    ball just past the disc's end counts as resting on the side too. The error is of second order.
-    """
 
     def rest(strip: Strip, side: int, tolerance_mm: float) -> Contact | None:
         if strip.owner == PARENT:
             return None
-        return contact(strip, side, given.core, given.fillet_mm, tolerance_mm=tolerance_mm)
+        return contact(strip, side, core, fillet_mm, tolerance_mm=tolerance_mm)
 
-    one, two = (
-        rest(strip, side, -LEAST_SEGMENT_MM) for strip, side in ((first, LEFT), (second, RIGHT))
-    )
+    one, two = rest(first, LEFT, -LEAST_SEGMENT_MM), rest(second, RIGHT, -LEAST_SEGMENT_MM)
+    # Where the way begins or ends on the parent's side, no arc may follow that is too short: then a
+    # ball just past the disc's end counts as resting on the side too. The error is of second order.
     if one is None or one.zone == RIGHT:
         two = rest(second, RIGHT, LEAST_SEGMENT_MM)
     if two is None or two.zone == LEFT:
         one = rest(first, LEFT, LEAST_SEGMENT_MM)
-    return one, two
-
-
-def _past_core(
-    strips: tuple[Strip, Strip], contacts: tuple[Contact | None, Contact | None], given: _Given
-) -> Gap:
-    """Return the walk along one side, along the core and along the other side."""
-    one, two = contacts
-    core = _along_core(one, two, given.core)
-    start, pieces = core.start_mm, list(core.pieces)
+    if one and two and two.position_mm - one.position_mm < LEAST_SEGMENT_MM:
+        # Too little of the parent's end would show between the two.
+        return _between_children(first, second, core, fillet_mm)
+    way = _along_core(one, two, core)
+    start, pieces = way.start_mm, list(way.pieces)
     if one is not None:
         start = one.side_mm
-        pieces = [*_fillet(one, one.core_mm, strips[0].owner), *pieces]
+        pieces = [*_fillet(one, one.core_mm, first.owner), *pieces]
     if two is not None:
-        pieces += _fillet(two, two.side_mm, strips[1].owner)
-    ends = [end for end in contacts if end is not None]
+        pieces += _fillet(two, two.side_mm, second.owner)
+    ends = [end for end in (one, two) if end is not None]
     return Gap(
-        first=strips[0],
-        second=strips[1],
+        first=first,
+        second=second,
         run=StrokeRun(start, tuple(pieces)),
         first_used_mm=_used_mm(one, two),
         second_used_mm=_used_mm(two, one),
         radius_mm=min(end.radius_mm for end in ends),
-        reach_mm=_reach_mm(one, two, given.core.radius_mm),
-        error_mm=max(_lost_mm(given.fillet_mm - end.radius_mm, end.turn_rad) for end in ends),
+        reach_mm=_reach_mm(one, two, core.radius_mm),
+        error_mm=max(_lost_mm(fillet_mm - end.radius_mm, end.turn_rad) for end in ends),
     )
 
 
@@ -423,21 +484,26 @@ def _lost_mm(radius_mm: float, turn_rad: float) -> float:
     return radius_mm * (1.0 / max(math.cos(turn_rad / 2), 1e-3) - 1.0)
 
 
-def _between_children(first: Strip, second: Strip, given: _Given) -> Gap:
+def _between_children(first: Strip, second: Strip, core: Core, fillet_mm: float) -> Gap:
     """Return the walk from one side straight to the other, around a ball that rests on both."""
     gap = second.angle_rad - first.angle_rad
-    turn = math.pi - gap
-    radius = given.fillet_mm if given.fillet_mm * turn >= LEAST_SEGMENT_MM else 0.0
-    one, two = _rests_mm(first, second, radius)
+    sin, cos, turn = math.sin(gap), math.cos(gap), math.pi - gap
+    radius = fillet_mm if fillet_mm * turn >= LEAST_SEGMENT_MM else 0.0
+    a, b = first.half_mm + radius, second.half_mm + radius
+    # Neighbours that (almost) coincide never part: a named problem, drawn where they end.
+    longest = 2.0 * max(first.length_mm, second.length_mm)
+    one = two = longest
+    if sin >= 1e-9:
+        one, two = min((b + a * cos) / sin, longest), min((a + b * cos) / sin, longest)
     start = turned((one, first.half_mm), first.angle_rad)
     end = turned((two, -second.half_mm), second.angle_rad)
     pieces: tuple[StrokeSegment, ...] = ()
     if radius > 0.0:
         pieces = (StrokeSegment(end, -math.tan(turn / 4), Part.FILLET, first.owner),)
-    center = turned((one, first.half_mm + radius), first.angle_rad)
+    center = turned((one, a), first.angle_rad)
     away = math.hypot(*center)
     near = 1.0 - radius / away
-    depth = given.core.depth_mm((center[0] * near, center[1] * near))
+    depth = core.depth_mm((center[0] * near, center[1] * near))
     return Gap(
         first=first,
         second=second,
@@ -446,20 +512,8 @@ def _between_children(first: Strip, second: Strip, given: _Given) -> Gap:
         second_used_mm=two,
         radius_mm=radius,
         reach_mm=away - radius,
-        error_mm=max(depth, _lost_mm(given.fillet_mm - radius, turn), 0.0),
+        error_mm=max(depth, _lost_mm(fillet_mm - radius, turn), 0.0),
     )
-
-
-def _rests_mm(first: Strip, second: Strip, radius_mm: float) -> Point:
-    """Return the place on each side where a ball between them rests; never far beyond the end."""
-    gap = second.angle_rad - first.angle_rad
-    sin, cos = math.sin(gap), math.cos(gap)
-    one, two = first.half_mm + radius_mm, second.half_mm + radius_mm
-    # Neighbours that (almost) coincide never part: a named problem, drawn where they end.
-    longest = 2.0 * max(first.length_mm, second.length_mm)
-    if sin < 1e-9:
-        return longest, longest
-    return min((two + one * cos) / sin, longest), min((one + two * cos) / sin, longest)
 
 
 DEEPEST_CORNER_MM = 1.5
@@ -492,15 +546,32 @@ def joint_of(
     Fillet radii are capped on the lumen itself, so that every offset has the same fillet centres.
     Fillets that the offset leaves smaller than ``least_fillet_mm`` are corners.
     """
-    around = _around(design, level, sibling)
+    below: Level = design.levels[level - 1]
+    designed, tilt = design.build.fillet_mm[level - 1], level_tapers_rad(design, level)[sibling]
+    parent = Strip(
+        angle_rad=-math.pi,
+        half_mm=design.build.end_widths_mm[level - 1] / 2,
+        # Branches of one level may differ in length; the shortest parent caps the fillets of all.
+        length_mm=min(level_lengths_mm(design, level)),
+        owner=PARENT,
+    )
+    half, angles = design.build.widths_mm[level] / 2, fan_offsets_rad(below).tolist()
+    lengths = level_lengths_mm(design, level + 1)
+    around = [
+        parent,
+        *(Strip(angle_rad=angle, half_mm=half, length_mm=length, owner=owner)
+          for owner, (angle, length) in enumerate(zip(angles, lengths, strict=True), start=1)),
+        replace(parent, angle_rad=math.pi),
+    ]  # fmt: skip
+    # Away from the joint sides lean towards their axis, but those of a parent that narrows here.
+    leans = (-tilt, *level_tapers_rad(design, level + 1), -tilt)
     # The joint's disc is the parent's. A wider child is a separate problem; the larger disc at
     # least draws it as it would be.
-    disc = max(branch.half_mm for branch in around)
-    tilt = -around[0].narrowing_rad
-    designed = design.build.fillet_mm[level - 1]
-    gaps, allowed = [], []
-    for one, two in pairwise(around):
-        first, second = one.side(LEFT), two.side(RIGHT)
+    disc = max(strip.half_mm for strip in around)
+    core, gaps, allowed = Core(radius_mm=disc + offset_mm, tilt_rad=tilt), [], []
+    for (one, lean), (two, other_lean) in pairwise(zip(around, leans, strict=True)):
+        first = replace(one, angle_rad=one.angle_rad - LEFT * lean)
+        second = replace(two, angle_rad=two.angle_rad - RIGHT * other_lean)
         angle, halves = second.angle_rad - first.angle_rad, (first.half_mm, second.half_mm)
         most = largest_fillet_mm(angle, halves, allowed_reach_mm(first, second, disc))
         radius = max(0.0, min(designed, most))
@@ -509,8 +580,10 @@ def joint_of(
         drawn = max(0.0, radius - offset_mm)
         if drawn < least_fillet_mm and drawn / math.sin(angle / 2) - drawn < DEEPEST_CORNER_MM:
             drawn = 0.0
-        core = Core(radius_mm=disc + offset_mm, tilt_rad=tilt)
-        gaps.append(solve_gap(_wider(first, offset_mm), _wider(second, offset_mm), core, drawn))
+        first, second = (
+            replace(side, half_mm=side.half_mm + offset_mm) for side in (first, second)
+        )
+        gaps.append(solve_gap(first, second, core, drawn))
         allowed.append(most)
     return Joint(
         level=level,
@@ -540,43 +613,3 @@ def level_lengths_mm(design: Design, level: int) -> tuple[float, ...]:
     if level == 1:
         return (design.trunk_length_mm,)
     return tuple(child_lengths_mm(design.levels[level - 2]).tolist())
-
-
-def _around(design: Design, level: int, sibling: int) -> tuple[JointBranch, ...]:
-    """Return the parent, the children and the parent again, counter-clockwise."""
-    below: Level = design.levels[level - 1]
-    # Branches of one level may differ in length; the shortest parent caps the fillets of all.
-    parent = min(level_lengths_mm(design, level))
-    end_half, tilt = design.build.end_widths_mm[level - 1] / 2, level_tapers_rad(design, level)
-    angles, lengths = fan_offsets_rad(below).tolist(), child_lengths_mm(below).tolist()
-    leans = level_tapers_rad(design, level + 1)
-    children = [
-        JointBranch(
-            angle_rad=angles[child],
-            half_mm=design.build.widths_mm[level] / 2,
-            length_mm=lengths[child],
-            owner=child + 1,
-            narrowing_rad=leans[child],
-        )
-        for child in range(below.branches)
-    ]
-    ends = [
-        JointBranch(
-            angle_rad=angle,
-            half_mm=end_half,
-            length_mm=parent,
-            owner=0,
-            narrowing_rad=-tilt[sibling],
-        )
-        for angle in (-math.pi, math.pi)
-    ]
-    return (ends[0], *children, ends[1])
-
-
-def _wider(strip: Strip, offset_mm: float) -> Strip:
-    return Strip(
-        angle_rad=strip.angle_rad,
-        half_mm=strip.half_mm + offset_mm,
-        length_mm=strip.length_mm,
-        owner=strip.owner,
-    )

@@ -15,8 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
+from vinefab.fabrication.outline.body_outline import FlatLayout, body_outline, flat_layout
 from vinefab.fabrication.package.piece_joining import (
     FACES_PT,
     MINUTES_PER_JOINT,

@@ -52,7 +52,7 @@ from vinefab.fabrication.rules.catalog import (
     merged_reports,
     run_checks,
 )
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.rule import Subject
 from vinefab.inflation.pattern import Pattern, cut_design, pattern_of
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design, design_text
@@ -138,7 +138,7 @@ def prepare(
     BadInputError
         If the sheet cannot hold the designs, or the recipe lacks an operation.
     """
-    separate = sheet.process == "weld+cut"
+    separate = sheet.separate
     pattern = pattern_of(design, profile)
     cut = pattern.flat
     flat_sheet = replace(sheet, beside=tuple(cut_design(one, profile) for one in sheet.beside))

@@ -10,8 +10,7 @@ import shapely
 from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.placement import SheetPlaces, fact_rows, piece_name
-from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
+from vinefab.fabrication.outline.body_outline import FlatLayout, body_outline, flat_layout
 from vinefab.fabrication.package.bom import PathPass, schedule
 from vinefab.fabrication.rules.pressure_rules import deployed_capsules
 from vinefab.inflation.pattern import Pattern

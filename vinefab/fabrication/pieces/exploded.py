@@ -15,8 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import piece_ends
-from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.outline.layout import FlatLayout
+from vinefab.fabrication.outline.body_outline import FlatLayout, body_outline
 from vinefab.model.design import Design
 from vinefab.model.outline import Contour
 from vinefab.model.tree import Partition, Sleeve

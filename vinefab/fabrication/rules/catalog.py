@@ -16,21 +16,20 @@ from vinefab.fabrication.rules import (
     as_built,
     clearance_rules,
     laser_rules,
-    piece_rules,
     pressure_rules,
-    rig_rules,
     tree_rules,
 )
-from vinefab.fabrication.rules.rig_rules import RIG_RULES, RigSubject
+from vinefab.fabrication.rules.as_built import RIG_RULES
 from vinefab.fabrication.rules.rule import (
     LimitChanges,
     Limits,
+    RigSubject,
     Rule,
     RuleApplied,
     RuleNotApplicable,
+    Subject,
     Violation,
 )
-from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design, Waiver
 from vinefab.model.finding import ChangedLimit, CheckReport, Finding, RuleRun, RuleSkipped
 from vinefab.model.laser import LaserProfile
@@ -51,10 +50,7 @@ RULE_GROUPS: Mapping[str, str] = {
 """What rules are about, by the letter in ids of vinefab's own, in the order of reports; those of
 other packages stand last under their own names."""
 
-_MODULES = (
-    *(tree_rules, clearance_rules, pressure_rules, as_built, piece_rules, laser_rules),
-    rig_rules,
-)
+_MODULES = (tree_rules, clearance_rules, pressure_rules, as_built, laser_rules)
 _BUILTIN = sorted(
     (one for module in _MODULES for one in vars(module).values() if isinstance(one, Rule)),
     key=lambda rule: ([*RULE_GROUPS].index(rule.id[3]), rule.id),
@@ -79,7 +75,7 @@ def _ids(*rules: Rule) -> frozenset[str]:
 
 _OF_LASER = (
     *(laser_rules.BED, laser_rules.MARKS, laser_rules.PATHS, laser_rules.ORDER),
-    *(laser_rules.MACHINE, piece_rules.PIECE_LABELS),
+    *(laser_rules.MACHINE, tree_rules.PIECE_LABELS),
 )
 
 SHEET_RULES = _ids(*_OF_LASER, laser_rules.PLY, laser_rules.STATUS, as_built.READBACK)

@@ -17,6 +17,7 @@ from vinefab.fabrication.rules.rule import (
     Limits,
     Rule,
     RuleApplied,
+    Subject,
     Violation,
     branch_point_mm,
     mark_line,
@@ -24,12 +25,9 @@ from vinefab.fabrication.rules.rule import (
 )
 from vinefab.fabrication.rules.spacing import (
     Spacing,
-    capsule_hulls,
-    point_gap_mm,
     share_joint,
     spacing,
 )
-from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
 from vinefab.model.finding import Severity
 from vinefab.model.outline import Part, Segment
@@ -256,7 +254,7 @@ def _near_webs(
     gap_mm = np.asarray(shapely.distance(areas[web], hulls[row]))
     inside = np.flatnonzero(gap_mm <= 0.0)
     corners, of = shapely.get_coordinates(areas[web[inside]], return_index=True)
-    deep_mm = point_gap_mm(corners, capsule_hulls(subject.capsules, row[inside][of]))
+    deep_mm = subject.capsules.hulls(row[inside][of]).gap_mm(corners)
     gap_mm[inside] = -1e-6
     np.minimum.at(gap_mm, inside[of], deep_mm)
     yield from zip(web.tolist(), row.tolist(), gap_mm.tolist(), strict=True)

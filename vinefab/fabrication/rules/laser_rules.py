@@ -15,13 +15,14 @@ from vinefab.fabrication.job.passes import GUIDE, bodies_of_paths, closes, frees
 from vinefab.fabrication.job.placement import box_around_mm, fact_rows
 from vinefab.fabrication.job.tiling import LEAST_PINS, PIN_HOLE
 from vinefab.fabrication.outline.body_outline import ProblemKind
-from vinefab.fabrication.outline.stroke import LEAST_ARC_RADIUS_MM, LEAST_CUT_MM
+from vinefab.fabrication.outline.joint import LEAST_ARC_RADIUS_MM, LEAST_CUT_MM
 from vinefab.fabrication.rules.as_built import flat_place_mm
 from vinefab.fabrication.rules.rule import (
     Limits,
     MissingInputError,
     Rule,
     RuleApplied,
+    Subject,
     Violation,
     made,
     mark_point,
@@ -29,7 +30,6 @@ from vinefab.fabrication.rules.rule import (
     outline_violations,
 )
 from vinefab.fabrication.rules.spacing import closest
-from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Machine, RecipeStatus

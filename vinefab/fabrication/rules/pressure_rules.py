@@ -12,17 +12,17 @@ from itertools import islice, pairwise
 
 import numpy as np
 
-from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.outline.body_outline import flat_layout
 from vinefab.fabrication.rules.clearance_rules import nearest_pairs
 from vinefab.fabrication.rules.rule import (
     Limits,
     Rule,
     RuleApplied,
+    Subject,
     Violation,
     needed,
 )
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of, spacing
-from vinefab.fabrication.rules.subject import Subject
 from vinefab.inflation.compensation import MESH_DEG, FlatJoint
 from vinefab.inflation.pattern import Pattern, PatternJoint
 from vinefab.model.design import Build

@@ -2,15 +2,16 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from vinefab.core.validation import Floats, Ints
-from vinefab.fabrication.outline.ends import Leaf, corner_radii_mm
-from vinefab.fabrication.outline.layout import FlatLayout, level_fillets_mm
-from vinefab.fabrication.outline.stroke import Point
+from vinefab.fabrication.outline.body_outline import FlatLayout
+from vinefab.fabrication.outline.ends import Leaf, corner_radii_mm, level_fillets_mm
+from vinefab.fabrication.outline.joint import Point
 from vinefab.model.design import Build
 
 
@@ -33,6 +34,12 @@ class Capsules:
     def most_half_mm(self) -> Floats:
         """The larger half width of each, shape (m,)."""
         return np.maximum(self.half_mm, self.end_half_mm)
+
+    def hulls(self, rows: Ints) -> "Hulls":
+        """Return some of the capsules as hulls of two discs."""
+        start, half = self.start_mm[rows], self.half_mm[rows]
+        run, growth = self.end_mm[rows] - start, self.end_half_mm[rows] - half
+        return Hulls(start_mm=start, run_mm=run, half_mm=half, growth_mm=growth)
 
 
 def capsules_of(layout: FlatLayout, build: Build) -> Capsules:
@@ -172,7 +179,7 @@ _STEPS = 48
 """Golden-section steps: 1e-10 of a branch is left of the search interval."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Hulls:
     """Hulls of two discs, k of them."""
 
@@ -185,14 +192,37 @@ class Hulls:
         """Return places on the axes, 0 at the first disc and 1 at the second, shape (k, 2)."""
         return self.start_mm + along[:, None] * self.run_mm
 
-    def repeated(self, count: int) -> "Hulls":
-        """Return these hulls several times after each other."""
+    def twice(self) -> "Hulls":
+        """Return these hulls two times after each other."""
         return Hulls(
-            start_mm=np.tile(self.start_mm, (count, 1)),
-            run_mm=np.tile(self.run_mm, (count, 1)),
-            half_mm=np.tile(self.half_mm, count),
-            growth_mm=np.tile(self.growth_mm, count),
+            start_mm=np.tile(self.start_mm, (2, 1)),
+            run_mm=np.tile(self.run_mm, (2, 1)),
+            half_mm=np.tile(self.half_mm, 2),
+            growth_mm=np.tile(self.growth_mm, 2),
         )
+
+    @cached_property
+    def _axes(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Lengths and unit vectors of the axes; sines and cosines of the lean of the sides."""
+        length_mm = np.maximum(np.hypot(*self.run_mm.T), 1e-12)
+        lean = np.clip(self.growth_mm / length_mm, -0.99, 0.99)
+        return length_mm, self.run_mm / length_mm[:, None], lean, np.sqrt(1.0 - lean**2)
+
+    def gap_mm(self, points_mm: Floats) -> Floats:
+        """Return the distance of points from the hulls, one each, negative inside; shape (k,).
+
+        The distance to the disc at place t of the axis, |p - c(t)| - r(t), is least where the line
+        to the point stands on the hull's side: the foot of the perpendicular, moved towards the
+        larger disc by the lean of the side.
+        """
+        length_mm, unit, lean, upright = self._axes
+        away = points_mm - self.start_mm
+        foot = (away * unit).sum(axis=1)
+        across = np.abs(away[:, 0] * unit[:, 1] - away[:, 1] * unit[:, 0])
+        along = np.clip((foot + across * lean / upright) / length_mm, 0.0, 1.0)
+        from_axis_mm = np.hypot(*(points_mm - self.place_mm(along)).T)
+        gap: Floats = from_axis_mm - self.half_mm - along * self.growth_mm
+        return gap
 
 
 def hull_gap_mm(one: Hulls, two: Hulls) -> Floats:
@@ -200,12 +230,12 @@ def hull_gap_mm(one: Hulls, two: Hulls) -> Floats:
     count = len(one.half_mm)
     low, high = np.zeros(count), np.ones(count)
     # Two places of each pair in one go: twice as fast for the few pairs of a usual robot.
-    first, gaps = one.repeated(2), _PointGaps(two.repeated(2))
+    first, second = one.twice(), two.twice()
 
     def at_mm(one_place: Floats, other: Floats) -> tuple[Floats, Floats]:
         """Return the least distances from discs of the first hulls to the second hulls."""
         along = np.concatenate([one_place, other])
-        found = gaps.of(first.place_mm(along)) - (first.half_mm + along * first.growth_mm)
+        found = second.gap_mm(first.place_mm(along)) - (first.half_mm + along * first.growth_mm)
         return found[:count], found[count:]
 
     for _ in range(_STEPS):
@@ -216,39 +246,6 @@ def hull_gap_mm(one: Hulls, two: Hulls) -> Floats:
     at_ends = at_mm(np.zeros(count), np.ones(count))
     middle = (low + high) / 2.0
     return np.minimum(at_mm(middle, middle)[0], np.minimum(*at_ends))
-
-
-class _PointGaps:
-    """How far points are from hulls; what does not depend on the points is worked out once."""
-
-    def __init__(self, hulls: Hulls) -> None:
-        self.hulls = hulls
-        self.length_mm = np.maximum(np.hypot(*hulls.run_mm.T), 1e-12)
-        self.unit = hulls.run_mm / self.length_mm[:, None]
-        self.lean = np.clip(hulls.growth_mm / self.length_mm, -0.99, 0.99)
-        self.upright = np.sqrt(1.0 - self.lean**2)
-
-    def of(self, points_mm: Floats) -> Floats:
-        """Return the distance of points from the hulls, one each, negative inside; shape (k,).
-
-        The distance to the disc at place t of the axis, |p - c(t)| - r(t), is least where the line
-        to the point stands on the hull's side: the foot of the perpendicular, moved towards the
-        larger disc by the lean of the side.
-        """
-        hulls, unit = self.hulls, self.unit
-        away = points_mm - hulls.start_mm
-        foot = (away * unit).sum(axis=1)
-        across = np.abs(away[:, 0] * unit[:, 1] - away[:, 1] * unit[:, 0])
-        place = foot + across * self.lean / self.upright
-        along = np.clip(place / self.length_mm, 0.0, 1.0)
-        centre = hulls.place_mm(along)
-        gap: Floats = np.hypot(*(points_mm - centre).T) - hulls.half_mm - along * hulls.growth_mm
-        return gap
-
-
-def point_gap_mm(points_mm: Floats, hulls: Hulls) -> Floats:
-    """Return the distance of points from hulls, one each, negative inside; shape (k,)."""
-    return _PointGaps(hulls).of(points_mm)
 
 
 MOST_PAIRS = 2_000_000
@@ -272,7 +269,6 @@ class Spacing:
     second_mm: Floats  # closest points on the second segments, shape (k, 2)
     joined: NDArray[np.bool_]  # whether the two branches share a joint, shape (k,)
     pouch: NDArray[np.bool_]  # whether one of the two belongs to a pouch, shape (k,)
-    complete: bool  # whether all near pairs are here; False past `MOST_PAIRS`
 
 
 def spacing(capsules: Capsules, reach_mm: float) -> Spacing:
@@ -281,24 +277,35 @@ def spacing(capsules: Capsules, reach_mm: float) -> Spacing:
     Capsules of one branch are left out, and so are pairs of branches that share a joint unless a
     pouch is involved: such branches meet by design.
     """
-    first, second, complete = _near(capsules, reach_mm)
-    first, second = _of_different_branches(capsules, first, second)
+    first, second = _near(capsules, reach_mm)
+    branch = capsules.branch
+    joined = share_joint(capsules.parent, branch[first], branch[second])
+    pouch = capsules.pouch[first] | capsules.pouch[second]
+    keep = (branch[first] != branch[second]) & (pouch | ~joined)
+    first, second, joined, pouch = (each[keep] for each in (first, second, joined, pouch))
     near = _closest_of_pairs(capsules, first, second)
+    # Between even capsules the gap is the distance of their segments less both half widths. Where
+    # one is tapered, it is the least distance of two places on the segments less the half widths
+    # there: a convex function of the two places, so that a search along one segment finds it when
+    # the other place is the best for it.
+    gap = near.distance_mm - capsules.half_mm[first] - capsules.half_mm[second]
+    even = capsules.half_mm == capsules.end_half_mm
+    rows = np.flatnonzero(~(even[first] & even[second]))
+    if len(rows):
+        gap[rows] = hull_gap_mm(*(capsules.hulls(pair[rows]) for pair in (first, second)))
     run_a = capsules.end_mm[first] - capsules.start_mm[first]
     run_b = capsules.end_mm[second] - capsules.start_mm[second]
     short_a = np.minimum(near.along_a, 1.0 - near.along_a) * np.hypot(*run_a.T)
     short_b = np.minimum(near.along_b, 1.0 - near.along_b) * np.hypot(*run_b.T)
-    crossing = np.where(near.distance_mm < 1e-9, np.minimum(short_a, short_b), 0.0)
     return Spacing(
         first=first,
         second=second,
-        gap_mm=_gap_mm(capsules, first, second, near.distance_mm),
-        crossing_mm=crossing,
+        gap_mm=gap,
+        crossing_mm=np.where(near.distance_mm < 1e-9, np.minimum(short_a, short_b), 0.0),
         first_mm=capsules.start_mm[first] + near.along_a[:, None] * run_a,
         second_mm=capsules.start_mm[second] + near.along_b[:, None] * run_b,
-        joined=_joined(capsules, first, second),
-        pouch=capsules.pouch[first] | capsules.pouch[second],
-        complete=complete,
+        joined=joined,
+        pouch=pouch,
     )
 
 
@@ -321,35 +328,8 @@ def _closest_of_pairs(capsules: Capsules, first: Ints, second: Ints) -> Closest:
     )
 
 
-def _gap_mm(capsules: Capsules, first: Ints, second: Ints, distance_mm: Floats) -> Floats:
-    """Return the free distance between pairs of capsules, shape (k,).
-
-    Between even capsules that is the distance of their segments less both half widths. Where one
-    is tapered, it is the least distance of two places on the segments less the half widths there:
-    a convex function of the two places, so that a search along one segment finds it when the other
-    place is the best for it.
-    """
-    gap = distance_mm - capsules.half_mm[first] - capsules.half_mm[second]
-    even = capsules.half_mm == capsules.end_half_mm
-    rows = np.flatnonzero(~(even[first] & even[second]))
-    if len(rows):
-        one, two = (capsule_hulls(capsules, pair[rows]) for pair in (first, second))
-        gap[rows] = hull_gap_mm(one, two)
-    return gap
-
-
-def capsule_hulls(capsules: Capsules, rows: Ints) -> Hulls:
-    """Return some capsules as hulls of two discs."""
-    return Hulls(
-        start_mm=capsules.start_mm[rows],
-        run_mm=capsules.end_mm[rows] - capsules.start_mm[rows],
-        half_mm=capsules.half_mm[rows],
-        growth_mm=capsules.end_half_mm[rows] - capsules.half_mm[rows],
-    )
-
-
-def _near(capsules: Capsules, reach_mm: float) -> tuple[Ints, Ints, bool]:
-    """Return pairs (first < second) whose boxes come within the reach, and whether all are."""
+def _near(capsules: Capsules, reach_mm: float) -> tuple[Ints, Ints]:
+    """Return pairs (first < second) whose boxes come within the reach."""
     grown = capsules.most_half_mm[:, None] + reach_mm / 2
     low = np.minimum(capsules.start_mm, capsules.end_mm) - grown
     high = np.maximum(capsules.start_mm, capsules.end_mm) + grown
@@ -365,20 +345,7 @@ def _near(capsules: Capsules, reach_mm: float) -> tuple[Ints, Ints, bool]:
         count += len(firsts[-1])
         if count > MOST_PAIRS:
             break
-    complete = count <= MOST_PAIRS
-    return np.concatenate(firsts), np.concatenate(seconds), complete
-
-
-def _of_different_branches(capsules: Capsules, first: Ints, second: Ints) -> tuple[Ints, Ints]:
-    different = capsules.branch[first] != capsules.branch[second]
-    by_design = _joined(capsules, first, second) & ~(capsules.pouch[first] | capsules.pouch[second])
-    keep = different & ~by_design
-    return first[keep], second[keep]
-
-
-def _joined(capsules: Capsules, first: Ints, second: Ints) -> NDArray[np.bool_]:
-    """Return whether the branches of pairs of capsules share a joint, shape (k,)."""
-    return share_joint(capsules.parent, capsules.branch[first], capsules.branch[second])
+    return np.concatenate(firsts), np.concatenate(seconds)
 
 
 def share_joint(parent: Ints, one: Ints | int, two: Ints | int) -> NDArray[np.bool_]:

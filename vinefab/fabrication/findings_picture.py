@@ -66,6 +66,7 @@ _HEAD_PT, _KEY_PT, _ROW_PT, _FOOT_PT = 50.0, 34.0, 14.0, 12.0
 _RIM_PT = 42.0
 _LEAST_PT, _MOST_PT = 190.0, 560.0
 _SIGN_PT = 11.0
+_REACH_PT = 1.1 * _SIGN_PT
 _TAG_PT = 8.0
 _LIST_PT = 8.25
 _NEAR_PT = (14.0, 20.0, 28.0, 40.0, 58.0, 84.0, 120.0, 240.0, 2.0 * _WIDE_PT)
@@ -121,35 +122,41 @@ class _View:
         return shapely.transform(shape, self.points)
 
 
+def _by_severity(findings: Sequence[Finding]) -> list[Finding]:
+    """Return the findings that are not waived, errors first."""
+    ranks = list(Severity)
+    open_ = (finding for finding in findings if not finding.waived)
+    return sorted(open_, key=lambda finding: ranks.index(finding.severity))
+
+
 def listed(findings: Sequence[Finding]) -> tuple[Listed, ...]:
     """Return the lines of the list, errors first; many findings of a rule become one line."""
-    ranks = list(Severity)
-    open_ = sorted((f for f in findings if not f.waived), key=lambda f: ranks.index(f.severity))
-    groups: dict[tuple[object, ...], list[Finding]] = {}
+    open_, groups = _by_severity(findings), dict[tuple[object, ...], list[Finding]]()
     for place, finding in enumerate(open_):
         key = (finding.severity, finding.rule, place if len(open_) <= MOST_LISTED else 0)
         groups.setdefault(key, []).append(finding)
-    return tuple(_line(number, group) for number, group in enumerate(groups.values(), start=1))
 
+    def excess(finding: Finding) -> float:
+        """Return the distance of a finding's value from its limit, as a share of the limit."""
+        if finding.measured is None or finding.limit is None:
+            return 0.0
+        return abs(finding.measured - finding.limit) / max(abs(finding.limit), 1e-9)
 
-def _line(number: int, group: Sequence[Finding]) -> Listed:
-    worst = max(group, key=_excess)
-    count = f"{counted(len(group), 'finding')}, the worst: " if len(group) > 1 else ""
-    return Listed(
-        number=number,
-        severity=worst.severity,
-        rule=worst.rule,
-        branches=worst.branches,
-        words=f"{count}{worst.measures}{'; ' if worst.measures else ''}{worst.message}",
-        findings=tuple(group),
-    )
-
-
-def _excess(finding: Finding) -> float:
-    """Return the distance of a finding's value from its limit, as a share of the limit."""
-    if finding.measured is None or finding.limit is None:
-        return 0.0
-    return abs(finding.measured - finding.limit) / max(abs(finding.limit), 1e-9)
+    lines = []
+    for number, group in enumerate(groups.values(), start=1):
+        worst = max(group, key=excess)
+        count = f"{counted(len(group), 'finding')}, the worst: " if len(group) > 1 else ""
+        lines.append(
+            Listed(
+                number=number,
+                severity=worst.severity,
+                rule=worst.rule,
+                branches=worst.branches,
+                words=f"{count}{worst.measures}{'; ' if worst.measures else ''}{worst.message}",
+                findings=tuple(group),
+            )
+        )
+    return tuple(lines)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -172,7 +179,13 @@ class FindingsPage:
         below_pt = _KEY_PT + _ROW_PT * rows + _FOOT_PT
         view, high_pt = _view(robot, lines, below_pt)
         marked = _marked(lines, robot, view)
-        inked = [shapely.boundary(view.geometry(robot.lumen)), *marked.values()]
+        inked = shapely.union_all([shapely.boundary(view.geometry(robot.lumen)), *marked.values()])
+        tags: tuple[Tag, ...] = ()
+        for near_pt in _NEAR_PT:
+            spots = _spots(lines, view, near_pt)
+            tags = tuple(_laid_out(spots, view.box_pt, inked))
+            if len(tags) == len(spots):
+                break
         return cls(
             lines=lines,
             robot=robot,
@@ -180,7 +193,7 @@ class FindingsPage:
             below_pt=below_pt,
             high_pt=high_pt,
             marked=marked,
-            tags=_tags(lines, view, shapely.union_all(inked)),
+            tags=tags,
         )
 
 
@@ -193,7 +206,13 @@ def findings_picture(design: Design, profile: LaserProfile, report: CheckReport)
         ink = Ink(fill=SEVERITY_COLOURS[severity], fill_alpha=0.45)
         panel.polygons([band], ink, rank=3.0)
     for tag in page.tags:
-        _draw_tag(panel, tag)
+        (x0, y0, x1, y1), colour = tag.box_pt, SEVERITY_COLOURS[tag.severity]
+        box = shapely.box(*tag.box_pt)
+        nearest = shapely.shortest_line(shapely.Point(tag.at_pt), box)
+        panel.line(shapely.get_coordinates(nearest), Ink(line=colour, width_pt=0.8), rank=5.0)
+        panel.polygons([box], Ink(fill="#ffffff", line=colour, width_pt=0.9), rank=6.0)
+        _draw_sign(panel, tag.at_pt, tag.severity)
+        panel.words(((x0 + x1) / 2, (y0 + y1) / 2), tag.text, _TAG_PT, anchor="middle")
     _draw_head(panel, page.high_pt, design, profile, report)
     _draw_key(panel, page)
     _draw_list(panel, page)
@@ -282,17 +301,6 @@ def _place(finding: Finding) -> tuple[float, float] | None:
     return (marks[0].centroid.x, marks[0].centroid.y) if marks else None
 
 
-def _tags(lines: Sequence[Listed], view: _View, inked: BaseGeometry) -> tuple[Tag, ...]:
-    """Return the markers with their tags: none lies on another."""
-    placed: tuple[Tag, ...] = ()
-    for near_pt in _NEAR_PT:
-        spots = _spots(lines, view, near_pt)
-        placed = tuple(_laid_out(spots, view.box_pt, inked))
-        if len(placed) == len(spots):
-            break
-    return placed
-
-
 def _spots(
     lines: Sequence[Listed], view: _View, near_pt: float
 ) -> list[tuple[tuple[float, float], Severity, str]]:
@@ -367,33 +375,17 @@ def _marked(lines: Sequence[Listed], robot: "_Robot", view: _View) -> dict[Sever
         found = [f for line in lines if line.severity is severity for f in line.findings]
         marks = [mark for finding in found for mark in _marks(finding) if mark.length > 0.0]
         strokes = [view.points(shapely.get_coordinates(mark)) for mark in marks]
-        for x, y in {place for finding in found if (place := _place(finding)) is not None}:
-            strokes += _outline_near(view.points(np.array([[x, y]]))[0], outlines)
+        for place in {place for finding in found if (place := _place(finding)) is not None}:
+            # The stretches of the lines close to it.
+            x, y = view.points(np.array([place]))[0].tolist()
+            box = x - _REACH_PT, y - _REACH_PT, x + _REACH_PT, y + _REACH_PT
+            near = shapely.get_parts(shapely.clip_by_rect(outlines, *box)).tolist()
+            strokes += [shapely.get_coordinates(part) for part in near if part.length > 0.0]
         # One shape: where many lines cross, each of them would darken the others.
         bands[severity] = shapely.union_all(
             shapely.buffer([shapely.LineString(s) for s in strokes], 1.8, quad_segs=4)
         )
     return bands
-
-
-def _outline_near(at_pt: Floats, outlines: Sequence[BaseGeometry]) -> list[Floats]:
-    """Return the stretches of the lines close to a place."""
-    x, y = at_pt.tolist()
-    reach = 1.1 * _SIGN_PT
-    near = [shapely.clip_by_rect(o, x - reach, y - reach, x + reach, y + reach) for o in outlines]
-    parts = shapely.get_parts([one for one in near if not one.is_empty]).tolist()
-    return [shapely.get_coordinates(part) for part in parts if part.length > 0.0]
-
-
-def _draw_tag(panel: Panel, tag: Tag) -> None:
-    x0, y0, x1, y1 = tag.box_pt
-    colour, (x, y) = SEVERITY_COLOURS[tag.severity], tag.at_pt
-    box = shapely.box(*tag.box_pt)
-    nearest = shapely.get_coordinates(shapely.shortest_line(shapely.Point(x, y), box))
-    panel.line(nearest, Ink(line=colour, width_pt=0.8), rank=5.0)
-    panel.polygons([box], Ink(fill="#ffffff", line=colour, width_pt=0.9), rank=6.0)
-    _draw_sign(panel, tag.at_pt, tag.severity)
-    panel.words(((x0 + x1) / 2, (y0 + y1) / 2), tag.text, _TAG_PT, anchor="middle")
 
 
 def _draw_sign(panel: Panel, at_pt: tuple[float, float], severity: Severity) -> None:
@@ -406,28 +398,20 @@ def _draw_head(
 ) -> None:
     name = fitted(design.name, 0.55 * _WIDE_PT, 14.0, bold=True)
     panel.written((_EDGE_PT, top_pt - 24.0), name, 14.0, bold=True)
-    words, severity = _outcome(profile, report)
+    words, severity = "manufacturable", Severity.INFO
+    if report.blocking:
+        words, severity = "not manufacturable", Severity.ERROR
+    elif profile.recipe.status is RecipeStatus.UNVERIFIED:
+        words, severity = "no rule forbids it; recipe unverified", Severity.WARNING
     colour, right = SEVERITY_COLOURS[severity], _WIDE_PT - _EDGE_PT
     panel.written((right, top_pt - 24.0), words, 11.0, colour=colour, anchor="end", bold=True)
     recipe = fitted(f"recipe {profile.recipe.name}", 0.55 * _WIDE_PT, 8.5)
     panel.written((_EDGE_PT, top_pt - 38.0), recipe, 8.5, colour=SOFT)
-    panel.written((right, top_pt - 38.0), _counted(report), 8.5, colour=SOFT, anchor="end")
-
-
-def _outcome(profile: LaserProfile, report: CheckReport) -> tuple[str, Severity]:
-    """Return the verdict in a few words, and how serious it is."""
-    if report.blocking:
-        return "not manufacturable", Severity.ERROR
-    if profile.recipe.status is RecipeStatus.UNVERIFIED:
-        return "no rule forbids it; recipe unverified", Severity.WARNING
-    return "manufacturable", Severity.INFO
-
-
-def _counted(report: CheckReport) -> str:
     counts = [f"{(n := report.count(s))} {_WORDS[s][n != 1]}" for s in Severity]
-    waived = sum(finding.waived for finding in report.findings)
-    more = [f"{waived} waived"] if waived else []
-    return ", ".join([*counts, *more, f"{counted(len(report.skipped), 'rule')} skipped"])
+    if waived := sum(finding.waived for finding in report.findings):
+        counts.append(f"{waived} waived")
+    words = ", ".join([*counts, f"{counted(len(report.skipped), 'rule')} skipped"])
+    panel.written((right, top_pt - 38.0), words, 8.5, colour=SOFT, anchor="end")
 
 
 def _draw_key(panel: Panel, page: FindingsPage) -> None:
@@ -459,7 +443,8 @@ def _draw_list(panel: Panel, page: FindingsPage) -> None:
         x = _EDGE_PT
         _draw_sign(panel, (x + 4.0, y + 3.0), row.severity)
         placed = any(_place(finding) is not None for finding in row.findings)
-        who = _who(row.branches) if placed else "whole robot"
+        more = f" +{len(row.branches) - 3}" if len(row.branches) > 3 else ""
+        who = ", ".join(row.branches[:3]) + more if placed else "whole robot"
         for wide, words in ((20.0, str(row.number)), (44.0, row.rule), (92.0, who)):
             cell = fitted(words, wide - 4.0, _LIST_PT)
             panel.written((x + 14.0, y), cell, _LIST_PT, bold=wide == 20.0)
@@ -470,11 +455,6 @@ def _draw_list(panel: Panel, page: FindingsPage) -> None:
     if len(lines) > len(rows):
         more = f"and {len(lines) - len(rows)} more"
         panel.written((_EDGE_PT + 14.0, y), more, _LIST_PT, colour=SOFT)
-
-
-def _who(branches: Sequence[str]) -> str:
-    more = f" +{len(branches) - 3}" if len(branches) > 3 else ""
-    return ", ".join(branches[:3]) + more
 
 
 MOST_MARKED = 60
@@ -490,15 +470,20 @@ _CORNERS = {Severity.ERROR: 0, Severity.WARNING: 3, Severity.INFO: 4}
 
 def annotated_job(job: Job, findings: Sequence[Finding]) -> Job:
     """Return a drawing of a job with its findings: numbered markers, and a legend above the bed."""
-    ranks = list(Severity)
-    open_ = [finding for finding in findings if not finding.waived]
-    chosen = sorted(open_, key=lambda finding: ranks.index(finding.severity))[:MOST_MARKED]
+    open_ = _by_severity(findings)
+    chosen = open_[:MOST_MARKED]
     outline = [replace(path, operation=Operation.REG) for path in job.paths]
     legend = numbered(chosen) or ["no findings"]
     if len(open_) > len(chosen):
         legend.append(f"and {len(open_) - len(chosen)} more that are not drawn")
+    wide, high = job.sheet_width_mm, job.sheet_height_mm
+    bed = np.array([[0.0, 0.0], [wide, 0.0], [wide, high], [0.0, high]])
     height_mm = job.sheet_height_mm + _LINE_MM * (len(legend) + 1)
-    doc = [*_markers(job, chosen), *_written(legend, job, height_mm)]
+    doc = [*_markers(job, chosen)]
+    doc.append(("bed", Contour.polyline(bed, closed=True)))
+    for number, line in enumerate(legend, start=1):  # from the top, above the bed's frame
+        corner = _LINE_MM, height_mm - number * _LINE_MM
+        doc += [(f"legend: {line}", stroke) for stroke in lettered(line, corner, _TEXT_MM)]
     paths = [LaserPath(operation=Operation.DOC, contour=one, label=label) for label, one in doc]
     widest_mm = max((text_width_mm(line, _TEXT_MM) for line in legend), default=0.0)
     return replace(
@@ -518,17 +503,6 @@ def numbered(findings: Sequence[Finding]) -> list[str]:
             line += f": {one.measures.replace(',', '')}"
         lines.append(line)
     return lines
-
-
-def _written(legend: Sequence[str], job: Job, height_mm: float) -> Iterator[tuple[str, Contour]]:
-    """Yield the legend's strokes, line by line from the top, above the bed's frame."""
-    frame = np.array([[0.0, 0.0], [job.sheet_width_mm, 0.0]])
-    top = np.array([0.0, job.sheet_height_mm])
-    corners = np.concatenate([frame, frame[::-1] + top])
-    yield "bed", Contour.polyline(corners, closed=True)
-    for number, line in enumerate(legend, start=1):
-        for stroke in lettered(line, (_LINE_MM, height_mm - number * _LINE_MM), _TEXT_MM):
-            yield f"legend: {line}", stroke
 
 
 def _markers(job: Job, chosen: Sequence[Finding]) -> Iterator[tuple[str, Contour]]:

@@ -131,7 +131,7 @@ def _passes(one, cut):
     if not set(cut) <= set(cutter.sleeves):
         return False
     partition = cutter._cut(tuple(sorted(cut)), proven_least=True)
-    if any(cutter._known_of(partition, piece) for piece in partition.pieces):
+    if any([*cutter._found_on(partition, piece)] for piece in partition.pieces):
         return False
     subject = in_pieces(replace(Subject.of(one), profile=PROFILE), partition)
     return not run_checks(subject, only=ROOM_RULES).blocking

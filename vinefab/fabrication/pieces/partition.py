@@ -49,7 +49,6 @@ from vinefab.fabrication.rules.tree_rules import (
 )
 from vinefab.inflation.pattern import Pattern
 from vinefab.model.design import Build, Design, PieceSettings
-from vinefab.model.finding import Finding
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import Partition, Piece, Sleeve, Unparted, piece_label
 
@@ -96,10 +95,22 @@ def multicut(clauses: Sequence[Clause], weights: Mapping[int, float]) -> Multicu
     needed = simplified(clause for clause in kept if clause is not None)
     if not needed:
         return Multicut(cut=(), proven_least=True)
-    found = None if _NEVER in needed else _solved(needed, weights)
-    if found is None:
-        return Multicut(cut=(), proven_least=True, broken=_most_stubborn(kept, weights))
-    return found
+    if _NEVER not in needed:
+        rows = sorted({row for clause in needed for row in (*clause.cut, *clause.uncut)})
+        heaviest = 1.0 + 2.0 * sum(weights[row] for row in rows)
+        # One more cut always outweighs all differences of weight.
+        costs = np.array([1.0 + weights[row] / heaviest for row in rows])
+        result = _program(needed, rows, costs, slack=False)
+        if result.x is not None:
+            chosen = tuple(row for row, value in zip(rows, result.x, strict=True) if value > 0.5)
+            return Multicut(cut=chosen, proven_least=result.status == 0)
+    # No cut keeps all: as few clauses as possible are broken.
+    asked = [(place, clause) for place, clause in enumerate(kept) if clause is not None]
+    rows = sorted(weights)
+    result = _program([clause for _, clause in asked], rows, np.zeros(len(rows)), slack=True)
+    loose = [True] * len(asked) if result.x is None else (result.x[len(rows) :] > 0.5).tolist()
+    broken = tuple(place for (place, _), lost in zip(asked, loose, strict=True) if lost)
+    return Multicut(cut=(), proven_least=True, broken=broken)
 
 
 _NEVER = Clause(frozenset())
@@ -143,33 +154,6 @@ def simplified(clauses: Iterable[Clause]) -> list[Clause]:
 
 def _order(clause: Clause) -> tuple[int, list[int], list[int]]:
     return len(clause.cut) + len(clause.uncut), sorted(clause.cut), sorted(clause.uncut)
-
-
-def _solved(clauses: Sequence[Clause], weights: Mapping[int, float]) -> Multicut | None:
-    """Return the least cut, or None if there is none."""
-    rows = sorted({row for clause in clauses for row in (*clause.cut, *clause.uncut)})
-    heaviest = 1.0 + 2.0 * sum(weights[row] for row in rows)
-    # One more cut always outweighs all differences of weight.
-    costs = np.array([1.0 + weights[row] / heaviest for row in rows])
-    result = _program(clauses, rows, costs, slack=False)
-    if result.x is None:
-        return None
-    chosen = tuple(row for row, value in zip(rows, result.x, strict=True) if value > 0.5)
-    return Multicut(cut=chosen, proven_least=result.status == 0)
-
-
-def _most_stubborn(
-    clauses: Sequence[Clause | None], weights: Mapping[int, float]
-) -> tuple[int, ...]:
-    """Return the places of clauses that are broken when as few as possible are."""
-    places = [place for place, clause in enumerate(clauses) if clause is not None]
-    asked = [clause for clause in clauses if clause is not None]
-    rows = sorted(weights)
-    result = _program(asked, rows, np.zeros(len(rows)), slack=True)
-    if result.x is None:
-        return tuple(places)
-    loose = result.x[len(rows) :] > 0.5
-    return tuple(place for place, broken in zip(places, loose.tolist(), strict=True) if broken)
 
 
 def _program(
@@ -550,6 +534,7 @@ class _Cutter:
         separate: bool,
     ) -> None:
         self.design, self.profile, self.limits, self.separate = design, profile, limits, separate
+        self.values = by_rule(changed_limits(design, profile, limits))
         self.most = settings.most
         self.size = sleeve_size(design.build, profile, separate=separate)
         self.subject = replace(Subject.of(design), profile=profile, separate=separate)
@@ -576,7 +561,12 @@ class _Cutter:
             cut = self._cut(found.cut, proven_least=found.proven_least)
             if flat is not None and len(cut.pieces) > self.most:
                 return flat
-            more = [one for piece in cut.pieces for one in self._known_of(cut, piece)]
+            more = list[_Conflict]()
+            for piece in cut.pieces:  # the same piece comes back in many partitions
+                key = piece.branches, piece.stubs
+                if key not in self.known:
+                    self.known[key] = tuple(self._found_on(cut, piece))
+                more += self.known[key]
             if not more:
                 flat = flat or cut
                 more = [*self._laps(cut, passages)]
@@ -591,14 +581,13 @@ class _Cutter:
 
     def _laps(self, cut: Partition, passages: Mapping[int, float]) -> Iterator[_Conflict]:
         """Yield the conflicts of a partition's sleeves: further cuts only add to them."""
-        values = by_rule(changed_limits(self.design, self.profile, self.limits))
-        widest_mm = widest_cut_mm(self.design.build, self.profile, values)
+        widest_mm = widest_cut_mm(self.design.build, self.profile, self.values)
         cuts = frozenset(sleeve.branch for sleeve in cut.sleeves)
         for sleeve in cut.sleeves:
             if sleeve.width_mm > widest_mm:
                 alone = Clause(frozenset(), frozenset({sleeve.branch}))
                 yield _Conflict(why="load its lap", branches=(sleeve.branch,), clause=alone)
-        limits = LAP_PACKING.limits_with(values.get(LAP_PACKING.id, {}))
+        limits = LAP_PACKING.limits_with(self.values.get(LAP_PACKING.id, {}))
         film_mm, packing = self.profile.material.film_mm, limits["packing"]
         fullest = fullest_laps(self.design, cut.sleeves, film_mm, packing, passages)
         for branch, share in fullest.values():
@@ -611,9 +600,8 @@ class _Cutter:
 
     def _pairs(self) -> Iterator[_Conflict]:
         """Yield every pair of bodies that come too near each other."""
-        values = by_rule(changed_limits(self.design, self.profile, self.limits))
         near_mm, pouch_mm = (
-            least_gap_mm(rule, values, self.subject.taken_mm) for rule in (CLEARANCE, POUCH)
+            least_gap_mm(rule, self.values, self.subject.taken_mm) for rule in (CLEARANCE, POUCH)
         )
         capsules, kind = self.bodies.capsules, self.bodies.kind
         found = spacing(capsules, max(near_mm, pouch_mm, 0.0))
@@ -664,36 +652,28 @@ class _Cutter:
                 two = self.parent[two]
         return found
 
-    def _known_of(self, cut: Partition, piece: Piece) -> tuple[_Conflict, ...]:
-        """Return the conflicts on a piece; the same piece comes back in many partitions."""
-        key = piece.branches, piece.stubs
-        if key not in self.known:
-            self.known[key] = tuple(self._found_on(cut, piece))
-        return self.known[key]
-
     def _found_on(self, cut: Partition, piece: Piece) -> Iterator[_Conflict]:
         """Yield the conflicts that the rules still find on a piece as it will be cut."""
-        ends = piece_ends(cut, piece)
-        if not self._fits(piece, ends):
+        ends, room_mm = piece_ends(cut, piece), self.profile.machine.usable_mm
+        fits = not self.reaches.exceed(piece.branches)
+        if fits:  # with its seam and its cuts too?
+            paths = body_paths(self.design, self.profile, separate=self.separate, ends=ends).paths
+            corner_mm = self.profile.machine.margin_mm.value
+            fits = place_contours([path.contour for path in paths], room_mm, corner_mm).fits
+        if not fits:
             for part in self._too_large(piece):
                 yield _Conflict(why=TOO_LARGE, branches=piece.branches, clause=part)
             return  # what its parts break is seen when they are parted
         subject = _on_piece(self.subject, self.bodies, piece, ends)
         for finding in run_checks(subject, self.limits, only=ROOM_RULES).blocking:
-            clause = self._clause_of(piece, finding)
+            rows = tuple(self.subject.names.index(name) for name in finding.branches)
+            if len(rows) != 2:
+                continue
+            one, two = ((row, _kind_on(piece, row)) for row in rows)
+            clause = self._apart(one, two)
             if clause is not None:
-                rows = tuple(self.subject.names.index(name) for name in finding.branches)
-                yield _Conflict(
-                    why=f"break {finding.rule} on one piece", branches=rows, clause=clause
-                )
-
-    def _fits(self, piece: Piece, ends: PieceEnds) -> bool:
-        """Whether a piece fits the bed, with its seam and its cuts."""
-        if self.reaches.exceed(piece.branches):
-            return False
-        paths = body_paths(self.design, self.profile, separate=self.separate, ends=ends).paths
-        corner, room = self.profile.machine.margin_mm.value, self.profile.machine.usable_mm
-        return place_contours([path.contour for path in paths], room, corner).fits
+                why = f"break {finding.rule} on one piece"
+                yield _Conflict(why=why, branches=rows, clause=clause)
 
     def _too_large(self, piece: Piece) -> Iterator[Clause]:
         """Yield clauses that a piece which does not fit the bed is cut.
@@ -729,21 +709,6 @@ class _Cutter:
                 kept.discard(row)
         top = next(row for row in sorted(kept) if self.parent[row] not in kept)
         return Clause(frozenset(kept - {top}))
-
-    def _clause_of(self, piece: Piece, finding: Finding) -> Clause | None:
-        """Return the clause that the two bodies of a finding are apart."""
-        rows = [self.subject.names.index(name) for name in finding.branches]
-        if len(rows) != 2:
-            return None
-        kinds = [
-            BodyKind.STUB
-            if row in piece.stubs
-            else BodyKind.OUTER
-            if row == piece.root and row
-            else BodyKind.WHOLE
-            for row in rows
-        ]
-        return self._apart((rows[0], kinds[0]), (rows[1], kinds[1]))
 
     # --- the pieces ------------------------------------------------------------------------------
 
@@ -789,6 +754,13 @@ class _Cutter:
                 needed_mm=self.size.room_mm,
             )
         return replace(one_piece(self.design), unparted=tuple(unparted.values()))
+
+
+def _kind_on(piece: Piece, row: int) -> BodyKind:
+    """Return what of a branch lies on a piece."""
+    if row in piece.stubs:
+        return BodyKind.STUB
+    return BodyKind.OUTER if row == piece.root and row else BodyKind.WHOLE
 
 
 def _on_piece(subject: Subject, bodies: Bodies, piece: Piece, ends: PieceEnds) -> Subject:

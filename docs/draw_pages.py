@@ -18,7 +18,7 @@ import vinefab as vf
 from vinefab.fabrication.package.prepare import prepare
 from vinefab.fabrication.package.sheet_pictures import job_plan
 from vinefab.model.laser import read_profile
-from vinefab.noun_methods import svg_of
+from vinefab.noun_pictures import svg_of
 from vinefab.pages.page_files import page_svg
 
 PAGES = Path(__file__).resolve().parent / "pictures" / "pages"

@@ -11,7 +11,7 @@ from draw_words import word_pictures
 from rule_sketch import WIDTH_PX
 
 import vinefab as vf
-from vinefab.noun_methods import svg_of
+from vinefab.noun_pictures import svg_of
 
 PICTURES = Path(__file__).resolve().parent / "pictures"
 

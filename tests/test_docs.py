@@ -20,7 +20,7 @@ import shapely
 import vinefab as vf
 from vinefab.app.verbs import GROUPS, OLDER, VERBS
 from vinefab.cli.commands import Command, UsageError, all_options, command_for, flags_of
-from vinefab.cli.help import command_help
+from vinefab.cli.main import command_help
 from vinefab.core.table import declared_keys
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.start import StartTable

@@ -19,11 +19,11 @@ from .app.making import fabricate as fabricate
 from .app.making import fix as fix
 from .app.making import inflate as inflate
 from .app.making import rig as rig
-from .app.observing import fit_observations as fit_observations
-from .app.observing import observe as observe
 from .app.predicting import aim as aim
 from .app.predicting import compare as compare
+from .app.predicting import fit_observations as fit_observations
 from .app.predicting import grow as grow
+from .app.predicting import observe as observe
 from .app.predicting import report as report
 from .app.predicting import score as score
 from .app.searching import bench as bench

@@ -20,11 +20,11 @@ from vinefab.prediction.family_deployments import (
     PredictionPlan,
     ProgressCallback,
     ScorePlan,
+    origin_of,
     score_design_on_task,
 )
-from vinefab.prediction.measures import REACH, MeasureSpread
+from vinefab.prediction.measures import REACH, MeanValue
 from vinefab.prediction.predict import Predicted, predict
-from vinefab.prediction.provenance import origin_of
 from vinefab.rig.make import make_rig
 from vinefab.rig.page import RigFiles
 from vinefab.rig.rig_options import RigOptions, read_printer
@@ -198,13 +198,8 @@ def run_demo(
 
 def demo_interval_text(score: Score) -> str:
     """Return a mean with its 95 % interval over maps, as reports have it."""
-    spread = MeasureSpread.of(
-        score.scores, [evaluation.map_name for evaluation in score.evaluations]
-    )
-    if spread is None:
-        return "-"
-    ends = (spread.low, spread.high)
-    return Number(spread.mean, form=".3f", interval=ends, over=spread.over).text
+    mean = MeanValue.of(score.scores, [one.map_name for one in score.evaluations])
+    return Number(mean.mean, form=".3f", interval=(mean.low, mean.high), over=mean.over).text
 
 
 def _write(folder: Path, demo: Demo, run: RunSettings, unseen: tuple[Map, ...]) -> tuple[str, ...]:

@@ -7,8 +7,8 @@ import pytest
 
 import vinefab as vf
 from vinefab import maps
+from vinefab.maps.summary import size_notes
 from vinefab.model.map import Map
-from vinefab.prediction.map_info import size_notes
 
 PASSAGES = [[[x, 0], [x + 100, 0], [x + 100, 20], [x, 20], [x, 0]] for x in (0, 90, 180, 400)]
 

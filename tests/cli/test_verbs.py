@@ -8,8 +8,7 @@ import pytest
 
 import vinefab as vf
 from vinefab.app.verbs import OLDER, VERBS
-from vinefab.cli.commands import Command, all_options, flags_of
-from vinefab.cli.completion import completions
+from vinefab.cli.commands import Command, all_options, completions, flags_of
 from vinefab.core.verbs import REQUIRED, Call, Shell, options_of, parameter_words
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.search.optimizers.optimizer import OPTIMIZERS

@@ -11,7 +11,6 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
-from vinefab.pages.map_view import UNSEEN_DETAIL, longer_mm, robot_view, rock_in
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (
     HEAT_COLOURS,
@@ -25,7 +24,15 @@ from vinefab.pages.panel import (
     Words,
     text_width,
 )
-from vinefab.pages.plan import RANGE_LABEL, deployment_plan, map_plan
+from vinefab.pages.plan import (
+    RANGE_LABEL,
+    UNSEEN_DETAIL,
+    deployment_plan,
+    longer_mm,
+    map_plan,
+    robot_view,
+    rock_in,
+)
 from vinefab.prediction.deploy import deploy
 
 POSE = Pose(x_mm=50.0, y_mm=5.0, heading_rad=1.5)

@@ -10,11 +10,12 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.tree import branch_tree
-from vinefab.pages.charts import fitness_curve, panels_of_strips
 from vinefab.pages.html import page
 from vinefab.pages.page_files import page_png, page_svg
 from vinefab.pages.panel import Shape
 from vinefab.pages.plan import deployment_plan, map_plan
+from vinefab.search.run_pages import fitness_curve
+from vinefab.studies.optimizer_contest import panels_of_strips
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
 from vinefab.pages import plan_svg
-from vinefab.pages.map_view import STOP_WORDS, UNSEEN_DETAIL
+from vinefab.pages.plan import STOP_WORDS, UNSEEN_DETAIL
 from vinefab.pages.plan_svg import (
     STOP_SIGNS,
     contour_path,

@@ -9,7 +9,14 @@ from vinefab.model.design import Build, Design, Pouch
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import read_profile
 from vinefab.model.map import Map, Pose, Start
-from vinefab.prediction.anchoring_prediction import (
+from vinefab.prediction.family_deployments import (
+    MapFamily,
+    PredictionPlan,
+    PreparedFamily,
+    deploy_family,
+)
+from vinefab.prediction.measures import ANCHORING, IDEAL_ANCHORING
+from vinefab.prediction.predict import (
     AnchoringPrediction,
     HeldForces,
     OverMaps,
@@ -18,13 +25,6 @@ from vinefab.prediction.anchoring_prediction import (
     anchoring_on,
     predict_anchoring,
 )
-from vinefab.prediction.family_deployments import (
-    MapFamily,
-    PredictionPlan,
-    PreparedFamily,
-    deploy_family,
-)
-from vinefab.prediction.measures import ANCHORING, IDEAL_ANCHORING
 from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.evaluate import score_design
 

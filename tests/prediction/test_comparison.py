@@ -21,10 +21,9 @@ from vinefab.prediction.comparison import (
     paired_differences,
     side_by_side_table,
 )
-from vinefab.prediction.family_deployments import PredictionPlan, unseen_maps
+from vinefab.prediction.family_deployments import PredictionPlan, origin_of, unseen_maps
 from vinefab.prediction.measures import ANCHORING, MEASURES, REACH, SEEN, STUCK, MeasureTable
 from vinefab.prediction.prediction_width import scaled_tree
-from vinefab.prediction.provenance import origin_of
 
 SMALL = {"columns": 3, "rows": 3, "size_mm": 300.0}
 

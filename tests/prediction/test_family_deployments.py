@@ -18,8 +18,7 @@ from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import MOST_SHOWN, Evaluation, Score
 from vinefab.model.tree import branch_tree
-from vinefab.pages.map_view import STOP_WORDS
-from vinefab.pages.plan import body_cells
+from vinefab.pages.plan import STOP_WORDS, body_cells
 from vinefab.prediction.family_deployments import (
     FIRST_UNSEEN,
     HeatMap,

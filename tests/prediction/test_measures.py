@@ -23,7 +23,6 @@ from vinefab.prediction.measures import (
     TIGHT,
     TIGHT_PRESSURE,
     UNDEPLOYED,
-    MeasureSpread,
     MeasureTable,
     shares_percent,
 )
@@ -39,10 +38,16 @@ def test_a_straight_vine_in_an_empty_room_gives_what_paper_and_pencil_give(strai
     assert found[SEEN.key] == pytest.approx(100 * np.pi * 50.0**2 / room_mm2, rel=1e-3)
     stadium_mm2 = 100.0 * 80.0 + np.pi * 40.0**2
     assert found[REACH.key] == pytest.approx(100 * stadium_mm2 / room_mm2, rel=4e-3)
-    assert (found[GROWN.key], found[STUCK.key]) == (100.0, 0.0)
+    assert (found[GROWN.key], found[STUCK.key], found[UNDEPLOYED.key]) == (100.0, 0.0, 0.0)
     # Y and f of the 25 mm tube, times its diameter over this one's.
     scale = 25.0 / (2.0 * 20.0 / np.pi)
     assert found[LOOSE_PRESSURE.key] == pytest.approx(scale * (1.92 + 0.771 * 0.1))
+    assert found[TIGHT_PRESSURE.key] == pytest.approx(scale * (1.92 + 8.32 + 0.771 * 0.1))
+    assert found[IDEAL_ANCHORING.key] == pytest.approx(1.0)
+    assert np.isnan(found[ANCHORING.key])  # without pouches
+    # One disc: nothing is seen twice, so only area and film count.
+    film = 100.0 / (20.0 * np.hypot(400.0, 200.0))
+    assert found[COVERAGE.key] == pytest.approx(found[SEEN.key] / 100.0 - 0.1 * film, rel=1e-3)
 
 
 def test_pressures_on_arrays_are_those_of_paths_from_the_base(result, explorer):
@@ -62,18 +67,14 @@ def test_pressures_on_arrays_are_those_of_paths_from_the_base(result, explorer):
     assert turned > 100
 
 
-def test_spread_of_means_is_taken_over_maps(result):
-    spread = result.outcomes.spread(SEEN)
-    values = result.outcomes.values[SEEN.key]
-    assert spread.count == 10
-    assert spread.mean == pytest.approx(values.mean())
-    assert spread.least <= spread.p05 <= spread.median <= spread.p95 <= spread.greatest
-    assert spread.low < spread.mean < spread.high
+def spread_of(values, maps, measure=COVERAGE):
+    table = {measure.key: np.array(values)}
+    return MeasureTable(label="", maps=tuple(maps), poses=(), values=table).spread(measure)
 
 
 def test_every_number_of_a_spread_is_what_its_name_says():
     values = np.append(np.arange(101.0)[::-1], np.nan)
-    spread = MeasureSpread.of(values, ["only map"] * 102)
+    spread = spread_of(values, ["only map"] * 102)
     assert spread.count == 101
     assert (spread.p05, spread.median, spread.p95) == (5.0, 50.0, 95.0)
     assert (spread.least, spread.greatest, spread.mean) == (0.0, 100.0, 50.0)
@@ -85,15 +86,15 @@ def test_every_number_of_a_spread_is_what_its_name_says():
 
 def test_a_mean_and_its_interval_are_over_maps_and_not_over_deployments():
     # Means of the maps are 2 and 10.
-    spread = MeasureSpread.of(np.array([1.0, 2.0, 3.0, 10.0]), ["a", "a", "a", "b"])
+    spread = spread_of([1.0, 2.0, 3.0, 10.0], ["a", "a", "a", "b"])
     assert (spread.mean, spread.over) == (6.0, "2 maps")
     assert (spread.low, spread.high) == mean_interval([2.0, 10.0])
     assert spread.median == 2.5
-    alike = MeasureSpread.of(np.array([4.0, 4.0]), ["a", "b"])
+    alike = spread_of([4.0, 4.0], ["a", "b"])
     assert (alike.has_interval, alike.deviation) == (False, 0.0)
-    shares = MeasureSpread.of(np.array([2.0, 90.0]), ["a", "b"], SEEN)
+    shares = spread_of([2.0, 90.0], ["a", "b"], SEEN)
     assert (shares.low, shares.high) == (0.0, 100.0)  # no share lies outside
-    assert MeasureSpread.of(np.array([np.nan]), ["a"]) is None
+    assert spread_of([np.nan], ["a"]) is None
 
 
 def test_a_table_counts_maps_and_refuses_columns_of_another_length():
@@ -126,18 +127,3 @@ def test_shares_of_branches_are_counted():
     found = shares_percent(np.array(stop), grown_mm, np.array([0, 4, 5]), np.array([200.0, 50.0]))
     # 130 of 200 mm; two of four branches stuck, one never emerged. Then one that grew in full.
     assert pytest.approx(np.array([(65.0, 50.0, 25.0), (100.0, 0.0, 0.0)])) == found.T
-
-
-def test_measures_of_a_straight_vine_with_tight_film_and_one_leaf(straight):
-    design, family = straight
-    plan = PredictionPlan(poses=1)
-    result = deploy_family(design, PreparedFamily.of(family, plan), plan)
-    found = {m.key: float(result.outcomes.values[m.key][0]) for m in MEASURES}
-    scale = 25.0 / (2.0 * 20.0 / np.pi)
-    assert found[TIGHT_PRESSURE.key] == pytest.approx(scale * (1.92 + 8.32 + 0.771 * 0.1))
-    assert found[IDEAL_ANCHORING.key] == pytest.approx(1.0)
-    assert np.isnan(found[ANCHORING.key])  # without pouches
-    assert found[UNDEPLOYED.key] == 0.0
-    # One disc: nothing is seen twice, so only area and film count.
-    film = 100.0 / (20.0 * np.hypot(400.0, 200.0))
-    assert found[COVERAGE.key] == pytest.approx(found[SEEN.key] / 100.0 - 0.1 * film, rel=1e-3)

@@ -17,13 +17,12 @@ from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
 from vinefab.model.laser import RecipeStatus, Standing, read_profile
 from vinefab.model.score import HARDLY_GROWN, NOTHING_TOUCHED, Failures
 from vinefab.physics.tube import self_weight_span_mm
-from vinefab.prediction.anchoring_prediction import (
-    AnchoringPrediction,
-    HeldForces,
-    OverMaps,
-    anchoring_headline,
+from vinefab.prediction.family_deployments import (
+    PredictionPlan,
+    map_families,
+    origin_of,
+    unseen_maps,
 )
-from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
 from vinefab.prediction.measures import (
     GROWN,
     MEASURES,
@@ -35,6 +34,10 @@ from vinefab.prediction.measures import (
     MeasureTable,
 )
 from vinefab.prediction.predict import (
+    AnchoringPrediction,
+    HeldForces,
+    OverMaps,
+    anchoring_headline,
     cautions,
     failures,
     measured,
@@ -43,7 +46,6 @@ from vinefab.prediction.predict import (
     verdict_on,
 )
 from vinefab.prediction.pressure_window import LevelPressure, Need, PressureWindow
-from vinefab.prediction.provenance import origin_of
 
 EMPTY = ("meta", "img", "link", "br")
 """Elements that are never closed."""

@@ -40,7 +40,6 @@ from vinefab.prediction.prediction_width import (
     VariantEvaluator,
     contact_range,
     made_tree,
-    pressure_range,
     scaled_tree,
     sensitivity,
     sensitivity_blocks,
@@ -48,6 +47,7 @@ from vinefab.prediction.prediction_width import (
     tolerance_blocks,
     width_blocks,
 )
+from vinefab.prediction.pressure_window import pressure_range
 
 
 @pytest.fixture(scope="module")

@@ -21,11 +21,11 @@ from vinefab.prediction.family_deployments import (
     ScorePlan,
     deploy_family,
     deployment_notes,
+    origin_of,
     score_design_on_task,
 )
 from vinefab.prediction.measures import COVERAGE, REACH
 from vinefab.prediction.prediction_width import contact_range
-from vinefab.prediction.provenance import origin_of
 from vinefab.search.run import Search
 from vinefab.search.settings import EvaluationSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings

@@ -13,14 +13,15 @@ from vinefab.core.errors import CannotWriteError, InterruptedRunError
 from vinefab.growth.options import GrowthOptions, trained_growth
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.tree import branch_tree
-from vinefab.pages.charts import MOST_POINTS, fitness_curve
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import Shape, Words
 from vinefab.prediction.run_winner import run_in_folder
 from vinefab.search import run_pages
 from vinefab.search.run_pages import (
+    MOST_POINTS,
     PAGE_NAME,
     LivePage,
+    fitness_curve,
     front_json,
     front_of,
     front_picture,

@@ -120,7 +120,7 @@ def with_origin(
     """Return a result with the means to get it again: this call, and its inputs."""
     from dataclasses import replace
 
-    from vinefab.prediction.provenance import origin_of
+    from vinefab.prediction.family_deployments import origin_of
 
     return replace(found, origin=origin_of(this_call().text(), designs, profile, families))
 
@@ -188,6 +188,16 @@ class Context:
     task: Any  # Task
     growth: Any  # GrowthChoice
     given: Mapping[str, Any]
+
+    @property
+    def as_grown(self) -> list[Design]:
+        """The designs as they deploy, the first with the film of the recipe."""
+        if all(one.build.compensation != "none" for one in self.robots):
+            return self.robots
+        from vinefab.inflation.pattern import as_grown
+
+        first, *others = self.robots
+        return [as_grown(first, self.recipe), *map(as_grown, others)]
 
 
 def context_of(

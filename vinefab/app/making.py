@@ -151,11 +151,12 @@ def check(
     notes = list[str]()
     if worlds:
         from vinefab.growth.options import growth_text
+        from vinefab.inflation.pattern import as_grown
         from vinefab.prediction.deploy import deploy_from_starts, growth_on_maps
 
         choice = growth_on_maps(robot, context.given)
         notes = [f"growth: {growth_text(choice.options, [robot])}", *choice.notes]
-        deployed = deploy_from_starts(robot, worlds, context.given)
+        deployed = deploy_from_starts(as_grown(robot), worlds, context.given)
         notes += deployed_lines(deployed)
     report = check_design(robot, profile, changed, deployed, worlds, facts)
     for path in pictures:

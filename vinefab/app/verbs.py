@@ -72,11 +72,11 @@ VERBS = {
     ),
     "rig": Verb(f"{_APP}.making:rig", "Write printable obstacles for a test rig."),
     "observe": Verb(
-        f"{_APP}.observing:observe",
+        f"{_APP}.predicting:observe",
         "Trace a grown robot on a photo and compare it with the prediction.",
     ),
     "fit-observations": Verb(
-        f"{_APP}.observing:fit_observations",
+        f"{_APP}.predicting:fit_observations",
         "Fit what several photos of grown robots measured together.",
     ),
     "report": Verb(f"{_APP}.predicting:report", "Write predictions for a design as one HTML page."),

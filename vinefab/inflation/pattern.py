@@ -10,6 +10,7 @@ import numpy as np
 
 from vinefab.core.errors import VinefabError
 from vinefab.core.validation import Floats
+from vinefab.core.verbs import note
 from vinefab.core.view import Notes, Number, Rows, Value
 from vinefab.fabrication.outline.joint import joint_of
 from vinefab.inflation.compensation import (
@@ -26,6 +27,7 @@ from vinefab.inflation.compensation import (
 from vinefab.inflation.joint import JointShape
 from vinefab.inflation.sheet import tube_stretch
 from vinefab.model.design import Build, Design, Trunk, UnevenLevel
+from vinefab.model.files.run_context import ChosenRecipe
 from vinefab.model.laser import LaserProfile, Material, Standing
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 from vinefab.physics.seam import hoop_strain
@@ -234,6 +236,29 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
         joints=tuple(joints),
         standing=standing_of(material),
     )
+
+
+def as_grown(
+    design: Design, profile: LaserProfile | None = None, *, known_only: bool = False
+) -> Design:
+    """Return a design as it deploys: itself, or without compensation what its flat angles become.
+
+    Parameters
+    ----------
+    profile
+        Of its film; that of the design's run, or the default, if None.
+    known_only
+        Simulate nothing, as `pattern_of`: levels that are not known keep their designed angles.
+    """
+    if design.build.compensation != "none":
+        return design
+    profile = profile or ChosenRecipe.of(design).profile
+    found = pattern_of(design, profile, known_only=known_only)
+    for level, joint in zip(found.deployed.levels, found.joints, strict=True):
+        if not known_only and not isinstance(level, UnevenLevel):
+            why = joint.problem or f"level {joint.level}: siblings deploy through each other"
+            note(f"{why}: grown at its designed angles (compensation none)")
+    return found.deployed
 
 
 def standing_of(material: Material) -> str:

@@ -826,8 +826,11 @@ class Design(Table):
         >>> Design.read("plain_vine").grow(world, pose=(world.size_mm[0] / 2, 20, 80)).tips_mm.shape
         (1, 2)
         """
-        grown: Deployment = front_door().grow_design(
-            self,
+        deploys = self
+        if self.build.compensation == "none":
+            deploys = front_door("inflation.pattern").as_grown(self)
+        grown: Deployment = front_door("prediction.deploy").grow_design(
+            deploys,
             world,
             pose,
             body=body,
@@ -840,7 +843,7 @@ class Design(Table):
 
     def _repr_svg_(self) -> str | None:
         """Show the flat outline in a notebook."""
-        drawn: str | None = front_door().svg_of(self)
+        drawn: str | None = front_door("noun_pictures").svg_of(self)
         return drawn
 
 

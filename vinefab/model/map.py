@@ -265,12 +265,14 @@ class Map:
         >>> maps.pegs(seed=1).info(width_mm=20).summary[0]
         'map: pegs_1'
         """
-        return front_door().info_of(self, width_mm=width_mm, passages=passages)
+        return front_door("prediction.map_info").map_info(
+            self, width_mm=width_mm, passages=passages
+        )
 
     @property
     def summary(self) -> tuple[str, ...]:
         """Its size, its starts, what is odd about it and how it was made, a line each."""
-        lines: tuple[str, ...] = front_door().map_summary(self)
+        lines: tuple[str, ...] = front_door("maps.summary").map_summary(self)
         return lines
 
     def json_text(self) -> str:
@@ -279,7 +281,7 @@ class Map:
 
     def _repr_svg_(self) -> str | None:
         """Show the plan in a notebook."""
-        drawn: str | None = front_door().svg_of(self)
+        drawn: str | None = front_door("noun_pictures").svg_of(self)
         return drawn
 
 

@@ -294,7 +294,7 @@ class Contour:
 
     def _repr_svg_(self) -> str | None:
         """Show the contour in a notebook."""
-        drawn: str | None = front_door().svg_of(self)
+        drawn: str | None = front_door("noun_pictures").svg_of(self)
         return drawn
 
 

@@ -23,15 +23,6 @@ from vinefab.core.plain_text import GENERATOR
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import STUCK_STOPS, Deployment, Stop
 from vinefab.model.map import Map, Pose
-from vinefab.pages.map_view import (
-    STOP_WORDS,
-    Box,
-    bounds_in,
-    longer_mm,
-    robot_view,
-    rock_in,
-    start_marks,
-)
 from vinefab.pages.panel import (
     INK,
     ROCK,
@@ -41,6 +32,15 @@ from vinefab.pages.panel import (
     START_SHADE,
     level_colour,
     round_length_mm,
+)
+from vinefab.pages.plan import (
+    STOP_WORDS,
+    Box,
+    bounds_in,
+    longer_mm,
+    robot_view,
+    rock_in,
+    start_marks,
 )
 
 _LONGEST_PX = 640

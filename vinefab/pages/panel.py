@@ -860,3 +860,40 @@ def _symbol(primitive: Primitive, x: float, y: float) -> Primitive:
         return replace(primitive, chains=[np.array(ring)])
     ink = primitive.ink if isinstance(primitive, Shape) else Ink(line=INK)
     return Shape([np.array([(x, y), (x + _SYMBOL_PT, y)])], ink)
+
+
+# --- Charts ---------------------------------------------------------------------------------------
+
+
+def series_colour(index: int) -> str:
+    """Return the colour of a series, counted from 0; they repeat."""
+    return LEVEL_COLOURS[index % len(LEVEL_COLOURS)]
+
+
+def ends_of(*values: ArrayLike, rim: float = 0.05) -> tuple[float, float]:
+    """Return the ends of an axis that shows some values, with a rim; what is not finite is out."""
+    every = np.concatenate([np.asarray(some, dtype=float).ravel() for some in values])
+    every = every[np.isfinite(every)]
+    if not len(every):
+        return 0.0, 1.0
+    low, high = float(every.min()), float(every.max())
+    room = rim * (high - low) or 0.05 * abs(high) or 1.0
+    return low - room, high + room
+
+
+def curve(panel: Panel, x: ArrayLike, y: ArrayLike, colour: str, label: str = "") -> None:
+    """Draw a line with a dot at every value; gaps where values are not finite."""
+    points = np.column_stack([np.asarray(x, dtype=float), np.asarray(y, dtype=float)])
+    points = points[np.isfinite(points).all(axis=1)]
+    panel.line(points, Ink(line=colour, width_pt=1.5), label=label)
+    panel.marks(points, "o", 5.0, Ink(fill=colour))
+
+
+def jitter(count: int) -> Floats:
+    """Return a fixed, even jitter from -1 to 1: dots on top of each other cannot be counted."""
+    return ((np.arange(count) % 5) - 2) / 2.0
+
+
+def upright(panel: Panel, x: float, ends: Sequence[float], colour: str, width_pt: float) -> None:
+    """Draw a short line across a row at a value."""
+    panel.line([(x, ends[0]), (x, ends[1])], Ink(line=colour, width_pt=width_pt, butt=True))

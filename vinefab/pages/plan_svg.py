@@ -35,7 +35,8 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
 from vinefab.model.target import Target
-from vinefab.pages.map_view import (
+from vinefab.pages.panel import LEVEL_COLOURS
+from vinefab.pages.plan import (
     STOP_WORDS,
     UNSEEN_DETAIL,
     Box,
@@ -44,7 +45,6 @@ from vinefab.pages.map_view import (
     lost_places,
     start_marks,
 )
-from vinefab.pages.panel import LEVEL_COLOURS
 from vinefab.physics.tube import inflated_diameter_mm
 
 _MOST_BRANCHES = 3000

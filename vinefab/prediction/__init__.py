@@ -4,5 +4,5 @@ Other rooms may use `deploy` (one deployment: `deploy`, `growth_options`, `deplo
 `family_deployments` (`MapFamily`, `unseen_maps`, `PredictionPlan`, `deploy_family`,
 `score_design_on_task`), `measures` (the measures and their `MeasureSpread`), `predict`
 (`predict` and its page), `comparison` (`compare_designs`), `map_info`,
-`aiming` (`aim_robots`), `fix_proposal` (`propose_fix`) and `provenance` (`origin_of`).
+`aiming` (`aim_robots`) and `fix_proposal` (`propose_fix`).
 """

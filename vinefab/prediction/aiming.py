@@ -39,7 +39,6 @@ from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.target import TargetsResult
 from vinefab.model.tree import branch_tree
-from vinefab.pages.charts import curve, ends_of, series_colour
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (
     ALERT,
@@ -56,11 +55,14 @@ from vinefab.pages.panel import (
     Shape,
     Words,
     blended,
+    curve,
+    ends_of,
     page_of,
     page_of_rows,
     plan_panel,
     rgb,
     round_ticks,
+    series_colour,
 )
 from vinefab.pages.plan import (
     draw_deployment,

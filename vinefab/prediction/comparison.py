@@ -27,7 +27,6 @@ from vinefab.core.view import (
 )
 from vinefab.growth.options import growth_text
 from vinefab.model.design import Design
-from vinefab.pages.charts import ends_of, upright
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (
     INK,
@@ -36,7 +35,9 @@ from vinefab.pages.panel import (
     Ink,
     Page,
     Panel,
+    ends_of,
     page_of,
+    upright,
 )
 from vinefab.prediction.family_deployments import (
     FamilyDeployments,
@@ -56,6 +57,7 @@ from vinefab.prediction.measures import (
     COVERAGE,
     MEASURES,
     TOUCHED,
+    MeanValue,
     Measure,
     MeasureTable,
     means_by_map,
@@ -72,25 +74,22 @@ from vinefab.tasks.targets import touched_targets
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PairedDifference:
-    """The paired difference of two designs in one measure, first minus second."""
+class PairedDifference(MeanValue):
+    """The paired difference of two designs in one measure, first minus second.
+
+    The intervals of all pairs of designs hold together with 95 % (Bonferroni).
+    """
 
     measure: Measure  # what is compared
     # first, second: names of the designs
     first: str
     second: str
-    # mean, low, high: mean difference and its interval over maps; those of all pairs of designs
-    # hold together with 95 % (Bonferroni)
-    mean: float
-    low: float
-    high: float
     # p, p_adjusted: two-sided p-value of no difference by the paired t test, and the same adjusted
     # for the number of pairs: below 0.05 exactly where the interval leaves out 0
     p: float
     p_adjusted: float
     won_percent: float  # share of the maps on which the first is better, ties as half
     pairs: int  # independent differences
-    over: str  # the same as text: maps, or poses where there is one map
 
     @property
     def pair(self) -> str:

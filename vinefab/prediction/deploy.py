@@ -10,15 +10,17 @@ smaller lengths, so the shape at s is the growth of the same tree cut off at s.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, positive, whole
-from vinefab.core.verbs import note
 from vinefab.core.view import (
     Answer,
     Block,
@@ -36,11 +38,13 @@ from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import CUT_STOPS, Deployment, Stop, branches_content, deployment_text
-from vinefab.model.design import Design, UnevenLevel
-from vinefab.model.laser import LaserProfile
+from vinefab.model.design import Design
+from vinefab.model.files.run_context import RunContext
+from vinefab.model.files.shipped import path_given
+from vinefab.model.inputs import MapLike, PoseLike, as_growth, as_map
 from vinefab.model.map import Map, Pose
 from vinefab.model.target import TargetsResult, out_of_reach
-from vinefab.pages.animation import DeploymentFrame
+from vinefab.pages.animation import DeploymentFrame, gif_animation, svg_animation
 from vinefab.pages.plan import deployment_plan, page_bytes
 from vinefab.tasks.targets import touched_targets
 
@@ -385,40 +389,8 @@ class DeployedDesign(Result):
             raise BadInputError("suffix", suffix, ".svg or .gif")
         shapes, widths_mm = self.history.even_steps(frames), self._widths_mm
         if kind == ".svg":
-            from vinefab.pages.animation import svg_animation  # noqa: PLC0415  as below
-
             return svg_animation(self.world, shapes, widths_mm)
-        # Pillow is not needed for anything else here.
-        from vinefab.pages.animation import gif_animation  # noqa: PLC0415
-
         return gif_animation(self.world, shapes, widths_mm)
-
-
-def as_grown(
-    design: Design, profile: LaserProfile | None = None, *, known_only: bool = False
-) -> Design:
-    """Return a design as it deploys: itself, or without compensation what its flat angles become.
-
-    Parameters
-    ----------
-    profile
-        Of its film; that of the design's run, or the default, if None.
-    known_only
-        Simulate nothing, as `pattern_of`: levels that are not known keep their designed angles.
-    """
-    if design.build.compensation != "none":
-        return design
-    # Designs that deploy as drawn need not wait for the simulation of joints.
-    from vinefab.inflation.pattern import pattern_of  # noqa: PLC0415
-    from vinefab.model.files.run_context import ChosenRecipe  # noqa: PLC0415
-
-    profile = profile or ChosenRecipe.of(design).profile
-    found = pattern_of(design, profile, known_only=known_only)
-    for level, joint in zip(found.deployed.levels, found.joints, strict=True):
-        if not known_only and not isinstance(level, UnevenLevel):
-            why = joint.problem or f"level {joint.level}: siblings deploy through each other"
-            note(f"{why}: grown at its designed angles (compensation none)")
-    return found.deployed
 
 
 def deploy(
@@ -474,13 +446,15 @@ def deploy_from_starts(
 
     Parameters
     ----------
+    design
+        As it deploys: see `vinefab.inflation.pattern.as_grown`.
     given
         As in `deploy`.
     """
     for world in maps:
         if not world.starts:
             raise BadInputError(f"--map {world.name}", "without a start", "maps with starts")
-    design, options = as_grown(design), growth_on_maps(design, given).options
+    options = growth_on_maps(design, given).options
     terrains = [(world, Terrain.of(world)) for world in maps]
     return tuple(
         (
@@ -490,3 +464,60 @@ def deploy_from_starts(
         for world, terrain in terrains
         for number, start in enumerate(world.starts, start=1)
     )
+
+
+# --- Methods of `Design` and `Deployment`: `vinefab.core.front_door` leads here -------------------
+
+
+def grow_design(
+    design: Design,
+    world: MapLike,
+    pose: PoseLike | None = None,
+    *,
+    growth: Mapping[str, object] | None = None,
+    **shortcuts: object,
+) -> Deployment:
+    """Deploy a design on a map; see `vinefab.model.design.Design.grow`."""
+    given = as_growth(growth, **shortcuts)
+    (place,) = RunContext.of(design).with_places([as_map(world, "world")])
+    if pose is None and not place.starts:
+        allowed = f"(x_mm, y_mm, heading_deg), as map {place.name} has no start"
+        raise BadInputError("pose", None, allowed)
+    start = None if pose is None else Pose.of(pose)
+    grown = deploy(design, place, start, given)
+    choices = grown.options.content
+    return replace(grown.deployment, design=grown.design, world=place, growth=choices)
+
+
+def _deployed(deployment: Deployment) -> DeployedDesign:
+    """Return a deployment with the values that its numbers and files need."""
+    design, world = deployment.design, deployment.world
+    if design is None or world is None:
+        raise BadInputError("deployment", deployment, "one that Design.grow returned")
+    return DeployedDesign(
+        design=design,
+        world=world,
+        terrain=Terrain.of(world),
+        options=GrowthOptions.of(deployment.growth),
+        deployment=deployment,
+    )
+
+
+def deployment_summary(deployment: Deployment) -> tuple[str, ...]:
+    """Return the fates of the branches, a line each, as ``vinefab grow`` prints it."""
+    return _deployed(deployment).summary
+
+
+def write_deployment(
+    deployment: Deployment, path: str | PathLike[str], *, force: bool = False
+) -> Path:
+    """Write a deployment; see `vinefab.model.deployment.Deployment.write`."""
+    target = path_given("path", path)
+    suffix = target.suffix.lower()
+    if suffix not in (".json", ".svg", ".png", ".gif"):
+        raise BadInputError("path", str(target), "a name ending in .json, .svg, .png or .gif")
+    whole_deployment = _deployed(deployment)
+    if suffix == ".json":
+        return write_text(target, whole_deployment.json_text(), force=force)
+    drawn = whole_deployment.animation if suffix == ".gif" else whole_deployment.picture
+    return write_bytes(target, drawn(suffix), force=force)

@@ -13,23 +13,24 @@ import shapely
 from shapely import LineString
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.hashing import sha256_of
 from vinefab.core.limits import MOST_SEED, deg, rad
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
 from vinefab.core.validation import Floats, whole
-from vinefab.core.view import Data, Number, Picture, Rows, Section, document
+from vinefab.core.view import Data, Number, Origin, Picture, Rows, Section, document
 from vinefab.growth.batch import GROWTHS_PER_CALL, Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plans
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.maps.poses import draw_poses, spread_notes
 from vinefab.model.deployment import STUCK_STOPS, Deployment, Stop
-from vinefab.model.design import Design
+from vinefab.model.design import Design, design_text
+from vinefab.model.files.run_context import RunContext
+from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.model.target import TargetsResult
-from vinefab.pages.charts import jitter, series_colour, upright
-from vinefab.pages.map_view import STOP_WORDS
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (
     ALERT,
@@ -43,11 +44,15 @@ from vinefab.pages.panel import (
     Panel,
     Raster,
     blended,
+    jitter,
     page_of,
     plan_panel,
+    series_colour,
+    upright,
 )
 from vinefab.pages.plan import (
     BODY_IS_LINE,
+    STOP_WORDS,
     body_cells,
     deployment_plan,
     draw_map,
@@ -63,6 +68,7 @@ from vinefab.prediction.measures import (
     spreads_content,
     worst_pressures_of,
 )
+from vinefab.search.record.identity import map_fingerprint, package_versions
 from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.evaluate import (
     Poses,
@@ -181,9 +187,13 @@ class PreparedFamily:
     @property
     def distinct(self) -> "PreparedFamily":
         """The same with every pose once: all deployments have the same contacts."""
-        once = replace(self, poses=tuple(tuple(dict.fromkeys(places)) for places in self.poses))
-        object.__setattr__(once, "atlas", self.atlas)
-        return once
+        return self.with_poses(tuple(tuple(dict.fromkeys(places)) for places in self.poses))
+
+    def with_poses(self, poses: Poses) -> "PreparedFamily":
+        """Return the same maps with other poses; their terrains are not joined again."""
+        other = replace(self, poses=poses)
+        object.__setattr__(other, "atlas", self.atlas)
+        return other
 
     def launches(self) -> Launches:
         """Return every pose of every map as launches of a batch."""
@@ -754,3 +764,38 @@ def heat_plan(heat: HeatMap) -> Page:
         numbers = [str(number) for number in range(1, len(places) + 1)]
         panel.write_labels(places, numbers, [ALERT] * len(places), size_pt=9.0, mark_pt=5.0)
     return page_of(panel)
+
+
+# --- What it takes to get a result again ----------------------------------------------------------
+
+_MOST_NAMED = 12
+"""Maps of a family are listed one by one up to so many."""
+
+
+def origin_of(
+    command: str,
+    designs: Sequence[Design],
+    profile: LaserProfile | None,
+    families: Sequence[MapFamily],
+) -> Origin:
+    """Return where a result comes from."""
+    inputs = {f"design {d.name}": sha256_of(design_text(d).encode())[:12] for d in designs}
+    if profile is not None:
+        inputs[f"recipe {profile.recipe.name}"] = sha256_of(repr(profile).encode())[:12]
+        if any(design.build.pieces is not None for design in designs):
+            bond = repr(profile.recipe.lap)  # only robots in pieces have laps
+            inputs[f"bond of recipe {profile.recipe.name}"] = sha256_of(bond.encode())[:12]
+    worlds = [world for family in families for world in family.worlds]
+    for design in designs:
+        if seen := RunContext.of(design).seen_words(worlds):
+            inputs[f"training of {design.name}"] = seen
+    for family in families:
+        prints = [map_fingerprint(world) for world in family.worlds]
+        if len(prints) <= _MOST_NAMED:
+            inputs |= {
+                f"map {index}: {world.name}": found
+                for index, (world, found) in enumerate(zip(family.worlds, prints, strict=True), 1)
+            }
+        else:
+            inputs[family.label] = sha256_of("".join(prints).encode())[:12]
+    return Origin(command=command, inputs=inputs, versions=package_versions())

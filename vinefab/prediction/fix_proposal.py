@@ -11,11 +11,15 @@ from vinefab.fabrication.checking import Deployed, subject_of
 from vinefab.fabrication.job.laser_job import MOST_CUT_BRANCHES
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.rule import LimitChanges
+from vinefab.growth.options import GrowthChoice, growth_text
+from vinefab.inflation.pattern import as_grown
 from vinefab.model.design import Design
 from vinefab.model.files.run_context import RunContext
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
+from vinefab.prediction.deploy import deploy_from_starts
+from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task
 from vinefab.search.fix import (
     BRANCHES,
     DesignChange,
@@ -138,11 +142,7 @@ def propose_fix(  # noqa: PLR0913  options by keyword
     """
 
     def grown(changed: Design) -> Deployed:
-        if not maps:  # then the simulator is not even imported
-            return ()
-        from vinefab.prediction.deploy import deploy_from_starts  # noqa: PLC0415
-
-        return deploy_from_starts(changed, maps, growth)
+        return deploy_from_starts(as_grown(changed), maps, growth) if maps else ()
 
     before = run_checks(subject_of(design, profile, grown(design), limits), limits)
     if not before.blocking or design.branch_count > MOST_CUT_BRANCHES:
@@ -242,11 +242,6 @@ def score_change_lines(
     """Return the effect of a change on predicted scores as text; without maps, how to get it."""
     if not maps:
         return ["  what it costs in score: give maps with --map (vinefab map grid makes one)"]
-    # The simulator and the tasks are loaded only when a map is given.
-    from vinefab.growth.options import GrowthChoice, growth_text  # noqa: PLC0415
-    from vinefab.prediction.deploy import as_grown  # noqa: PLC0415
-    from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task  # noqa: PLC0415
-
     options = GrowthChoice.of([before], growth).options
     lines = [f"  scores of {growth_text(options, [before])}:"]
     for task in FIX_TASKS:

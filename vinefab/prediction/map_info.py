@@ -32,9 +32,9 @@ from vinefab.core.view import (
 from vinefab.growth.free_space import MANY_NOTCHES, NOTCH_SHARE, shrunk_piecewise
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.passages import Passage, narrow_passages, without_notches
+from vinefab.maps.summary import size_notes
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose
-from vinefab.pages.map_view import UNSEEN_DETAIL
 from vinefab.pages.panel import (
     ALERT,
     INK,
@@ -44,7 +44,7 @@ from vinefab.pages.panel import (
     page_of,
     plan_panel,
 )
-from vinefab.pages.plan import draw_map, draw_pose, page_bytes
+from vinefab.pages.plan import UNSEEN_DETAIL, draw_map, draw_pose, page_bytes
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import pose_text
 
@@ -418,35 +418,6 @@ def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) ->
             if share > LEAST_OUTSIDE_SHARE
         },
     )
-
-
-PLAUSIBLE_MM = 60.0, 20_000.0
-"""Longer sides of maps that robots are made for; others may be of another unit."""
-
-_LIKELY_MM = 100.0, 10_000.0
-_UNITS_MM = {1000.0: "metres", 25.4: "inches", 10.0: "centimetres", 1.0: "millimetres",
-             0.1: "tenths of millimetres", 0.01: "hundredths of millimetres",
-             0.001: "micrometres"}  # fmt: skip
-
-
-def size_notes(world: Map) -> list[str]:
-    """Return a note on a map that is so small or large that its unit may be another one."""
-    longer_mm, (least_mm, most_mm) = max(world.size_mm), PLAUSIBLE_MM
-    if world.seed is not None or least_mm <= longer_mm <= most_mm:  # a generator knows its unit
-        return []
-    taken = world.facts.get("scale_mm_per_unit", 1.0)
-    scale = float(taken) if isinstance(taken, int | float) else 1.0
-    width, height = (side_mm / scale for side_mm in world.size_mm)  # in units of the source
-    said = f"this map is {world.size_mm[0]:.6g} x {world.size_mm[1]:.6g} mm"
-    drawn = "" if scale == 1.0 else f", drawn as {width:.6g} x {height:.6g}"
-    others = [
-        f"{factor:g} if its unit is {unit} ({width * factor:.4g} x {height * factor:.4g} mm)"
-        for factor, unit in _UNITS_MM.items()
-        if _LIKELY_MM[0] <= max(width, height) * factor <= _LIKELY_MM[1] and factor != scale
-    ]
-    if not others:
-        return [f"{said}{drawn}: is that its unit? vinefab map import has --scale-mm-per-unit"]
-    return [f"{said}{drawn}: vinefab map import --scale-mm-per-unit {', '.join(others)}"]
 
 
 _ROOM = level_colour(3)

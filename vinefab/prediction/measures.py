@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Literal
 
 import numpy as np
@@ -263,16 +263,10 @@ class MeanValue:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeasureSpread:
-    """How a measure is spread over deployments."""
+class MeasureSpread(MeanValue):
+    """How a measure is spread over deployments: its mean, and their distribution."""
 
     count: int  # deployments that have a value
-    mean: float  # mean of the maps' means
-    # low, high: 95 % interval of that mean over maps (over poses where there is one map); NaN
-    # where there is none
-    low: float
-    high: float
-    over: str  # how many independent samples that is
     deviation: float  # standard deviation over deployments
     # p05, median, p95: percentiles over deployments
     p05: float
@@ -292,30 +286,6 @@ class MeasureSpread:
         return math.isfinite(self.low)
 
     NUMBERS = ("mean", "low", "high", "deviation", "p05", "median", "p95", "least", "greatest")
-
-    @classmethod
-    def of(
-        cls, values: Floats, groups: Sequence[str], measure: Measure | None = None
-    ) -> "MeasureSpread | None":
-        """Return the spread of some values, or None if there is not one number among them."""
-        known = values[np.isfinite(values)]
-        if len(known) == 0:
-            return None
-        mean = MeanValue.of(values, groups, measure)
-        p05, median, p95 = (float(value) for value in np.percentile(known, [5.0, 50.0, 95.0]))
-        return cls(
-            count=len(known),
-            mean=mean.mean,
-            low=mean.low,
-            high=mean.high,
-            over=mean.over,
-            deviation=float(known.std()),
-            p05=p05,
-            median=median,
-            p95=p95,
-            least=float(known.min()),
-            greatest=float(known.max()),
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -344,7 +314,21 @@ class MeasureTable:
 
     def spread(self, measure: Measure) -> MeasureSpread | None:
         """Return how a measure is spread, or None where no deployment has it."""
-        return MeasureSpread.of(self.values[measure.key], self.maps, measure)
+        values = self.values[measure.key]
+        known = values[np.isfinite(values)]
+        if len(known) == 0:
+            return None
+        p05, median, p95 = np.percentile(known, [5.0, 50.0, 95.0]).tolist()
+        return MeasureSpread(
+            **asdict(MeanValue.of(values, self.maps, measure)),
+            count=len(known),
+            deviation=float(known.std()),
+            p05=p05,
+            median=median,
+            p95=p95,
+            least=float(known.min()),
+            greatest=float(known.max()),
+        )
 
 
 def spreads_content(outcomes: MeasureTable) -> dict[str, object]:

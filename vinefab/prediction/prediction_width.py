@@ -26,7 +26,6 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.model.tree import BranchTree, branch_tree
-from vinefab.pages.charts import curve, ends_of, series_colour, upright
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (
     INK,
@@ -36,10 +35,13 @@ from vinefab.pages.panel import (
     Ink,
     Page,
     Panel,
+    curve,
+    ends_of,
     page_of,
     page_of_rows,
+    series_colour,
+    upright,
 )
-from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, FITTED_DIAMETER_RANGE_MM
 from vinefab.prediction.family_deployments import (
     PredictionPlan,
     PreparedFamily,
@@ -53,7 +55,6 @@ from vinefab.prediction.measures import (
     REACH,
     SEEN,
     STUCK,
-    TIGHT_PRESSURE,
     TOUCHED,
     MeanValue,
     Measure,
@@ -62,6 +63,7 @@ from vinefab.prediction.measures import (
     touched_percent,
     worst_pressures_of,
 )
+from vinefab.prediction.pressure_window import PressureRange
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import Poses
 from vinefab.tasks.reach import Reach
@@ -110,7 +112,6 @@ class RuleRange:
     choices: tuple[str | float, ...]  # its values
     headings: tuple[str, ...]  # what tables call them
     over: str  # the range in a few words
-    short: str  # the same where there is little room
     standing: str  # ``assumed``, or ``measured`` and how
     values: Mapping[str, tuple[MeanValue, ...]]  # by measure key, one for each choice
 
@@ -141,66 +142,70 @@ def contact_angles_words(angles_deg: Sequence[float], standing: str) -> str:
 
 
 def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptions) -> ContactRange:
-    """Deploy a design from a family's poses at every half-angle of the range."""
+    """Deploy a design from a family's poses under all that contacts may be like."""
     prepared = prepared.distinct
-    names = prepared.launch_names
-
-    @cache  # some ranges have a choice in common: the one of the prediction
-    def measured(choice: GrowthOptions) -> dict[Measure, Floats]:
-        return _contact_measures(design, prepared, choice)
-
-    columns = dict[str, list[MeanValue]]()
-    for angle_deg in options.contact_angles_deg:
-        table = measured(options.changed(head_on_half_angle_rad=rad(angle_deg)))
-        for measure, values in table.items():
-            columns.setdefault(measure.key, []).append(MeanValue.of(values, names, measure))
-    return ContactRange(
-        label=prepared.label,
-        deployments=len(names),
-        values={key: tuple(values) for key, values in columns.items()},
-        angles_deg=options.contact_angles_deg,
-        standing=options.contact_angles_standing,
-        rules=_rule_ranges(measured, names, options) if design.levels else (),
+    return range_over_contacts(
+        design, prepared, options, partial(_contact_measures, design, prepared)
     )
 
 
-def _rule_ranges(
-    measured: Callable[[GrowthOptions], dict[Measure, Floats]],
-    names: Sequence[str],
+def range_over_contacts(
+    design: Design,
+    prepared: PreparedFamily,
     options: GrowthOptions,
-) -> tuple[RuleRange, ...]:
-    """Return measures under every other choice that contacts leave open."""
+    measured: Callable[[GrowthOptions], Mapping[str, Floats]],
+) -> ContactRange:
+    """Return values at every half-angle, and under every other choice that contacts leave open.
 
-    def over(variants: Sequence[GrowthOptions], **words: Any) -> RuleRange:  # noqa: ANN401
-        tables = [measured(one) for one in variants]
-        values = {
-            measure.key: tuple(MeanValue.of(table[measure], names) for table in tables)
-            for measure in tables[0]
+    Parameters
+    ----------
+    measured
+        Returns the values from every pose by growth options, by name, shape (n,) each.
+    """
+    names, chances = prepared.launch_names, options.emergences
+    tables = cache(measured)  # some ranges have a choice in common: the one of the prediction
+
+    def means(
+        variants: Sequence[GrowthOptions], limits: Mapping[str, Measure]
+    ) -> dict[str, tuple[MeanValue, ...]]:
+        found = [tables(one) for one in variants]
+        return {
+            key: tuple(MeanValue.of(table[key], names, limits.get(key)) for table in found)
+            for key in found[0]
         }
-        choices = tuple(getattr(one, words["option"]) for one in variants)
-        return RuleRange(choices=choices, values=values, **words)
 
-    chances = options.emergences
-    return (
-        over(
-            [options.changed(branch_contact=choice) for choice in BRANCH_CONTACTS],
-            option="branch_contact",
+    def rule(option: str, choices: Sequence[str | float], **words: Any) -> RuleRange:  # noqa: ANN401
+        values = means([options.changed(**{option: choice}) for choice in choices], {})
+        return RuleRange(option=option, choices=tuple(choices), values=values, **words)
+
+    angles_deg = options.contact_angles_deg
+    at_angles = [options.changed(head_on_half_angle_rad=rad(angle)) for angle in angles_deg]
+    rules = () if not design.levels else (
+        rule(
+            "branch_contact",
+            BRANCH_CONTACTS,
             title="What a tip does at the body of another branch",
             headings=("passes through", "stops there"),
             over="from bodies that pass through each other to tips that stop there (assumed)",
-            short="branches pass, or stop at each other",
             standing="assumed",
         ),
-        over(
-            [options.changed(emergence=chance) for chance in chances],
-            option="emergence",
+        rule(
+            "emergence",
+            chances,
             title="Probability that a child comes out of its parent's tip",
             headings=tuple(f"{chance:.3g}" for chance in chances),
             over=f"where a child comes out with probability {chances[0]:.3g} to {chances[-1]:.3g} "
             f"({options.emergences_standing.partition(':')[0]})",
-            short=f"children come out, {chances[0]:.3g} to {chances[-1]:.3g}",
             standing=options.emergences_standing,
         ),
+    )  # fmt: skip
+    return ContactRange(
+        label=prepared.label,
+        deployments=len(names),
+        values=means(at_angles, {one.key: one for one in CONTACT_MEASURES}),
+        angles_deg=angles_deg,
+        standing=options.contact_angles_standing,
+        rules=rules,
     )
 
 
@@ -211,8 +216,8 @@ def known(values: Mapping[str, object]) -> tuple[Measure, ...]:
 
 def _contact_measures(
     design: Design, prepared: PreparedFamily, options: GrowthOptions
-) -> dict[Measure, Floats]:
-    """Return `CONTACT_MEASURES` of every deployment, shape (deployments,) each."""
+) -> dict[str, Floats]:
+    """Return `CONTACT_MEASURES` of every deployment by their keys, shape (deployments,) each."""
     contexts = [prepared_map.context for prepared_map in prepared.maps]
     areas = [context.without_targets for context in contexts]
 
@@ -226,101 +231,7 @@ def _contact_measures(
     batch = Batch(Plans.of([design], options), prepared.launches(), options)
     table = np.concatenate(list(batch.each(measured)), axis=1)
     every = zip(CONTACT_MEASURES, table, strict=True)
-    return {measure: values for measure, values in every if not np.isnan(values).all()}
-
-
-# --- Pressure -----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PressureReach:
-    """How far a robot gets at its working pressure, under one set of assumptions."""
-
-    storage: str  # how the film is stored: ``loosely`` or ``tightly``
-    fitted_diameter_mm: float  # diameter of the tube that the constants were fitted to
-    grown_percent: float  # mean length grown
-    stopped_percent: float  # share of the branches that ran out of pressure
-    full_percent: float  # share of the deployments in which no branch did
-    # pressure with which 95 % of the deployments grow to every tip; None if no trunk ever left
-    needed_kpa: float | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PressureRange:
-    """How far a robot gets at its working pressure, over what is assumed."""
-
-    label: str  # of the map family
-    deployments: int
-    working_kpa: float
-    reaches: tuple[PressureReach, ...]  # loosely stored first, by rising diameter
-
-
-_DIAMETERS_MM = (FITTED_DIAMETER_RANGE_MM[0], FITTED_DIAMETER_MM.value, FITTED_DIAMETER_RANGE_MM[1])
-
-
-def pressure_range(
-    design: Design, prepared: PreparedFamily, options: GrowthOptions, measured: MeasureTable
-) -> PressureRange | None:
-    """Return how far a design gets at its working pressure; None if it has none.
-
-    Parameters
-    ----------
-    measured
-        The family's measures; growth pressures are inverse to the fitted diameter, so that the
-        pressures in it give the need of every other assumption.
-    """
-    working_kpa = design.build.pressure_kpa
-    if working_kpa <= 0.0:
-        return None
-    reaches = []
-    for storage, tension_kpa, measure in (
-        ("loosely", 0.0, LOOSE_PRESSURE),
-        ("tightly", FITTED.storage_kpa.value, TIGHT_PRESSURE),
-    ):
-        values = measured.values[measure.key]
-        known_kpa = values[np.isfinite(values)]
-        usual_kpa = float(np.percentile(known_kpa, 95.0)) if len(known_kpa) else None
-        for diameter_mm in _DIAMETERS_MM:
-            pressed = options.changed(
-                pressure_stop=True,
-                storage_kpa=tension_kpa,
-                fitted_diameter_mm=diameter_mm,
-            )
-            grown, stopped, full = _pressed(design, prepared, pressed)
-            reaches.append(
-                PressureReach(
-                    storage=storage,
-                    fitted_diameter_mm=diameter_mm,
-                    grown_percent=grown,
-                    stopped_percent=stopped,
-                    full_percent=full,
-                    needed_kpa=None
-                    if usual_kpa is None
-                    else usual_kpa * diameter_mm / FITTED_DIAMETER_MM.value,
-                )
-            )
-    return PressureRange(
-        label=prepared.label,
-        deployments=len(measured),
-        working_kpa=working_kpa,
-        reaches=tuple(reaches),
-    )
-
-
-def _pressed(
-    design: Design, prepared: PreparedFamily, options: GrowthOptions
-) -> tuple[float, float, float]:
-    """Return grown length, stopped branches and deployments without any, in percent."""
-
-    def measured(block: GrowthBlock) -> Floats:
-        edges = block.branch[:-1]
-        stopped = np.add.reduceat((block.growth.stop == Stop.PRESSURE).astype(np.float64), edges)
-        grown = np.add.reduceat(block.growth.grown, edges) / block.planned_mm()
-        return np.array([grown, stopped / np.diff(block.branch), stopped == 0.0])
-
-    batch = Batch(Plans.of([design], options), prepared.launches(), options)
-    grown, stopped, full = np.concatenate(list(batch.each(measured)), axis=1).mean(axis=1).tolist()
-    return 100.0 * grown, 100.0 * stopped, 100.0 * full
+    return {measure.key: values for measure, values in every if not np.isnan(values).all()}
 
 
 # --- As they are shown --------------------------------------------------------------------------
@@ -329,26 +240,44 @@ def _pressed(
 COST_CAPTION = "What contacts cost, assumed unless said; line: predicted (grey: 95 % interval)."
 
 
+CostRow = tuple[str, tuple[float, ...]]
+"""Words on an assumption, and the mean under each choice of it."""
+
+
 def contact_costs(
     found: ContactRange, measured: MeasureTable, measure: Measure
-) -> tuple[str, tuple[float, ...], tuple[tuple[str, tuple[float, ...]], ...]]:
+) -> tuple[str, tuple[float, ...], tuple[CostRow, ...]]:
     """Return the data of `cost_chart`: a measure as predicted and over what is assumed."""
-    spread = measured.spread(measure)
+    spread, key, digits = measured.spread(measure), measure.key, measure.digits
     predicted = (math.nan,) if spread is None else (spread.mean, spread.low, spread.high)
-
-    def row(
-        words: str, values: Sequence[MeanValue], standing: str
-    ) -> tuple[str, tuple[float, ...]]:
-        words += ", measured" * (standing != "assumed")
-        means = tuple(value.mean for value in values)
-        ends = " to ".join(measure.number(means[place]) for place in (0, -1))
-        return f"{words}: {ends}", means
-
-    low, high = found.angles_deg[0], found.angles_deg[-1]
     return f"{measure.label}, simulated", predicted, (
-        row(f"tips stop within {low:g} to {high:g} deg", found.values[measure.key], found.standing),
-        *(row(rule.short, rule.values[measure.key], rule.standing) for rule in found.rules),
+        cost_row("", found.angles_deg, _means(found.values[key]), found.standing, digits),
+        *(cost_row(one.option, one.choices, _means(one.values[key]), one.standing, digits)
+          for one in found.rules),
     )  # fmt: skip
+
+
+def _means(values: Sequence[MeanValue]) -> list[float]:
+    return [value.mean for value in values]
+
+
+def cost_row(
+    option: str,
+    choices: Sequence[Any],
+    means: Sequence[float],
+    standing: str,
+    digits: int = 3,
+) -> CostRow:
+    """Return a row of `cost_chart` for a growth option; without a name, for half-angles."""
+    low, high = choices[0], choices[-1]
+    if not option:
+        words = f"tips stop within {low:g} to {high:g} deg"
+    elif option == "branch_contact":
+        words = "branches pass, or stop at each other"
+    else:
+        words = f"children come out, {low:.3g} to {high:.3g}"
+    words += ", measured" * (standing != "assumed")
+    return f"{words}: {means[0]:z.{digits}f} to {means[-1]:z.{digits}f}", tuple(means)
 
 
 CONTACT_WORDS = (

@@ -1,4 +1,4 @@
-"""The pressure window of a design over its deployments: numbers, chart and section."""
+"""Pressure over deployments: the window, and how far a robot gets at its working pressure."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,9 +9,12 @@ import numpy as np
 from vinefab.core.validation import Floats
 from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.fabrication.rules.catalog import RULES
+from vinefab.growth.batch import Batch, GrowthBlock
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plans
+from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Standing
-from vinefab.pages.charts import upright
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (
     ALERT,
@@ -24,9 +27,12 @@ from vinefab.pages.panel import (
     Panel,
     level_colour,
     page_of,
+    upright,
 )
+from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, FITTED_DIAMETER_RANGE_MM
 from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, seam_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm
+from vinefab.prediction.family_deployments import PreparedFamily
 from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureTable
 
 
@@ -289,3 +295,97 @@ def window_chart(window: PressureWindow) -> Page:
     panel.words((working, -0.86), words, TICK_PT, shift_pt=(4.0, 0.0))
     panel.y_ticks = list(enumerate(names))
     return page_of(panel)
+
+
+# --- How far a robot gets at its working pressure -------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PressureReach:
+    """How far a robot gets at its working pressure, under one set of assumptions."""
+
+    storage: str  # how the film is stored: ``loosely`` or ``tightly``
+    fitted_diameter_mm: float  # diameter of the tube that the constants were fitted to
+    grown_percent: float  # mean length grown
+    stopped_percent: float  # share of the branches that ran out of pressure
+    full_percent: float  # share of the deployments in which no branch did
+    # pressure with which 95 % of the deployments grow to every tip; None if no trunk ever left
+    needed_kpa: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PressureRange:
+    """How far a robot gets at its working pressure, over what is assumed."""
+
+    label: str  # of the map family
+    deployments: int
+    working_kpa: float
+    reaches: tuple[PressureReach, ...]  # loosely stored first, by rising diameter
+
+
+_DIAMETERS_MM = (FITTED_DIAMETER_RANGE_MM[0], FITTED_DIAMETER_MM.value, FITTED_DIAMETER_RANGE_MM[1])
+
+
+def pressure_range(
+    design: Design, prepared: PreparedFamily, options: GrowthOptions, measured: MeasureTable
+) -> PressureRange | None:
+    """Return how far a design gets at its working pressure; None if it has none.
+
+    Parameters
+    ----------
+    measured
+        The family's measures; growth pressures are inverse to the fitted diameter, so that the
+        pressures in it give the need of every other assumption.
+    """
+    working_kpa = design.build.pressure_kpa
+    if working_kpa <= 0.0:
+        return None
+    reaches = []
+    for storage, tension_kpa, measure in (
+        ("loosely", 0.0, LOOSE_PRESSURE),
+        ("tightly", FITTED.storage_kpa.value, TIGHT_PRESSURE),
+    ):
+        values = measured.values[measure.key]
+        known_kpa = values[np.isfinite(values)]
+        usual_kpa = float(np.percentile(known_kpa, 95.0)) if len(known_kpa) else None
+        for diameter_mm in _DIAMETERS_MM:
+            pressed = options.changed(
+                pressure_stop=True,
+                storage_kpa=tension_kpa,
+                fitted_diameter_mm=diameter_mm,
+            )
+            grown, stopped, full = _pressed(design, prepared, pressed)
+            reaches.append(
+                PressureReach(
+                    storage=storage,
+                    fitted_diameter_mm=diameter_mm,
+                    grown_percent=grown,
+                    stopped_percent=stopped,
+                    full_percent=full,
+                    needed_kpa=None
+                    if usual_kpa is None
+                    else usual_kpa * diameter_mm / FITTED_DIAMETER_MM.value,
+                )
+            )
+    return PressureRange(
+        label=prepared.label,
+        deployments=len(measured),
+        working_kpa=working_kpa,
+        reaches=tuple(reaches),
+    )
+
+
+def _pressed(
+    design: Design, prepared: PreparedFamily, options: GrowthOptions
+) -> tuple[float, float, float]:
+    """Return grown length, stopped branches and deployments without any, in percent."""
+
+    def measured(block: GrowthBlock) -> Floats:
+        edges = block.branch[:-1]
+        stopped = np.add.reduceat((block.growth.stop == Stop.PRESSURE).astype(np.float64), edges)
+        grown = np.add.reduceat(block.growth.grown, edges) / block.planned_mm()
+        return np.array([grown, stopped / np.diff(block.branch), stopped == 0.0])
+
+    batch = Batch(Plans.of([design], options), prepared.launches(), options)
+    grown, stopped, full = np.concatenate(list(batch.each(measured)), axis=1).mean(axis=1).tolist()
+    return 100.0 * grown, 100.0 * stopped, 100.0 * full

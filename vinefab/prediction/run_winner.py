@@ -5,8 +5,8 @@ A winner is tried on unseen maps, over what contacts may be like, and placed off
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from functools import partial
+from dataclasses import asdict, dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,6 @@ import numpy as np
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError, VinefabError
-from vinefab.core.limits import rad
 from vinefab.core.plain_text import counted, rounded
 from vinefab.core.validation import Floats
 from vinefab.core.view import Answer, Block, Fact, Facts, Number, Picture, Rows, Section
@@ -23,8 +22,8 @@ from vinefab.fabrication.findings_picture import findings_picture
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.pieces.partition import pieces_of
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
-from vinefab.growth.batch import Batch, Launches, TerrainSet
-from vinefab.growth.options import BRANCH_CONTACTS, GrowthOptions
+from vinefab.growth.batch import Batch
+from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.deployment import Deployment, Stop
@@ -36,8 +35,8 @@ from vinefab.model.map import Map, Pose
 from vinefab.model.score import FAILED_PERCENT, HARDLY_GROWN, NOTHING_TOUCHED, Failures
 from vinefab.model.start import StartPlace, start_text, with_starts
 from vinefab.pages.html import page
-from vinefab.pages.map_view import STOP_WORDS
 from vinefab.pages.page_files import page_svg
+from vinefab.pages.plan import STOP_WORDS
 from vinefab.prediction.family_deployments import (
     TOO_FINE,
     MapFamily,
@@ -50,9 +49,12 @@ from vinefab.prediction.family_deployments import (
 from vinefab.prediction.measures import MeanValue
 from vinefab.prediction.prediction_width import (
     COST_CAPTION,
+    ContactRange,
     cost_chart,
+    cost_row,
     moved_poses,
     placings,
+    range_over_contacts,
 )
 from vinefab.search.evaluator import final_seed, with_pose_range
 from vinefab.search.manufacturability import run_profile
@@ -199,149 +201,155 @@ UNSEEN_DEPLOYMENTS = 50
 generated: the same maps for every run of an environment, so that runs can be compared."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class WinnerTrial:
-    """How a winner is scored: by the task of its run, areas as in the search (within 0.001)."""
-
-    design: Design
-    task: Task
-    growth: GrowthOptions  # the run's, at one half-angle
-    # walls of the maps that it is tried on, by their names; they take longer than growth
-    terrains: dict[tuple[str, ...], TerrainSet] = field(default_factory=dict)
-
-    def scores(self, family: PreparedFamily, growth: GrowthOptions | None = None) -> Floats:
-        """Return the score from every pose of a family, shape (n,)."""
-        options = growth or self.growth
-        terrains = self.terrains.setdefault(
-            (family.label, *family.names), TerrainSet([place.terrain for place in family.maps])
-        )
-        launches = Launches.of(terrains, family.poses)
-        (score,) = score_designs([self.design], family.maps, launches, self.task, options)
-        return score.scores
-
-    def failures(self, family: PreparedFamily) -> Failures:
-        """Return in how many deployments it touches no target, or hardly leaves its base."""
-        launches, names = family.launches(), family.launch_names
-        worlds = [place.world for place in family.maps]
-        touched = design_touches(self.design, worlds, launches, self.growth, self.task)
-        if touched is not None and all(len(one.touched) == len(names) for one in touched.outcomes):
-            nothing = np.sum([one.touched for one in touched.outcomes], axis=0) == 0.0
-            return Failures.of(nothing, names, NOTHING_TOUCHED)
-        batch = Batch(Plans.of([self.design], self.growth), launches, self.growth)
-        grown = batch.each(
-            lambda one: np.add.reduceat(one.growth.grown, one.branch[:-1]) / one.planned_mm()
-        )
-        hardly = 100.0 * np.concatenate(list(grown)) < FAILED_PERCENT
-        return Failures.of(hardly, names, HARDLY_GROWN)
-
-    def over_contacts(self, family: PreparedFamily) -> tuple[MeanValue, ...]:
-        """Return the mean score at every half-angle that predictions are shown for."""
-        names = family.launch_names
-        at_angles = [
-            self.growth.changed(head_on_half_angle_rad=rad(angle))
-            for angle in self.growth.contact_angles_deg
-        ]
-        return tuple(MeanValue.of(self.scores(family, growth), names) for growth in at_angles)
-
-    def over_rules(self, families: Mapping[str, PreparedFamily]) -> list[dict[str, Any]]:
-        """Return the mean score under each choice of the other assumptions about contacts."""
-        if not self.design.levels:
-            return []
-        found = []
-        for option, choices, standing in (
-            ("branch_contact", BRANCH_CONTACTS, "assumed"),
-            ("emergence", self.growth.emergences, self.growth.emergences_standing),
-        ):
-            variants = [self.growth.changed(**{option: choice}) for choice in choices]
-            means = {
-                key: [
-                    _value(MeanValue.of(self.scores(family, growth), family.launch_names))
-                    for growth in variants
-                ]
-                for key, family in families.items()
-            }
-            found.append({"option": option, "choices": [*choices], "standing": standing, **means})
-        return found
-
-    def placed_off(self, family: PreparedFamily) -> tuple[dict[str, Any], ...]:
-        """Return the effect of placing the body elsewhere, a step each, from the same poses."""
-        exact = self.scores(family)
-        return tuple(
-            {"knob": knob, "step": step, "unit": unit, **self._change(family, move, exact)}
-            for knob, step, unit, move in placings()
-        )
-
-    def _change(
-        self, family: PreparedFamily, move: Callable[[Pose], Pose], exact: Floats
-    ) -> dict[str, Any]:
-        # Not where the trunk has no room there, or had none before.
-        poses = [
-            [
-                pose is not None
-                and all(trunks_with_room(self.design, [place], ((before, pose),), self.growth))
-                and pose
-                for before, pose in zip(places, row, strict=True)
-            ]
-            for place, places, row in zip(
-                family.maps, family.poses, moved_poses(family, move), strict=True
-            )
-        ]
-        free = np.array([bool(pose) for row in poses for pose in row])
-        if not free.any():
-            return {"deployments": 0, "change": None, "low": None, "high": None, "over": ""}
-        kept = tuple(tuple(pose for pose in row if pose) for row in poses)
-        values = np.full(len(exact), np.nan)
-        values[free] = self.scores(replace(family, poses=kept))
-        change = MeanValue.of(values - exact, family.launch_names)
-        return {
-            "deployments": int(free.sum()),
-            "change": change.mean,
-            **_ends(change.low, change.high),
-            "over": change.over,
-        }
-
-
 def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
     """Return the expected scores of a run's winner elsewhere, in plain values (simulated)."""
     return predicted(search, result)[0]
 
 
 def predicted(search: Search, result: RunResult) -> tuple[dict[str, Any], PreparedFamily]:
-    """Return the prediction of `predict_winner`, and the maps elsewhere with their poses."""
+    """Return the prediction of `predict_winner`, and the maps elsewhere with their poses.
+
+    A winner is scored by the task of its run, areas as in the search (within 0.001).
+    """
     settings, evaluator = search.settings, search.evaluator
-    trial = WinnerTrial(
-        design=result.finalists[0].design,
-        task=evaluator.spec.search_task,
-        growth=settings.growth.at_one_angle.changed(emergence=settings.growth.emergence),
-    )
+    design, task = result.finalists[0].design, evaluator.spec.search_task
+    usual = settings.growth.at_one_angle.changed(emergence=settings.growth.emergence)
     fresh = PreparedFamily(
         label=counted(len(evaluator.maps), "training map"),
         maps=evaluator.maps,
         poses=evaluator.final_conditions(settings.search.seed).poses,
     ).distinct
     unseen, note = unseen_family(settings, fresh)
+    families = {"unseen": unseen, "training": fresh}
+
+    @cache
+    def scores(family: PreparedFamily, growth: GrowthOptions) -> Floats:
+        (score,) = score_designs([design], family.maps, family.launches(), task, growth)
+        return score.scores
+
+    def range_of(family: PreparedFamily) -> ContactRange:
+        return range_over_contacts(
+            design, family, usual, lambda growth: {"score": scores(family, growth)}
+        )
+
+    ranges = {name: range_of(family) for name, family in families.items()}
+
+    def content_of(name: str) -> dict[str, Any]:
+        family = families[name]
+        found, names = scores(family, usual), family.launch_names
+        return {
+            "label": family.label,
+            "maps": len(family.maps),
+            "deployments": len(found),
+            "score": _value(MeanValue.of(found, names)),
+            "scores": [round(score, 4) for score in found.tolist()],
+            "failed": asdict(_failures(design, family, usual, task)),
+            "over_contacts": [_value(value) for value in ranges[name].values["score"]],
+        }
+
     standing = settings.growth.contact_angles_standing
     # As records always were: nothing where the half-angles are assumed.
     angles = {} if standing == "assumed" else {"head_on_half_angles_standing": standing}
-    content = {
+    content: dict[str, Any] = {
         "task": settings.task.name,
         "title": result.score.title_of_task,
         "head_on_half_angles_deg": list(settings.growth.contact_angles_deg),
         **angles,
         "trained_half_angle_deg": settings.growth.half_angle_deg,
-        "unseen": _family_content(trial, unseen),
-        "training": _family_content(trial, fresh),
-        "rules": trial.over_rules({"unseen": unseen, "training": fresh}),
-        "placed_off": list(trial.placed_off(unseen)),
+        "unseen": content_of("unseen"),
+        "training": content_of("training"),
+        "rules": [
+            {
+                "option": rule.option,
+                "choices": [*rule.choices],
+                "standing": rule.standing,
+                "unseen": [_value(value) for value in rule.values["score"]],
+                "training": [_value(value) for value in trained.values["score"]],
+            }
+            for rule, trained in zip(ranges["unseen"].rules, ranges["training"].rules, strict=True)
+        ],
+        "placed_off": [
+            {
+                "knob": knob,
+                "step": step,
+                "unit": unit,
+                **_placed_off(design, unseen, usual, move, partial(scores, growth=usual)),
+            }
+            for knob, step, unit, move in placings()
+        ],
         "note": note,
     }
-    if trial.design.build.pieces is not None:  # how many it is cut in (computed)
+    if design.build.pieces is not None:  # how many it is cut in (computed)
         profile = run_profile(settings.evaluation)
-        cut = pieces_of(pattern_of(trial.design, profile), profile)
+        cut = pieces_of(pattern_of(design, profile), profile)
         count = None if cut.unparted else len(cut.pieces)
         proven = cut.proven_least and not cut.unparted
         content["pieces"] = {"count": count, "proven_least": proven}
-    return {**content, "origin": _origin(content)}, unseen
+    # The part that stands in the winner's design file.
+    found = content["unseen"]
+    score = found["score"]
+    interval = [score["low"], score["high"]]
+    over_contacts = [value["mean"] for value in found["over_contacts"]]
+    count = content.get("pieces", {}).get("count")
+    content["origin"] = {
+        "unseen": f"{found['label']}, {counted(found['deployments'], 'deployment')} (simulated)",
+        "unseen_score": round(score["mean"], 4),
+        **({} if None in interval else {"unseen_score_interval": rounded(interval, 4)}),
+        "unseen_half_angles_deg": content["head_on_half_angles_deg"],
+        "unseen_score_over_contacts": rounded(over_contacts, 4),
+        "unseen_score_placed_off": rounded(placed_off_range(content), 4),
+        **({"pieces": count} if count else {}),
+    }
+    return content, unseen
+
+
+def _failures(
+    design: Design, family: PreparedFamily, growth: GrowthOptions, task: Task
+) -> Failures:
+    """Return in how many deployments a robot touches no target, or hardly leaves its base."""
+    launches, names = family.launches(), family.launch_names
+    worlds = [place.world for place in family.maps]
+    touched = design_touches(design, worlds, launches, growth, task)
+    if touched is not None and all(len(one.touched) == len(names) for one in touched.outcomes):
+        nothing = np.sum([one.touched for one in touched.outcomes], axis=0) == 0.0
+        return Failures.of(nothing, names, NOTHING_TOUCHED)
+    batch = Batch(Plans.of([design], growth), launches, growth)
+    grown = batch.each(
+        lambda one: np.add.reduceat(one.growth.grown, one.branch[:-1]) / one.planned_mm()
+    )
+    hardly = 100.0 * np.concatenate(list(grown)) < FAILED_PERCENT
+    return Failures.of(hardly, names, HARDLY_GROWN)
+
+
+def _placed_off(
+    design: Design,
+    family: PreparedFamily,
+    growth: GrowthOptions,
+    move: Callable[[Pose], Pose],
+    scores: Callable[[PreparedFamily], Floats],
+) -> dict[str, Any]:
+    """Return the effect of placing the body elsewhere, from the same poses."""
+    # Not where the trunk has no room there, or had none before.
+    poses = [
+        [
+            pose is not None
+            and all(trunks_with_room(design, [place], ((before, pose),), growth))
+            and pose
+            for before, pose in zip(places, row, strict=True)
+        ]
+        for place, places, row in zip(
+            family.maps, family.poses, moved_poses(family, move), strict=True
+        )
+    ]
+    free = np.array([bool(pose) for row in poses for pose in row])
+    if not free.any():
+        return {"deployments": 0, "change": None, "low": None, "high": None, "over": ""}
+    kept = tuple(tuple(pose for pose in row if pose) for row in poses)
+    exact = scores(family)
+    values = np.full(len(exact), np.nan)
+    values[free] = scores(family.with_poses(kept))
+    change = _value(MeanValue.of(values - exact, family.launch_names))
+    return {"deployments": int(free.sum()), "change": change.pop("mean"), **change}
 
 
 def first_starts(maps: tuple[PreparedMap, ...]) -> PreparedFamily:
@@ -350,26 +358,10 @@ def first_starts(maps: tuple[PreparedMap, ...]) -> PreparedFamily:
     return PreparedFamily(label="training maps", maps=maps, poses=poses)
 
 
-def _family_content(trial: WinnerTrial, family: PreparedFamily) -> dict[str, Any]:
-    scores = trial.scores(family)
-    return {
-        "label": family.label,
-        "maps": len(family.maps),
-        "deployments": len(scores),
-        "score": _value(MeanValue.of(scores, family.launch_names)),
-        "scores": [round(score, 4) for score in scores.tolist()],
-        "failed": asdict(trial.failures(family)),
-        "over_contacts": [_value(value) for value in trial.over_contacts(family)],
-    }
-
-
-def _value(value: MeanValue) -> dict[str, float | str | None]:
-    return {"mean": value.mean, **_ends(value.low, value.high), "over": value.over}
-
-
-def _ends(low: float, high: float) -> dict[str, float | None]:
-    ends = {"low": low, "high": high}
-    return {name: end if math.isfinite(end) else None for name, end in ends.items()}
+def _value(value: MeanValue) -> dict[str, Any]:
+    """Return a mean in plain values; no ends where there is no interval."""
+    low, high = (end if math.isfinite(end) else None for end in (value.low, value.high))
+    return {"mean": value.mean, "low": low, "high": high, "over": value.over}
 
 
 def unseen_family(settings: RunSettings, fresh: PreparedFamily) -> tuple[PreparedFamily, str]:
@@ -412,23 +404,6 @@ def _prepared(family: MapFamily, settings: RunSettings, poses: int, seed: int) -
     return PreparedFamily.of(family, plan).distinct
 
 
-def _origin(content: Mapping[str, Any]) -> dict[str, object]:
-    """Return the part of a prediction that stands in the winner's design file."""
-    unseen = content["unseen"]
-    score = unseen["score"]
-    interval = [score["low"], score["high"]]
-    over_contacts = [value["mean"] for value in unseen["over_contacts"]]
-    return {
-        "unseen": f"{unseen['label']}, {counted(unseen['deployments'], 'deployment')} (simulated)",
-        "unseen_score": round(score["mean"], 4),
-        **({} if None in interval else {"unseen_score_interval": rounded(interval, 4)}),
-        "unseen_half_angles_deg": content["head_on_half_angles_deg"],
-        "unseen_score_over_contacts": rounded(over_contacts, 4),
-        "unseen_score_placed_off": rounded(placed_off_range(content), 4),
-        **({"pieces": count} if (count := content.get("pieces", {}).get("count")) else {}),
-    }
-
-
 # --- The page of a run that has ended, with its folder of pictures --------------------------------
 
 
@@ -469,7 +444,7 @@ def run_blocks(run: EndedRun) -> Iterator[Block]:
     lead: list[Block] = [one for one in view if isinstance(one, Facts) and one.lead]
     yield from (*answers, *pictures, *lead)
     if run.result.prediction:
-        yield _cost_picture(run)
+        yield _cost_picture(run.result.prediction)
     above = {id(one) for one in (*answers, *lead)}
     yield from (one for one in view if id(one) not in above)
     chosen = Fact("winner chosen", f"among the finalists by fitness {_chosen_by(run.settings)}")
@@ -482,28 +457,26 @@ def run_blocks(run: EndedRun) -> Iterator[Block]:
     yield _files_section(run)
 
 
-def _cost_picture(run: EndedRun) -> Picture:
+def _cost_picture(found: Mapping[str, Any]) -> Picture:
     """Return the cost of contacts to the winner's score, as one picture."""
-    found = run.result.prediction
     unseen, name = found["unseen"], f"{found.get('title', found['task'])} score, simulated"
-    score = [unseen["score"][end] for end in ("mean", "low", "high")]
-    low, *_, high = found["head_on_half_angles_deg"]
+    predicted = [unseen["score"][end] for end in ("mean", "low", "high")]
 
-    def row(words: str, values: Sequence[Mapping[str, float]]) -> tuple[str, list[float]]:
-        means = [value["mean"] for value in values]
-        return f"{words}: {means[0]:.3f} to {means[-1]:.3f}", means
-
-    words = {
-        "branch_contact": "branches pass, or stop at each other",
-        "emergence": "children come out, 1 to 0.9",
-    }
-    rows = [
-        row(f"tips stop within {low:g} to {high:g} deg", unseen["over_contacts"]),
-        *(row(words[rule["option"]], rule["unseen"]) for rule in found.get("rules", ())),
+    angles_deg, standing = found["head_on_half_angles_deg"], angles_standing(found)
+    ranges = [
+        ("", angles_deg, unseen["over_contacts"], standing),
+        *(
+            (rule["option"], rule["choices"], rule["unseen"], rule.get("standing", "assumed"))
+            for rule in found.get("rules", ())
+        ),
     ]
-    predicted = [value for value in score if value is not None]
+    rows = [
+        cost_row(option, choices, [value["mean"] for value in values], known_by)
+        for option, choices, values, known_by in ranges
+    ]
+    known = [value for value in predicted if value is not None]
     return Picture(
-        image=page_svg(cost_chart(name, predicted, rows)), caption=COST_CAPTION, file="contacts"
+        image=page_svg(cost_chart(name, known, rows)), caption=COST_CAPTION, file="contacts"
     )
 
 

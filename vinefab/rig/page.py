@@ -31,7 +31,6 @@ from vinefab.core.view import (
 )
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
-from vinefab.pages.map_view import UNSEEN_DETAIL, StartMark, start_marks
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (
     INK,
@@ -47,7 +46,7 @@ from vinefab.pages.panel import (
     page_of_paper,
     plan_panel,
 )
-from vinefab.pages.plan import draw_start_range
+from vinefab.pages.plan import UNSEEN_DETAIL, StartMark, draw_start_range, start_marks
 from vinefab.rig.build import LoosePiece
 from vinefab.rig.fixtures import Fixtures, MarkerPad, black_cells, outside_of, paper_crop_mm
 from vinefab.rig.part import Rig

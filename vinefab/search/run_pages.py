@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import (
@@ -45,7 +46,6 @@ from vinefab.model.design import Design, design_text
 from vinefab.model.files.run_context import RunContext
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map
-from vinefab.pages.charts import ends_of, fitness_curve
 from vinefab.pages.html import Live, page
 from vinefab.pages.page_files import page_png, page_svg
 from vinefab.pages.panel import (
@@ -56,6 +56,8 @@ from vinefab.pages.panel import (
     Page,
     Panel,
     Primitive,
+    ends_of,
+    page_of,
     page_of_rows,
     plan_panel,
 )
@@ -726,3 +728,45 @@ def _front_chart(
     numbers, inks = [str(place + 1) for place in chosen], [INK] * len(chosen)
     chart.write_labels(front[list(chosen)], numbers, inks, size_pt=11.0, mark_pt=4.0, lines=lines)
     return chart
+
+
+MOST_POINTS = 400
+"""Longer curves are thinned out."""
+
+
+def fitness_curve(best: ArrayLike, mean: ArrayLike, spread: ArrayLike) -> Page:
+    """Return the fitness per generation of a search.
+
+    The axis shows the scores; a best fitness below them, of designs with a penalty, lies on its
+    lower end.
+
+    Parameters
+    ----------
+    best
+        Best fitness found so far, shape (g,).
+    mean, spread
+        Mean and standard deviation over each generation's candidates, shape (g,).
+    """
+    rows = np.array([np.asarray(values, dtype=float) for values in (best, mean, spread)])
+    count = rows.shape[1]
+    kept = np.unique(np.linspace(0, max(0, count - 1), min(count, MOST_POINTS)).astype(int))
+    top, middle, wide = rows[:, kept]
+    low, high = middle - wide, middle + wide
+    known = middle[np.isfinite(middle)]
+    y0, y1 = ends_of(low, high, top[top >= known.min()] if len(known) else [])
+    x0, x1 = ends_of(kept + 1)
+    panel = Panel(
+        box=(x0, y0, x1, y1), width_pt=400.0, height_pt=200.0, frame=True,
+        x_name="generation", y_name="fitness (simulated)",
+    )  # fmt: skip
+    panel.band(kept + 1, low, high, LEVEL_COLOURS[0], 0.15)
+    words = "mean of the generation, shaded: one standard deviation"
+    for values, colour, label in (
+        (middle, LEVEL_COLOURS[0], words),
+        (np.clip(top, y0, y1), LEVEL_COLOURS[1], "best so far"),
+    ):
+        points = np.column_stack([kept + 1, values])[np.isfinite(values)]
+        panel.line(points, Ink(line=colour, width_pt=1.5), label=label)
+        if len(points) == 1:
+            panel.marks(points, "o", 5.0, Ink(fill=colour))
+    return page_of(panel)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from vinefab.core.atomic import ensure_writable, folder_to_fill
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
@@ -20,8 +21,8 @@ from vinefab.core.statistics import LEVEL, SIGNIFICANT, mean_interval, mean_p
 from vinefab.core.validation import Floats, whole
 from vinefab.core.view import Block, Number, Rows, Value
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.pages.charts import panels_of_strips
 from vinefab.pages.page_files import page_svg
+from vinefab.pages.panel import Ink, Page, Panel, ends_of, jitter, page_of_rows, series_colour
 from vinefab.search.record.generations import RunIdentity
 from vinefab.search.record.identity import package_versions
 from vinefab.search.run import Search, fresh_maps, generated_maps, penalty_of
@@ -359,3 +360,34 @@ def comparison_svg(contest: Contest, rows: Sequence[ContestRow]) -> bytes:
         for problem in contest.problems
     }
     return page_svg(panels_of_strips(panels, "score on unseen maps (simulated)"))
+
+
+def panels_of_strips(panels: Mapping[str, Mapping[str, ArrayLike]], label: str) -> Page:
+    """Return every score of every group as a dot, with the group's mean; a panel per problem.
+
+    Parameters
+    ----------
+    panels
+        By problem, scores by group, each shape (n,).
+    """
+    rows = []
+    for title, scores in panels.items():
+        columns = [np.asarray(group, dtype=float) for group in scores.values()]
+        x0, x1 = ends_of(*columns)
+        panel = Panel(
+            box=(x0, len(columns) - 0.4, x1, -0.6),
+            width_pt=360.0,
+            height_pt=23.0 * max(2, len(columns)),
+            title=title,
+            frame=True,
+            y_ticks=[(row, name) for row, name in enumerate(scores)],
+        )
+        for row, values in enumerate(columns):
+            colour = series_colour(row)
+            dots = np.column_stack([values, row + 0.18 * jitter(len(values))])
+            panel.marks(dots, "o", 4.0, Ink(fill=colour, fill_alpha=0.55))
+            mean = values.mean()
+            panel.line([(mean, row - 0.32), (mean, row + 0.32)], Ink(line=colour, width_pt=2.0))
+        rows.append([panel])
+    rows[-1][0].x_name = f"{label}; bars: means"
+    return page_of_rows(rows)

@@ -22,7 +22,6 @@ from vinefab.core.errors import shortened
 from vinefab.core.plain_text import GENERATOR
 from vinefab.model.deployment import Deployment
 from vinefab.model.map import Map
-from vinefab.pages.charts import ends_of, series_colour
 from vinefab.pages.panel import (
     INK,
     LEVEL_COLOURS,
@@ -32,9 +31,11 @@ from vinefab.pages.panel import (
     Ink,
     Page,
     Panel,
+    ends_of,
     level_colour,
     page_of_rows,
     plan_panel,
+    series_colour,
 )
 from vinefab.pages.plan import draw_map, draw_pose
 from vinefab.studies.claims import ConfidenceInterval

@@ -287,11 +287,11 @@ class ReportExport(Export):
         from vinefab.prediction.family_deployments import (
             PredictionPlan,
             map_families,
+            origin_of,
             part_of,
             unseen_maps,
         )
         from vinefab.prediction.predict import predict
-        from vinefab.prediction.provenance import origin_of
 
         unseen = None
         if self.environment:

@@ -28,7 +28,7 @@ from vinefab.model.design import ORIGIN_GROWTH, Build, Design, Level, UnevenLeve
 from vinefab.model.map import Map, Pose
 from vinefab.model.score import IDEAL_CASE
 from vinefab.model.tree import child_lengths_mm
-from vinefab.pages.map_view import STOP_WORDS
+from vinefab.pages.plan import STOP_WORDS
 from vinefab.pages.plan_svg import (
     frame_svg,
     ground_svg,

@@ -23,13 +23,13 @@ from vinefab.core.registry import with_parameters
 from vinefab.core.table import DeclaredKey, Table, declared_keys, inner_table, validated
 from vinefab.core.validation import LARGEST_MM, SMALLEST, number, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions
+from vinefab.inflation.pattern import as_grown
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import MOST_LEVELS, PER_LEVEL, Build, Design, design_of
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, path_given
 from vinefab.model.laser import LaserProfile, read_profile
 from vinefab.model.map import Map, Pose
 from vinefab.model.target import targets_given
-from vinefab.prediction.deploy import as_grown
 
 PAGE = "the page"
 """The source of a value of the page, in messages."""

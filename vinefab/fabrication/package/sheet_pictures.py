@@ -18,7 +18,6 @@ from vinefab.inflation.robot import with_short_tail
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
-from vinefab.pages.map_view import Box, longer_mm
 from vinefab.pages.panel import (
     ALERT,
     INK,
@@ -36,6 +35,7 @@ from vinefab.pages.panel import (
     page_of_rows,
     plan_panel,
 )
+from vinefab.pages.plan import Box, longer_mm
 from vinefab.pages.plan_svg import contour_path
 
 OPERATION_COLOURS = {

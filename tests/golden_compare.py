@@ -27,7 +27,7 @@ import trimesh
 RELATIVE, FLOOR = 1e-12, 1e-12
 """Of numbers: ``|a - b| <= RELATIVE * max(|a|, |b|) + FLOOR``; integers are exact."""
 
-_PARTS = ("loading", "evaluating", "growth", "scoring", "optimizer", "store")
+_PARTS = ("loading", "evaluating", "making", "growth", "scoring", "optimizer", "store")
 MASKED_KEYS = {
     "generator": "version of vinefab",
     "times": "a run's own timing",
@@ -44,6 +44,7 @@ MASKED_WORDS = [
     (r"\b(took|elapsed|in) \d[\d.]* (s|min)\b", "timing"),
     (r"\d[\d.,]* per second", "timing"),
     (r"\btime: \d.*", "timing"),
+    (r"(/[^\s/\"',]+)+/(?=(vinefab|tests|examples|designs|laser_profiles)/)", "path of a checkout"),
 ]
 """Parts of sentences that are no results, and why."""
 

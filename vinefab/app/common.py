@@ -253,9 +253,13 @@ def context_of(
     if as_several(targets) or any(name in typed for name in PLACES):
         run = run.without_places
     elif worlds and run.places:
-        run, placed, of_targets = _placed(run, worlds, in_task=task is not ... and run.has_places)
-        used += of_targets[0]
-        others += of_targets[1]
+        if run.maps and not any(run.trained_on(worlds)):
+            run = run.without_places
+            others.append("without its targets, which are places on other maps")
+        else:
+            placed = run.with_places(worlds)
+            moved = any(one is not world for one, world in zip(placed, worlds, strict=True))
+            used += ["targets"] * (moved or (task is not ... and run.has_places))
     scored = None
     if task is not ...:
         scored, of_task = _task_of(run, task, usual_task, typed, placed)
@@ -289,18 +293,6 @@ _Words = tuple[tuple[str, ...], tuple[str, ...]]
 """Words on the line about a context: the parts of it that are the run's, and other remarks."""
 
 _NOTHING: _Words = (), ()
-
-
-def _placed(
-    run: RunContext, worlds: Sequence[Map], *, in_task: bool
-) -> tuple[RunContext, list[Map], _Words]:
-    """Return maps with the targets of a run, which hold on the maps that it trained on."""
-    if run.maps and not any(run.trained_on(worlds)):
-        words = ("without its targets, which are places on other maps",)
-        return run.without_places, list(worlds), ((), words)
-    placed = run.with_places(worlds)
-    is_used = in_task or any(one is not world for one, world in zip(placed, worlds, strict=True))
-    return run, placed, (("targets",) * is_used, ())
 
 
 def _recipe_of(design: Design, run: RunContext, recipe: Any) -> tuple[LaserProfile, _Words]:

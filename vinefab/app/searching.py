@@ -43,6 +43,7 @@ from vinefab.core.verbs import (
 from vinefab.core.view import Answer, Fact, Facts
 from vinefab.model.inputs import (
     FOLDER,
+    PAIRS,
     DesignLike,
     MapLike,
     PathText,
@@ -61,7 +62,6 @@ if TYPE_CHECKING:
     from vinefab.search.record.result import RunResult
     from vinefab.search.run_pages import RunListing
     from vinefab.search.settings import RunSettings
-    from vinefab.studies.optimizer_contest import Contender
     from vinefab.tasks.task import Task
 
     RunLike = RunSettings | str | PathLike[str]
@@ -465,8 +465,10 @@ def contest(
     >>> contest("grid_coverage", optimizers=("cmaes", "random"), out="x")  # doctest: +SKIP
     """
     from vinefab.search.advice import with_trunk_for_film
-    from vinefab.search.settings import read_run
+    from vinefab.search.optimizers.optimizer import make_optimizer_config
+    from vinefab.search.settings import PartSettings, read_run
     from vinefab.studies.optimizer_contest import (
+        Contender,
         Contest,
         comparison_blocks,
         comparison_json,
@@ -476,9 +478,17 @@ def contest(
 
     files = [Path(name_or_path("run_files", one, "run files", "run file"))
              for one in as_several(run_files)]  # fmt: skip
+    contenders = list[Contender]()
+    for text in as_several(optimizers):
+        name, _, rest = text.partition(":")
+        assert PAIRS.read is not None  # noqa: S101  for the type checker
+        parameters: Mapping[str, Any] = dict(map(PAIRS.read, rest.split(",") if rest else []))
+        make_optimizer_config(name, parameters)
+        part = PartSettings(name=name, parameters=parameters)
+        contenders.append(Contender(label=text, part=part))
     plan = Contest(
         problems=tuple(with_trunk_for_film(read_run(path)) for path in files),
-        contenders=tuple(_contender(text) for text in as_several(optimizers)),
+        contenders=tuple(contenders),
         seeds=seeds,
         unseen=unseen,
         poses=poses,
@@ -492,19 +502,6 @@ def contest(
     write_page(folder / "comparison.svg", comparison_svg(plan, rows), force=force)
     blocks = tuple(comparison_blocks(plan, rows))
     return StudyOutcome(found=rows, blocks=blocks, text=lambda: document)
-
-
-def _contender(text: str) -> Contender:
-    from vinefab.model.inputs import PAIRS
-    from vinefab.search.optimizers.optimizer import make_optimizer_config
-    from vinefab.search.settings import PartSettings
-    from vinefab.studies.optimizer_contest import Contender
-
-    name, _, rest = text.partition(":")
-    assert PAIRS.read is not None  # noqa: S101  for the type checker
-    parameters: Mapping[str, Any] = dict(map(PAIRS.read, rest.split(",") if rest else []))
-    make_optimizer_config(name, parameters)
-    return Contender(label=text, part=PartSettings(name=name, parameters=parameters))
 
 
 @verb

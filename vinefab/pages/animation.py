@@ -140,12 +140,23 @@ class Scene:
         box = robot_view(world, last)
         stage = Stage.of(box)
         seen = last.stop[last.deployed].tolist()
+        # The ranges of starts as areas: a line becomes a thin band.
+        shapes: list[BaseGeometry] = []
+        for mark in start_marks(world, box):
+            shapes += [mark.fan] if mark.fan is not None else []
+            shapes += [
+                piece
+                if isinstance(piece, Polygon)
+                else piece.buffer(_HALF_BAND * longer_mm(box), cap_style="flat")
+                for piece in mark.free
+            ]
+        window = shapely.box(*box)
         return cls(
             stage=stage,
             width_px=max(stage.width_px, LEAST_WIDTH_PX),
             rock=stage.rings(rock_in(world, box)),
             bounds=stage.rings([bounds_in(world, box)]),
-            starts=stage.rings(_ranges(world, box)),
+            starts=stage.rings(shapely.intersection(shape, window) for shape in shapes),
             widths_mm=widths_mm,
             bar_mm=round_length_mm(0.2 * stage.width_px / stage.px_per_mm),
             levels=tuple(range(1, int(last.tree.level[last.deployed].max(initial=1)) + 1)),
@@ -184,21 +195,6 @@ class Scene:
     def base(self, pose: Pose) -> Floats:
         """Return the start of a robot, shape (2,)."""
         return np.asarray(self.stage.place(np.array([[pose.x_mm, pose.y_mm]]))[0])
-
-
-def _ranges(world: Map, box: Box) -> list[BaseGeometry]:
-    """Return the ranges of starts as areas: a line becomes a thin band."""
-    shapes: list[BaseGeometry] = []
-    for mark in start_marks(world, box):
-        shapes += [mark.fan] if mark.fan is not None else []
-        shapes += [
-            piece
-            if isinstance(piece, Polygon)
-            else piece.buffer(_HALF_BAND * longer_mm(box), cap_style="flat")
-            for piece in mark.free
-        ]
-    window = shapely.box(*box)
-    return [shapely.intersection(shape, window) for shape in shapes]
 
 
 def line_px(level: int) -> float:
@@ -330,7 +326,14 @@ def _bodies(frames: Sequence[DeploymentFrame], scene: Scene, clock: _Clock) -> l
     for level in reversed(scene.levels):
         shapes: list[tuple[str, str]] = []
         for number, frame in enumerate(frames):
-            still, moving = _chains(frame, scene, level, number, since)
+            # What came to rest in this frame, and what still grows.
+            deployment, live = frame.deployment, is_live(frame)
+            still, moving = list[Floats](), list[Floats]()
+            for branch in np.flatnonzero((deployment.tree.level == level) & deployment.deployed):
+                if live[branch]:
+                    moving.append(scene.chain(deployment, int(branch)))
+                elif since[deployment.tree.ids[branch]] == number:
+                    still.append(scene.chain(deployment, int(branch)))
             shapes += [(clock.since(number, "{}"), _paths(still))] if still else []
             shapes += [(clock.during(number, "{}"), _paths(moving))] if moving else []
         # One opacity for the whole level: where bodies cross they do not get darker.
@@ -339,21 +342,6 @@ def _bodies(frames: Sequence[DeploymentFrame], scene: Scene, clock: _Clock) -> l
         parts.append("</g>")
         parts += [around.format(f'<path class="c{level}" d="{d}"/>') for around, d in shapes]
     return parts + _tips(frames, scene, since, clock)
-
-
-def _chains(
-    frame: DeploymentFrame, scene: Scene, level: int, number: int, since: dict[str, int]
-) -> tuple[list[Floats], list[Floats]]:
-    """Return the chains of a level that came to rest in this frame, and those that still grow."""
-    deployment, live = frame.deployment, is_live(frame)
-    names = deployment.tree.ids
-    still, moving = [], []
-    for branch in np.flatnonzero((deployment.tree.level == level) & deployment.deployed):
-        if live[branch]:
-            moving.append(scene.chain(deployment, int(branch)))
-        elif since[names[branch]] == number:
-            still.append(scene.chain(deployment, int(branch)))
-    return still, moving
 
 
 def _tips(
@@ -438,8 +426,16 @@ def gif_animation(
     painter = _Painter(scene)
     pictures = [painter.picture(frame) for frame in frames]
     # One table of colours for all frames: what stands still then keeps its very pixels, and only
-    # the box around what moves has to be stored.
-    table = _colour_table(pictures[-1], scene.levels)
+    # the box around what moves has to be stored. Colours that mean something stay as they are.
+    table = pictures[-1].quantize(COLOURS, method=Image.Quantize.MEDIANCUT)
+    entries = np.array(table.getpalette()).reshape(-1, 3)
+    lines = [level_colour(level) for level in scene.levels]
+    exact = ["#ffffff", ROCK, ROCK_EDGE, INK, SOFT, START_SHADE, *map(_shade, lines), *lines]
+    for colour in (np.array(ImageColor.getrgb(name)) for name in exact):
+        away = ((entries - colour) ** 2).sum(axis=1)
+        # Near twins go, or plain white ground could be stored as almost white.
+        entries[(away == away.min()) | (away < NEAR_TWIN**2)] = colour
+    table.putpalette(entries.ravel().tolist())
     flat = [picture.quantize(palette=table, dither=Image.Dither.NONE) for picture in pictures]
     stream = io.BytesIO()
     flat[0].save(
@@ -452,20 +448,6 @@ def gif_animation(
         comment=ROOMY_GENERATOR.encode(),
     )
     return stream.getvalue()
-
-
-def _colour_table(picture: Image.Image, levels: Sequence[int]) -> Image.Image:
-    """Return the colours of a picture, with those that mean something exactly as they are."""
-    table = picture.quantize(COLOURS, method=Image.Quantize.MEDIANCUT)
-    entries = np.array(table.getpalette()).reshape(-1, 3)
-    lines = [level_colour(level) for level in levels]
-    exact = ["#ffffff", ROCK, ROCK_EDGE, INK, SOFT, START_SHADE, *map(_shade, lines), *lines]
-    for colour in (np.array(ImageColor.getrgb(name)) for name in exact):
-        away = ((entries - colour) ** 2).sum(axis=1)
-        # Near twins go, or plain white ground could be stored as almost white.
-        entries[(away == away.min()) | (away < NEAR_TWIN**2)] = colour
-    table.putpalette(entries.ravel().tolist())
-    return table
 
 
 class _Painter:

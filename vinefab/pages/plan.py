@@ -311,10 +311,6 @@ def draw_deployment(panel: Panel, deployment: Deployment, widths_mm: tuple[float
     if len(points):
         label = f"contact ({len(points)})"
         panel.marks(points, "D", 3.0 * size, Ink(fill=INK), rank=5.0, label=label)
-    _draw_tips(panel, deployment, size)
-
-
-def _draw_tips(panel: Panel, deployment: Deployment, size: float) -> None:
     tips, stops = deployment.tips_mm, deployment.stop[deployment.deployed]
     for stop, sign in TIP_SIGNS.items():
         here = tips[stops == stop]

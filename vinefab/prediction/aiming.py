@@ -582,34 +582,26 @@ def aim_robots(
     check_on_map(task, world, prepared.context)
     cover = cover_of(search_form(task), prepared.context) if plan.robots > 1 else None
     names = numbered_names([design.name for design in designs])
+    expected = plan.deployments + 2 * FRESH_DRAWS + PROFILE_HEADINGS * PROFILE_DRAWS
+    if plan.robots > 1:
+        expected += plan.candidates * SET_DRAWS + plan.robots * FRESH_SET_DRAWS
     robots = list[AimedRobot]()
     with ThreadPoolExecutor(workers or min(8, os.cpu_count() or 1)) as pool:
         for index, (name, design) in enumerate(zip(names, designs, strict=True)):
             trial = PoseTrial.of(design, prepared, plan.options, pool.map)
-            tell = _counted(progress, name, index, len(designs), plan)
+            done = 0
+
+            def tell(more: int, name: str = name, index: int = index) -> None:
+                nonlocal done
+                done += more
+                share = (index + min(1.0, done / expected)) / len(designs)
+                progress(share, f"{name}: {done:,} deployments")
+
             robots.append(_aimed(name, trial, task, plan, cover, tell))
     notes = [note for robot in robots for note in robot.notes]
     if not world.starts:
         notes.append("the map has no start to compare with")
     return AimResult(world=world, task=task, plan=plan, robots=tuple(robots), notes=tuple(notes))
-
-
-def _counted(
-    progress: ProgressCallback, name: str, index: int, count: int, plan: AimPlan
-) -> DeploymentCounter:
-    """Return a function that reports the share of the work done from numbers of deployments."""
-    expected = plan.deployments + 2 * FRESH_DRAWS + PROFILE_HEADINGS * PROFILE_DRAWS
-    if plan.robots > 1:
-        expected += plan.candidates * SET_DRAWS + plan.robots * FRESH_SET_DRAWS
-    done = 0
-
-    def tell(more: int) -> None:
-        nonlocal done
-        done += more
-        share = min(1.0, done / expected)
-        progress((index + share) / count, f"{name}: {done:,} deployments")
-
-    return tell
 
 
 def _aimed(

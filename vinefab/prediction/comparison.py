@@ -463,11 +463,33 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
         (name, *(shown.number(value.mean) for value in contacts.values[shown.key]))
         for name, contacts in zip(found.names, found.contacts, strict=True)
     )
-    table = Rows(
-        caption=f"Mean {shown.title} over the same maps and poses (simulated)",
-        headings=("design", *(f"{angle:g} deg" for angle in found.contacts[0].angles_deg)),
-        rows=rows,
-    )
+    tables = [
+        Rows(
+            caption=f"Mean {shown.title} over the same maps and poses (simulated)",
+            headings=("design", *(f"{angle:g} deg" for angle in found.contacts[0].angles_deg)),
+            rows=rows,
+        )
+    ]
+    options = dict.fromkeys(rule.option for contacts in found.contacts for rule in contacts.rules)
+    for option in options:
+        rules = {
+            name: rule
+            for name, contacts in zip(found.names, found.contacts, strict=True)
+            for rule in contacts.rules
+            if rule.option == option
+        }
+        first = next(iter(rules.values()))
+        title, standing = first.title[0].lower() + first.title[1:], first.standing.partition(":")[0]
+        tables.append(
+            Rows(
+                caption=f"Mean {shown.title}; {title} (simulated; {standing})",
+                headings=("design", *first.headings),
+                rows=tuple(
+                    (name, *(shown.number(value.mean) for value in rule.values[shown.key]))
+                    for name, rule in rules.items()
+                ),
+            )
+        )
     picture = Picture(
         image=lambda: page_svg(
             contact_chart(dict(zip(found.names, found.contacts, strict=True)), shown)
@@ -478,32 +500,10 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
     return Section(
         title="Over what contacts may be like",
         paragraphs=(contact_words(found.contacts[0]),),
-        tables=(table, *_rule_tables(found, shown)),
+        tables=tuple(tables),
         pictures=(picture,),
         folded=True,
     )
-
-
-def _rule_tables(found: DesignComparison, measure: Measure) -> Iterator[Rows]:
-    """Yield the designs under each choice of the other assumptions about contacts."""
-    options = dict.fromkeys(rule.option for contacts in found.contacts for rule in contacts.rules)
-    for option in options:
-        rules = {
-            name: rule
-            for name, contacts in zip(found.names, found.contacts, strict=True)
-            for rule in contacts.rules
-            if rule.option == option
-        }
-        first = next(iter(rules.values()))
-        yield Rows(
-            caption=f"Mean {measure.title}; {first.title[0].lower()}{first.title[1:]} (simulated; "
-            f"{first.standing.partition(':')[0]})",
-            headings=("design", *first.headings),
-            rows=tuple(
-                (name, *(measure.number(value.mean) for value in rule.values[measure.key]))
-                for name, rule in rules.items()
-            ),
-        )
 
 
 def measure_named(key: str) -> Measure:

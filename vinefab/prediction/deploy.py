@@ -109,7 +109,12 @@ class History:
             branch = int(out[place])
             chain_mm, whole_mm = self.final.chain_mm(branch), self.final.grown_mm[branch]
             left_mm = min(front_mm - self.base_mm[branch], whole_mm)
-            chains[place] = chain_mm if left_mm == whole_mm else _first_part(chain_mm, left_mm)
+            if left_mm < whole_mm:
+                at_mm = np.cumsum([0.0, *np.hypot(*np.diff(chain_mm, axis=0).T)])
+                inside = max(int(np.searchsorted(at_mm, left_mm)), 1)
+                tip_mm = [np.interp(left_mm, at_mm, column) for column in chain_mm.T]
+                chain_mm = np.array([*chain_mm[:inside], tip_mm])
+            chains[place] = chain_mm
             length_mm[place], stop[place] = left_mm, self.final.stop[branch]
         return replace(
             grown,
@@ -131,14 +136,6 @@ class History:
         # wall just there would count as grown in full.
         length_mm = np.where(is_growing, front_mm - base_mm[out], self.final.tree.length_mm[out])
         return Plan.of(self.design, self.options).cut(out, length_mm), is_growing
-
-
-def _first_part(chain_mm: Floats, length_mm: float) -> Floats:
-    """Return the first part of a chain."""
-    at_mm = np.cumsum([0.0, *np.hypot(*np.diff(chain_mm, axis=0).T)])
-    inside = max(int(np.searchsorted(at_mm, length_mm)), 1)
-    tip_mm = [np.interp(length_mm, at_mm, column) for column in chain_mm.T]
-    return np.array([*chain_mm[:inside], tip_mm])
 
 
 def history_content(frames: Sequence[DeploymentFrame]) -> list[dict[str, object]]:

@@ -210,6 +210,7 @@ class FamilyDeployments:
     deployments: Sequence[Deployment]
     unpressed: Sequence[Deployment]
     outcomes: MeasureTable  # one row of measures for each
+    map_of: tuple[int, ...]  # index of the map of each
 
     def prepared_map(self, index: int) -> PreparedMap:
         """Return the map of one deployment."""
@@ -221,12 +222,6 @@ class FamilyDeployments:
             for index, deployment in enumerate(self.deployments):
                 yield deployment, self.prepared_map(index).world
 
-    @property
-    def map_of(self) -> tuple[int, ...]:
-        """Index of the map of each deployment."""
-        poses = self.prepared.poses
-        return tuple(index for index, places in enumerate(poses) for _ in places)
-
 
 def deploy_family(
     design: Design,
@@ -235,9 +230,12 @@ def deploy_family(
     progress: ProgressCallback = no_progress,
 ) -> FamilyDeployments:
     """Deploy a design from every pose on a family of maps and measure every deployment."""
-    progress(0.0, f"{design.name}: growing")
-    launches = prepared.launches()
-    batch = Batch(Plans.of([design], plan.options), launches, plan.options)
+    plans, launches = Plans.of([design], plan.options), prepared.launches()
+    for index, place in enumerate(prepared.maps):  # walls take longer than growth; they are kept
+        progress(0.6 * index / len(prepared.maps), f"{design.name}: walls of {place.world.name}")
+        for radius_mm in plans.spans.radii_mm:
+            place.terrain.walls(radius_mm)
+    batch = Batch(plans, launches, plan.options)
     deployments = batch.regrown()
     # What growth to every tip needs is known only where no pressure stops it.
     unpressed = deployments
@@ -252,7 +250,7 @@ def deploy_family(
         columns[done : done + len(rows), :-2] = rows
         done += len(rows)
         words = f"{done} of {counted(len(deployments), 'deployment')}"
-        progress(done / len(deployments), words)
+        progress(0.6 + 0.4 * done / len(deployments), words)
     one_by_one, first = iter(unpressed), 0
     while some := list(islice(one_by_one, GROWTHS_PER_CALL)):
         columns[first : first + len(some), -2:] = worst_pressures_of(some, design).T
@@ -265,7 +263,11 @@ def deploy_family(
         values={m.key: columns[:, i].copy() for i, m in enumerate(MEASURES)},
     )
     return FamilyDeployments(
-        prepared=prepared, deployments=deployments, unpressed=unpressed, outcomes=outcomes
+        prepared=prepared,
+        deployments=deployments,
+        unpressed=unpressed,
+        outcomes=outcomes,
+        map_of=tuple(terrain),
     )
 
 

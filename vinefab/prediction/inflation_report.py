@@ -31,7 +31,6 @@ from vinefab.inflation.pattern import (
     ASSUMED_PRESSURE_KPA,
     MOST_STRAIN,
     Pattern,
-    PatternJoint,
     pattern_blocks,
     pattern_of,
     strain_of,
@@ -126,7 +125,14 @@ class DeployedPattern:
         pattern = pattern_of(design, profile)
         for joint in pattern.joints:
             if joint.problem:
-                raise BadInputError("design", design.name, _solvable_words(joint))
+                # The triangles' own words say nothing to the designer.
+                why = joint.problem.partition(": outline is")[0]
+                allowed = (
+                    f"a design whose joints deploy as designed; {why}. Change the angle or the "
+                    f"number of branches of level {joint.level}, make it narrower, give its "
+                    "fillet another radius, or lower the pressure"
+                )
+                raise BadInputError("design", design.name, allowed)
         strain, done = strain_of(design, profile.material, design.build.widths_mm[0]), 0.0
 
         def told(share: float, words: str) -> None:
@@ -181,17 +187,6 @@ class DeployedPattern:
             Fact(f"tips off, {self.how}", mean, f"{key}.mean_mm", f"mean of {leaves} (simulated)"),
             Fact("the farthest", largest, f"{key}.largest_mm", "simulated"),
         )
-
-
-def _solvable_words(joint: PatternJoint) -> str:
-    """Return the reason why a joint of a level cannot be cut to deploy, and the remedy."""
-    # The triangles' own words say nothing to the designer.
-    why = joint.problem.partition(": outline is")[0]
-    return (
-        f"a design whose joints deploy as designed; {why}. Change the angle or the "
-        f"number of branches of level {joint.level}, make it narrower, give its fillet another "
-        "radius, or lower the pressure"
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -270,11 +265,31 @@ class InflatedDesign(Result):
         yield Notes(self.notes, "notes")
         against = () if other is None else other.facts("other")
         yield Facts((*found.facts("tips"), *against), lead=True)
-        yield from pattern_blocks(self.pattern, self._in_robot_deg())
+        tree, turned_deg = self.robot.layout.tree, np.degrees(self.robot.deployed_offsets_rad)
+        in_robot_deg = {  # the mean angle of each child within the whole robot, by level
+            joint.level: turned_deg[tree.level == joint.level]
+            .reshape(-1, len(joint.wanted_deg))
+            .mean(axis=0)
+            for joint in self.pattern.joints
+        }
+        yield from pattern_blocks(self.pattern, in_robot_deg)
         if self.free:
             yield self._bows()
         yield self._tubes()
-        yield Facts(self._conditions())
+        film, robot = self.profile.material, self.robot
+        set_by = "of the design" if self.design.build.pressure_kpa else "assumed"
+        unit_mm = float(robot.layout.width_mm[0])
+        gas = 2.0 * robot.sheet.membrane.volume(robot.equilibrium.positions) * unit_mm**3
+        modulus = f"E {film.modulus_mpa.value:g} MPa, {film.modulus_mpa.standing}"
+        yield Facts(
+            (
+                Fact("pressure", Number(self.pressure_kpa, "kPa", "g"), "pressure_kpa", set_by),
+                Fact("film", f"{film.ply_mm.value * 1000:g} um {film.title}", "", modulus),
+                Fact(
+                    "gas", Number(gas / 1000.0, "ml", ".0f", decimals=3), "volume_ml", "simulated"
+                ),
+            )
+        )
         yield Notes((f"Not simulated: {'; '.join(LEFT_OUT)}.",))
         yield Data(self._content)
         rows = list[tuple[Value, ...]]()
@@ -297,16 +312,6 @@ class InflatedDesign(Result):
         if write is None:
             raise BadInputError("suffix", suffix, ", ".join(SURFACE_FORMATS))
         return write(*self.surface, self.design.name)
-
-    def _in_robot_deg(self) -> dict[int, Floats]:
-        """Return the mean angle of each child within the whole robot, by level."""
-        tree, turned_deg = self.robot.layout.tree, np.degrees(self.robot.deployed_offsets_rad)
-        return {
-            joint.level: turned_deg[tree.level == joint.level]
-            .reshape(-1, len(joint.wanted_deg))
-            .mean(axis=0)
-            for joint in self.pattern.joints
-        }
 
     def _bows(self) -> Rows:
         """Return how far joints bow where nothing holds them in their plane."""
@@ -354,19 +359,6 @@ class InflatedDesign(Result):
             rows=tuple(rows),
             key="tubes",
             keys=("level", "flat_mm", "hoop_strain", "diameter_mm", "longer_by"),
-        )
-
-    def _conditions(self) -> tuple[Fact, ...]:
-        """Return pressure, film and volume."""
-        film, robot = self.profile.material, self.robot
-        set_by = "of the design" if self.design.build.pressure_kpa else "assumed"
-        unit_mm = float(robot.layout.width_mm[0])
-        gas = 2.0 * robot.sheet.membrane.volume(robot.equilibrium.positions) * unit_mm**3
-        modulus = f"E {film.modulus_mpa.value:g} MPa, {film.modulus_mpa.standing}"
-        return (
-            Fact("pressure", Number(self.pressure_kpa, "kPa", "g"), "pressure_kpa", set_by),
-            Fact("film", f"{film.ply_mm.value * 1000:g} um {film.title}", "", modulus),
-            Fact("gas", Number(gas / 1000.0, "ml", ".0f", decimals=3), "volume_ml", "simulated"),
         )
 
     def _tips(self) -> list[tuple[str, tuple[float, ...]]]:
@@ -442,7 +434,14 @@ def inflate_design(
     NotConvergedError
         If no equilibrium is found.
     """
-    _ensure_affordable(design, across)
+    layout = flat_layout(with_short_tail(design))
+    tubes = float((layout.tree.length_mm / layout.width_mm).sum()) + 2.0  # lengths in widths
+    most = int((MOST_CORNERS / tubes) ** 0.5) // 2 * 2
+    if across > most >= 4:
+        raise BadInputError("across", across, f"4 to {most} for {design.name}: memory")
+    if most < 4:
+        allowed = f"one that {MOST_CORNERS:,} corners of triangles fill: fewer or shorter branches"
+        raise BadInputError("design", design.name, allowed)
     notes, other = [], None
     whole = part_of(progress, 0.0, 0.7) if free else progress
     deployed = DeployedPattern.of(
@@ -485,18 +484,6 @@ def inflate_design(
         free=bowed,
         notes=tuple(notes),
     )
-
-
-def _ensure_affordable(design: Design, across: int) -> None:
-    """Check that the triangles of a pattern fit into memory."""
-    layout = flat_layout(with_short_tail(design))
-    tubes = float((layout.tree.length_mm / layout.width_mm).sum()) + 2.0  # lengths in widths
-    most = int((MOST_CORNERS / tubes) ** 0.5) // 2 * 2
-    if across > most >= 4:
-        raise BadInputError("across", across, f"4 to {most} for {design.name}: memory")
-    if most < 4:
-        allowed = f"one that {MOST_CORNERS:,} corners of triangles fill: fewer or shorter branches"
-        raise BadInputError("design", design.name, allowed)
 
 
 # --- Pictures -----------------------------------------------------------------------------------

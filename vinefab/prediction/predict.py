@@ -423,7 +423,10 @@ class Predicted(WrittenResult):
         design, profile = prepared.design, prepared.profile
         words, tone = verdict_on(prepared.report, self.window, profile.recipe.status)
         targets = self.targets
-        yield Answer(f"{self._deed(targets)}; {words}", tone, "verdict")
+        spread, (does, what) = outcomes.spread(self.asked), self.asked.does
+        share = "-" if spread is None else self.asked.text(spread.mean)
+        deed = f" {does} {share} {what}" if targets is None else f": {targets.headline}"
+        yield Answer(f"{design.name}{deed}; {words}", tone, "verdict")
         if targets is not None:
             yield Data({"targets_headline": targets.headline})
         yield from self._typical()
@@ -475,15 +478,6 @@ class Predicted(WrittenResult):
         yield from tolerance_blocks(self.tolerance)
         yield from (rules, pattern, bill)
         yield assumption_section(profile, model_assumptions(self.plan.options))
-
-    def _deed(self, targets: TargetsResult | None) -> str:
-        """Return the share of the request that it fulfils, as a sentence."""
-        spread, name = self.main.outcomes.spread(self.asked), self.prepared.design.name
-        if targets is not None:
-            return f"{name}: {targets.headline}"
-        does, what = self.asked.does
-        found = "-" if spread is None else self.asked.text(spread.mean)
-        return f"{name} {does} {found} {what}"
 
     def _typical(self) -> Iterator[Picture]:
         """Yield the worst, the median and the best deployment by the measure asked for."""
@@ -565,24 +559,25 @@ def predict(
     sizes = np.array([len(prepared.maps) for prepared in prepared_families]) / sum(
         len(p.maps) for p in prepared_families
     )
-    ends = 0.05 + 0.45 * np.cumsum(sizes)
+    ends = 0.05 + 0.55 * np.cumsum(sizes)
     results = tuple(
-        deploy_family(grown, prepared, plan, part_of(progress, end - 0.45 * size, end))
+        deploy_family(grown, prepared, plan, part_of(progress, end - 0.55 * size, end))
         for prepared, size, end in zip(
             prepared_families, sizes.tolist(), ends.tolist(), strict=True
         )
     )
     main = _main(results)
     evaluator = VariantEvaluator(grown, main.prepared, plan)
-    effects = sensitivity(evaluator, part_of(progress, 0.5, 0.7))
-    scatter = tolerance(evaluator, plan.seed, part_of(progress, 0.7, 0.92))
-    progress(0.92, "where it grows on one map")
+    effects = sensitivity(evaluator, part_of(progress, 0.6, 0.7))
+    scatter = tolerance(evaluator, plan.seed, part_of(progress, 0.7, 0.8))
+    progress(0.8, "where it grows on one map")
     heat = heat_map_of(grown, prepared_families[0].maps[0], plan)
-    progress(0.94, "design rules")
+    progress(0.82, "design rules")
     # The rules ask what growth to every tip would take (VF-P03): no pressure may stop it before.
     prepared = prepare(design, profile, _AllDeployments(results))
     bill = bill_of_materials(prepared.job, prepared.profile)
     mass_g = next((line.value for line in bill if line.item == "robot film mass"), 0.0)
+    progress(0.87, "contacts and pressure")
     return Predicted(
         prepared=prepared,
         results=results,

@@ -603,7 +603,25 @@ def sensitivity(
     evaluator: VariantEvaluator, progress: ProgressCallback = no_progress
 ) -> tuple[Effect, ...]:
     """Return the effect of every change of the start, the lengths and the head-on angle."""
-    variants = list(_variants(evaluator))
+    design, options, poses = evaluator.design, evaluator.plan.options, evaluator.prepared.poses
+    exact = PredictionVariant(
+        knob="", step=0.0, unit="", design=design, options=options, poses=poses
+    )
+    variants = list[PredictionVariant]()
+    for knob, step, unit, move in placings():
+        moved = moved_poses(evaluator.prepared, move)
+        variants.append(replace(exact, knob=knob, step=step, unit=unit, poses=moved))
+    for step in LENGTH_STEPS_PERCENT:
+        other = scaled_tree(design, 1.0 + step / 100.0)
+        variants.append(replace(exact, knob="lengths", step=step, unit="%", design=other))
+    for step in HEAD_ON_STEPS_DEG:
+        low_rad, high_rad = (
+            min(angle + rad(step), math.pi / 2.0) for angle in options.half_angle_range_rad
+        )
+        wider = options.changed(head_on_half_angle_rad=(low_rad, high_rad))
+        variants.append(
+            replace(exact, knob="head-on half-angle", step=step, unit="deg", options=wider)
+        )
     effects = []
     for index, variant in enumerate(variants):
         effects.append(evaluator.effect(variant))
@@ -654,25 +672,6 @@ def made_tree(tree: BranchTree, rng: np.random.Generator) -> BranchTree:
         offset_rad=frozen_floats("offset_rad", tree.offset_rad + turns),
         length_mm=frozen_floats("length_mm", tree.length_mm * (1.0 + lengths)),
     )
-
-
-def _variants(evaluator: VariantEvaluator) -> Iterator[PredictionVariant]:
-    design, options, poses = evaluator.design, evaluator.plan.options, evaluator.prepared.poses
-    exact = PredictionVariant(
-        knob="", step=0.0, unit="", design=design, options=options, poses=poses
-    )
-    for knob, step, unit, move in placings():
-        moved = moved_poses(evaluator.prepared, move)
-        yield replace(exact, knob=knob, step=step, unit=unit, poses=moved)
-    for step in LENGTH_STEPS_PERCENT:
-        other = scaled_tree(design, 1.0 + step / 100.0)
-        yield replace(exact, knob="lengths", step=step, unit="%", design=other)
-    for step in HEAD_ON_STEPS_DEG:
-        low_rad, high_rad = (
-            min(angle + rad(step), math.pi / 2.0) for angle in options.half_angle_range_rad
-        )
-        wider = options.changed(head_on_half_angle_rad=(low_rad, high_rad))
-        yield replace(exact, knob="head-on half-angle", step=step, unit="deg", options=wider)
 
 
 def placings() -> Iterator[tuple[str, float, str, Callable[[Pose], Pose]]]:

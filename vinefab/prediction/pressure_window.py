@@ -113,49 +113,6 @@ def window_of(
 ) -> PressureWindow | None:
     """Return the pressure window over all deployments, or None where nothing ever emerged."""
     factor = RULES["VF-P01"].limits["safety_factor"]
-    levels = _levels(design, profile, factor)
-    allowed_kpa = min(level.allowed_kpa for level in levels)
-    loose, tight = (
-        np.concatenate([outcomes.values[measure.key] for outcomes in families])
-        for measure in (LOOSE_PRESSURE, TIGHT_PRESSURE)
-    )
-    if not np.isfinite(loose).any():
-        return None
-    film = profile.material
-    measured = film.seam.is_measured_limit
-    return PressureWindow(
-        loose=_need("loosely", loose, allowed_kpa),
-        tight=_need("tightly", tight, allowed_kpa),
-        working_kpa=design.build.pressure_kpa,
-        levels=levels,
-        safety_factor=factor,
-        standing=Standing.MEASURED if measured else Standing.ASSUMED,
-    )
-
-
-def burst_basis(profile: LaserProfile) -> str:
-    """Return the basis of burst pressures and strains, as text."""
-    film = profile.material
-    return (
-        f"from one test: {film.seam.words()}; strain "
-        f"with a modulus of {film.modulus_mpa.value:g} MPa ({film.modulus_mpa.standing})"
-    )
-
-
-def _need(storage: str, needed_kpa: Floats, allowed_kpa: float) -> Need:
-    known = needed_kpa[np.isfinite(needed_kpa)]
-    p05, median, p95 = (float(value) for value in np.percentile(known, [5.0, 50.0, 95.0]))
-    return Need(
-        storage=storage,
-        p05_kpa=p05,
-        median_kpa=median,
-        p95_kpa=p95,
-        greatest_kpa=float(known.max()),
-        enough_percent=100.0 * float((known <= allowed_kpa).mean()),
-    )
-
-
-def _levels(design: Design, profile: LaserProfile, factor: float) -> tuple[LevelPressure, ...]:
     film, build = profile.material, design.build
     stands_n_mm = seam_load_n_mm(film.seam)
     parts = [
@@ -181,7 +138,44 @@ def _levels(design: Design, profile: LaserProfile, factor: float) -> tuple[Level
                 strain_percent=100.0 * strain,
             )
         )
-    return tuple(found)
+    allowed_kpa = min(level.allowed_kpa for level in found)
+    loose, tight = (
+        np.concatenate([outcomes.values[measure.key] for outcomes in families])
+        for measure in (LOOSE_PRESSURE, TIGHT_PRESSURE)
+    )
+    if not np.isfinite(loose).any():
+        return None
+    measured = film.seam.is_measured_limit
+    return PressureWindow(
+        loose=_need("loosely", loose, allowed_kpa),
+        tight=_need("tightly", tight, allowed_kpa),
+        working_kpa=design.build.pressure_kpa,
+        levels=tuple(found),
+        safety_factor=factor,
+        standing=Standing.MEASURED if measured else Standing.ASSUMED,
+    )
+
+
+def burst_basis(profile: LaserProfile) -> str:
+    """Return the basis of burst pressures and strains, as text."""
+    film = profile.material
+    return (
+        f"from one test: {film.seam.words()}; strain "
+        f"with a modulus of {film.modulus_mpa.value:g} MPa ({film.modulus_mpa.standing})"
+    )
+
+
+def _need(storage: str, needed_kpa: Floats, allowed_kpa: float) -> Need:
+    known = needed_kpa[np.isfinite(needed_kpa)]
+    p05, median, p95 = (float(value) for value in np.percentile(known, [5.0, 50.0, 95.0]))
+    return Need(
+        storage=storage,
+        p05_kpa=p05,
+        median_kpa=median,
+        p95_kpa=p95,
+        greatest_kpa=float(known.max()),
+        enough_percent=100.0 * float((known <= allowed_kpa).mean()),
+    )
 
 
 def window_blocks(window: PressureWindow, basis: str) -> Iterator[Data | Section]:

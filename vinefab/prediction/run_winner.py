@@ -434,7 +434,10 @@ def write_run_page(folder: Path, run: EndedRun, *, force: bool = False) -> Path:
 
 def run_blocks(run: EndedRun) -> Iterator[Block]:
     """Yield the page of a run that has ended, the answer and a picture first."""
-    checked = _checked(run)
+    try:
+        checked: CheckReport | str = check_design(run.design, run.profile())
+    except VinefabError as error:
+        checked = str(error)
     training, unseen = run.families()
     elsewhere = run.grown(unseen)
     pictures, sections = _shown(run, training, unseen, elsewhere)
@@ -447,14 +450,30 @@ def run_blocks(run: EndedRun) -> Iterator[Block]:
         yield _cost_picture(run.result.prediction)
     above = {id(one) for one in (*answers, *lead)}
     yield from (one for one in view if id(one) not in above)
-    chosen = Fact("winner chosen", f"among the finalists by fitness {_chosen_by(run.settings)}")
+    by = "on these poses"
+    if run.settings.evaluation.finalists_by == "contact_range":
+        by = "over the range of contacts"
+    elif chooses_on_fresh_maps(run.settings):
+        by = f"on {FRESH_MAPS} other maps that the search did not see"
+    chosen = Fact("winner chosen", f"among the finalists by fitness {by}")
     yield Facts((*run_facts(run.settings), chosen))
     yield _sheet_section(run, checked)
     yield from sections
-    yield from _width_sections(run)
+    if run.result.prediction:
+        yield _width_section(run.result.prediction)
     yield _limit_section(run, checked, unseen.label, elsewhere)
     yield _found_section(run)
-    yield _files_section(run)
+    rows = (
+        ("best.toml", "the winner: vinefab grow, score, check, report and fabricate take it"),
+        ("run.sqlite", "the record: every generation, maps, settings; vinefab runs reads it"),
+        (f"{PICTURES}/", "the pictures of this page"),
+    )
+    yield Section(
+        title="Files and time",
+        paragraphs=(f"The last session: {run.result.times.summary}.",),
+        tables=(Rows(caption="In this folder", headings=("file", "what"), rows=rows),),
+        folded=True,
+    )
 
 
 def _cost_picture(found: Mapping[str, Any]) -> Picture:
@@ -480,15 +499,6 @@ def _cost_picture(found: Mapping[str, Any]) -> Picture:
     )
 
 
-def _chosen_by(settings: RunSettings) -> str:
-    """Return where the fitness of finalists comes from, as a phrase."""
-    if settings.evaluation.finalists_by == "contact_range":
-        return "over the range of contacts"
-    if chooses_on_fresh_maps(settings):
-        return f"on {FRESH_MAPS} other maps that the search did not see"
-    return "on these poses"
-
-
 def _shown(
     run: EndedRun,
     training: PreparedFamily,
@@ -499,9 +509,18 @@ def _shown(
     kept = min(len(training.maps), MOST_TRAINING_SHOWN)
     grown = run.grown(training)
     places = unseen.launches().terrain.tolist()
+    typical = [(0, "unseen_1", "the first pose")]
+    scores = run.result.prediction.get("unseen", {}).get("scores", [])
+    if len(scores) == (count := len(places)):
+        order = np.argsort(scores, kind="stable").tolist()
+        chosen = {order[0]: "worst", order[len(order) // 2]: "median", order[-1]: "best"}
+        typical = [
+            (index, f"unseen_{name}", f"{name} of {count}, {scores[index]:.3f}")
+            for index, name in chosen.items()
+        ]
     pictures = tuple(
         _drawn(run, name, unseen.maps[places[index]].world, elsewhere[index], words)
-        for index, name, words in _typical(run, len(places))
+        for index, name, words in typical
     )
     on_training = tuple(
         _drawn(run, f"training_{index + 1}", training.maps[index].world, grown[index], "its start")
@@ -514,19 +533,6 @@ def _shown(
         Section(title="The winner on its training maps", pictures=on_training, folded=True),
         Section(title=f"How branches end on {where}", tables=(ended,), folded=True),
     )
-
-
-def _typical(run: EndedRun, count: int) -> list[tuple[int, str, str]]:
-    """Return number, name and words of the unseen deployments to draw: worst, median, best."""
-    scores = run.result.prediction.get("unseen", {}).get("scores", [])
-    if len(scores) != count:
-        return [(0, "unseen_1", "the first pose")]
-    order = np.argsort(scores, kind="stable").tolist()
-    chosen = {order[0]: "worst", order[len(order) // 2]: "median", order[-1]: "best"}
-    return [
-        (index, f"unseen_{name}", f"{name} of {count}, {scores[index]:.3f}")
-        for index, name in chosen.items()
-    ]
 
 
 def _drawn(run: EndedRun, name: str, world: Map, deployment: Deployment, words: str) -> Picture:
@@ -544,11 +550,8 @@ _KNOWN = {
 }
 
 
-def _width_sections(run: EndedRun) -> tuple[Section, ...]:
-    """Return how wide the prediction is; nothing where nothing was predicted."""
-    found = run.result.prediction
-    if not found:
-        return ()
+def _width_section(found: Mapping[str, Any]) -> Section:
+    """Return how wide a prediction is."""
     standing = angles_standing(found)
     signed = partial(Number, form="+.3f")
     placed = Rows(
@@ -574,18 +577,9 @@ def _width_sections(run: EndedRun) -> tuple[Section, ...]:
         "base to its left, positive positions move it to its left; places without room for the "
         "trunk are left out."
     )
-    section = Section(
+    return Section(
         title="How wide the score is", paragraphs=(words,), tables=(placed,), folded=True
     )
-    return (section,)
-
-
-def _checked(run: EndedRun) -> CheckReport | str:
-    """Return the report of all rules on the winner, or why there is none."""
-    try:
-        return check_design(run.design, run.profile())
-    except VinefabError as error:
-        return str(error)
 
 
 def _sheet_section(run: EndedRun, checked: CheckReport | str) -> Section:
@@ -730,19 +724,3 @@ def _found_section(run: EndedRun) -> Section:
         )
     paragraphs = (*section.paragraphs, *words)
     return replace(section, paragraphs=paragraphs, pictures=pictures, folded=True)
-
-
-def _files_section(run: EndedRun) -> Section:
-    """Return the files next to the page, and the use of the time."""
-    rows = (
-        ("best.toml", "the winner: vinefab grow, score, check, report and fabricate take it"),
-        ("run.sqlite", "the record: every generation, maps, settings; vinefab runs reads it"),
-        (f"{PICTURES}/", "the pictures of this page"),
-    )
-    table = Rows(caption="In this folder", headings=("file", "what"), rows=rows)
-    return Section(
-        title="Files and time",
-        paragraphs=(f"The last session: {run.result.times.summary}.",),
-        tables=(table,),
-        folded=True,
-    )

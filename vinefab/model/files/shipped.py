@@ -169,10 +169,27 @@ def read_bytes(path: Path, most_bytes: int = 1 << 30) -> bytes:
 
 def read_text(path: Path, most_bytes: int = 1 << 30) -> str:
     """Return the content of a UTF-8 text file; errors as in `read_bytes`."""
+    data = read_bytes(path, most_bytes)
     try:
-        return read_bytes(path, most_bytes).decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise UnreadableFileError(path, f"is not UTF-8 text (byte {error.start})") from error
+        problem = f"is not UTF-8 text (byte {error.start})"
+        for kind, begin in _PICTURES.items():
+            if data.startswith(begin):
+                problem = (
+                    f"is a {kind} picture; vinefab map import makes a map of one, vinefab observe "
+                    "reads a photo of a grown robot"
+                )
+        raise UnreadableFileError(path, problem) from error
+
+
+_PICTURES: dict[str, tuple[bytes, ...]] = {
+    "PNG": (b"\x89PNG",),
+    "JPEG": (b"\xff\xd8\xff",),
+    "GIF": (b"GIF8",),
+    "TIFF": (b"II*\0", b"MM\0*"),
+}
+"""How files of pictures begin: a photo is easily given where a design or a map is asked for."""
 
 
 _LONGEST_PATH = 1024

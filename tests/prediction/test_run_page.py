@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from vinefab.core.atomic import is_ours
+from vinefab.core.errors import VinefabError
 from vinefab.core.view import Section
 from vinefab.fabrication.pieces.partition import pieces_of
 from vinefab.inflation.pattern import pattern_of
@@ -111,7 +112,11 @@ def test_a_winner_in_pieces_says_how_many(tmp_path: Path, monkeypatch: pytest.Mo
     assert f"cut in: {words} (computed)" in result.summary
     # The rest of the page is tried elsewhere, and takes long.
     monkeypatch.setattr(run_winner, "_shown", lambda *_: ((), ()))
-    monkeypatch.setattr(run_winner, "_checked", lambda _: "in a test")
+
+    def refused(*_: object) -> None:
+        raise VinefabError("in a test")
+
+    monkeypatch.setattr(run_winner, "check_design", refused)
     again = write_run_page(tmp_path, EndedRun.read(tmp_path))
     assert words in again.read_text()
 

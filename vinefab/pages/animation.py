@@ -326,7 +326,7 @@ def _bodies(frames: Sequence[DeploymentFrame], scene: Scene, clock: _Clock) -> l
     for level in reversed(scene.levels):
         shapes: list[tuple[str, str]] = []
         for number, frame in enumerate(frames):
-            # What came to rest in this frame, and what still grows.
+            # Chains that came to rest in this frame, and those that still grow.
             deployment, live = frame.deployment, is_live(frame)
             still, moving = list[Floats](), list[Floats]()
             for branch in np.flatnonzero((deployment.tree.level == level) & deployment.deployed):

@@ -113,24 +113,12 @@ def checked_design(
 
     A large design has no job where anything else forbids cutting it.
     """
-    if design.branch_count > MANY_BRANCHES:
-        flat = replace(_flat_subject(design, profile, deployed), profile=profile)
-        return _check_in_steps(replace(flat, corridors=corridors, rig=rig), profile, limits)
-    subject = subject_of(design, profile, deployed, limits)
-    subject = replace(subject, corridors=corridors, rig=rig)
-    return subject, run_checks(subject, limits)
-
-
-def _check_in_steps(
-    flat: Subject, profile: LaserProfile, limits: LimitChanges | None
-) -> tuple[Subject, CheckReport]:
-    """Return the report of a large design, whose paths are made only if nothing else blocks it.
-
-    Parameters
-    ----------
-    flat
-        The design without the paths of the laser.
-    """
+    if design.branch_count <= MANY_BRANCHES:
+        subject = subject_of(design, profile, deployed, limits)
+        subject = replace(subject, corridors=corridors, rig=rig)
+        return subject, run_checks(subject, limits)
+    flat = _flat_subject(design, profile, deployed)
+    flat = replace(flat, profile=profile, corridors=corridors, rig=rig)
     report = run_checks(flat, limits, only=FLAT_RULES)
     others = [
         rule

@@ -24,7 +24,7 @@ from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, RecipeStatus
-from vinefab.model.outline import Contour, Part
+from vinefab.model.outline import Contour
 from vinefab.pages.panel import (
     INK,
     SOFT,
@@ -520,25 +520,16 @@ def _markers(job: Job, chosen: Sequence[Finding]) -> Iterator[tuple[str, Contour
         for points in marker_lines(finding.marker_wkt):
             yield label, Contour.polyline(placed.on_sheet(points), closed=False)
         at = placed.on_sheet(np.array([[finding.x_mm, finding.y_mm]]))[0]
-        yield label, _sign(at, finding.severity)
+        corners = _CORNERS[finding.severity]
+        angles = np.pi / 2 + np.arange(corners or 2) * 2.0 * np.pi / (corners or 2)
+        around = np.column_stack([np.cos(angles), np.sin(angles)])
+        sign = Contour.polyline(at + _SIGN_MM * around, closed=True)
+        yield label, sign if corners else replace(sign, bulges=np.ones(2))
         corner, leader, box = _free_place(at, label, taken)
         taken.append(box)
         yield label, Contour.polyline(leader, closed=False)
         for stroke in lettered(label, corner, _TEXT_MM):
             yield label, stroke
-
-
-def _sign(at: Floats, severity: Severity) -> Contour:
-    corners = _CORNERS[severity]
-    if not corners:
-        ends = at + np.array([[_SIGN_MM, 0.0], [-_SIGN_MM, 0.0]])
-        parts, branches = (Part.OTHER,) * 2, ("",) * 2
-        return Contour(
-            points_mm=ends, bulges=np.ones(2), parts=parts, branches=branches, closed=True
-        )
-    angles = np.pi / 2 + np.arange(corners) * 2.0 * np.pi / corners
-    around = np.column_stack([np.cos(angles), np.sin(angles)])
-    return Contour.polyline(at + _SIGN_MM * around, closed=True)
 
 
 def _free_place(

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats
@@ -18,9 +17,7 @@ from vinefab.fabrication.job.passes import piece_ends
 from vinefab.fabrication.outline.body_outline import FlatLayout, body_outline
 from vinefab.model.design import Design
 from vinefab.model.outline import Contour
-from vinefab.model.tree import Partition, Sleeve
-
-Shapes = NDArray[np.object_]
+from vinefab.model.tree import Partition
 
 _DIRECTIONS = 24
 _FLATTEN_SHARE = 5e-4
@@ -60,42 +57,31 @@ def exploded_view(
     lead_mm
         Least distance from a stub's rim to that of the outer piece; pieces are a fifth of it apart.
     """
-    rings = {label: _ring(contour) for label, contour in outlines.items()}
+    rings = dict[str, Floats]()  # coarsely; of an outline that crosses itself its hull
+    for label, contour in outlines.items():
+        x0, y0, x1, y1 = contour.box_mm
+        tolerance = _FLATTEN_SHARE * max(x1 - x0, y1 - y0, 1e-3)
+        points = contour.flattened_mm(tolerance)
+        shape: BaseGeometry = shapely.simplify(shapely.Polygon(points), tolerance)
+        if not shape.is_valid or shape.is_empty:
+            shape = shapely.MultiPoint(points).convex_hull
+        rings[label] = shapely.get_coordinates(shapely.get_exterior_ring(shape))
     first = partition.pieces[0].label
     stubs, bases = {}, {}
     page = _Page(lead_mm)
     moves = {first: np.zeros(2)}
     page.put(rings[first])
     for sleeve in partition.sleeves:
-        ends = sleeve.stub_to_mm, sleeve.outer_from_mm
-        stub, home = (_on_axis(layout, sleeve, mm) for mm in ends)
+        heading, start = float(layout.heading_rad[sleeve.branch]), layout.start_mm[sleeve.branch]
+        along = np.array([np.cos(heading), np.sin(heading)])
+        stub, home = start + sleeve.stub_to_mm * along, start + sleeve.outer_from_mm * along
         stubs[sleeve.label] = stub + moves[sleeve.inner]
-        heading = float(layout.heading_rad[sleeve.branch])
         place = page.place(rings[sleeve.label] - home, stubs[sleeve.label], heading)
         moves[sleeve.label] = place - home
         bases[sleeve.label] = place
         page.put(rings[sleeve.label] - home + place)
         page.draw(stubs[sleeve.label], place)
     return ExplodedView(moves_mm=moves, stubs_mm=stubs, bases_mm=bases)
-
-
-def _on_axis(layout: FlatLayout, sleeve: Sleeve, along_mm: float) -> Floats:
-    """Return a point on the branch of a joint."""
-    heading = layout.heading_rad[sleeve.branch]
-    along = np.array([np.cos(heading), np.sin(heading)])
-    return np.asarray(layout.start_mm[sleeve.branch] + along_mm * along)
-
-
-def _ring(contour: Contour) -> Floats:
-    """Return the outline of a piece, coarsely; of one that crosses itself the hull."""
-    x0, y0, x1, y1 = contour.box_mm
-    tolerance = _FLATTEN_SHARE * max(x1 - x0, y1 - y0, 1e-3)
-    shape: BaseGeometry = shapely.simplify(
-        shapely.Polygon(contour.flattened_mm(tolerance)), tolerance
-    )
-    if not shape.is_valid or shape.is_empty:
-        shape = shapely.MultiPoint(contour.flattened_mm(tolerance)).convex_hull
-    return shapely.get_coordinates(shapely.get_exterior_ring(shape))
 
 
 class _Page:
@@ -143,7 +129,16 @@ class _Page:
             cost[shapely.dwithin(piece, shapes, 0.2 * self.lead_mm)] = np.inf
         free = np.flatnonzero(np.isfinite(cost))
         if len(free):
-            crossed = self._crossed(shapes[free], stub_mm, spots[free])
+            # The pieces and lines that each shape's line, or the shape, crosses. The ends of a line
+            # lie on the rims of its two pieces.
+            away = spots[free] - stub_mm
+            ends = np.stack([stub_mm + 0.05 * away, stub_mm + 0.95 * away], axis=1)
+            lines = shapely.linestrings(ends)
+            crossed = 1.0 * shapely.intersects(shapes[free], lines)
+            for other in (*self.pieces, *self.lines):
+                crossed += shapely.intersects(other, lines)
+            for line in self.lines:
+                crossed += shapely.intersects(line, shapes[free])
             cost[free] += _CROSSING_COST * self.lead_mm * crossed
             around = shapely.total_bounds(np.array(self.pieces))
             boxes = shapely.bounds(shapes[free])
@@ -152,17 +147,3 @@ class _Page:
             growth = (high - low - (around[2:] - around[:2])).sum(axis=1)
             cost[free] += _GROWTH_COST * growth
         return cost
-
-    def _crossed(self, shapes: Shapes, stub_mm: Floats, spots: Floats) -> Floats:
-        """Return the number of pieces and lines that each shape's line, or the shape, crosses."""
-        # The ends of a line lie on the rims of its two pieces.
-        away = spots - stub_mm
-        lines = shapely.linestrings(
-            np.stack([stub_mm + 0.05 * away, stub_mm + 0.95 * away], axis=1)
-        )
-        crossed = 1.0 * shapely.intersects(shapes, lines)
-        for other in (*self.pieces, *self.lines):
-            crossed += shapely.intersects(other, lines)
-        for line in self.lines:
-            crossed += shapely.intersects(line, shapes)
-        return np.asarray(crossed)

@@ -765,11 +765,9 @@ def _kind_on(piece: Piece, row: int) -> BodyKind:
 
 def _on_piece(subject: Subject, bodies: Bodies, piece: Piece, ends: PieceEnds) -> Subject:
     """Return a piece as what the rules check: its capsules and its outline."""
-    kind, branch = bodies.kind, bodies.capsules.branch
-    full = [row for row in piece.branches if row != piece.root or not row]
-    chosen = (kind == BodyKind.WHOLE) & np.isin(branch, full)
-    chosen |= (kind == BodyKind.STUB) & np.isin(branch, piece.stubs)
-    chosen |= (kind == BodyKind.OUTER) & (branch == piece.root)
+    lies = {row: _kind_on(piece, row) for row in (*piece.branches, *piece.stubs)}
+    every = zip(bodies.capsules.branch.tolist(), bodies.kind.tolist(), strict=True)
+    chosen = np.array([lies.get(branch) == kind for branch, kind in every])
     return replace(
         subject,
         capsules=bodies.of(chosen),

@@ -49,8 +49,14 @@ def _excess_widths_mm(
     sides: dict[tuple[int, bool], tuple[float, float]] = {}
     contours = [path.contour for path in runs]
     back = _back_to_flat(subject, contours)
+    collar, from_mm = subject.design.build.collar, -math.inf
+    if collar is not None:  # its sides are as wide as its clamp
+        from_mm = collar.reach_mm - _NEAR_MM - subject.layout.tail_mm
     for segment in (one for run in contours for one in run.moved(*back).segments):
-        if not _is_side(subject, segment):
+        is_tail, starts_mm = segment.part is Part.TAIL, (segment.start_mm[0], segment.end_mm[0])
+        if segment.bulge or not segment.branch or not (is_tail or segment.part is Part.SIDE):
+            continue
+        if is_tail and min(starts_mm) <= from_mm:
             continue
         row = rows[segment.branch]
         left, beyond = _beyond_mm(subject, row, segment, offset_mm)
@@ -59,18 +65,6 @@ def _excess_widths_mm(
             sides[row, left] = length, beyond
     both = sorted(row for row, left in sides if left and (row, False) in sides)
     return {row: sides[row, True][1] + sides[row, False][1] for row in both}
-
-
-def _is_side(subject: Subject, segment: Segment) -> bool:
-    """Whether a segment is a straight side of a branch; a collar's are as wide as its clamp."""
-    if segment.part not in (Part.SIDE, Part.TAIL) or segment.bulge or not segment.branch:
-        return False
-    collar = subject.design.build.collar
-    if segment.part is Part.SIDE or collar is None:
-        return True
-    return min(segment.start_mm[0], segment.end_mm[0]) > collar.reach_mm - _NEAR_MM - (
-        subject.layout.tail_mm
-    )
 
 
 def _back_to_flat(subject: Subject, runs: Sequence[Contour]) -> tuple[float, float, float]:
@@ -377,10 +371,11 @@ def check_corridors(subject: RigSubject, limits: Limits) -> RuleApplied:
         if least is None or broken is None:
             continue
         every = "all" if len(narrow) == len(usable) else f"{len(narrow)}"
-        in_mm = replace(broken, measured=least.width_mm, limit=broken.limit * diameter_mm)
         violations.append(
             replace(
-                in_mm,
+                broken,
+                measured=least.width_mm,
+                limit=broken.limit * diameter_mm,
                 message=f"level {level} inflates to {diameter_mm:.1f} mm: {every} of the "
                 f"{len(usable)} narrowest corridors of {place.name} are narrower, the least at "
                 f"({least.x_mm:.1f}, {least.y_mm:.1f}) mm: narrow the tubes, or scale up the map",
@@ -400,15 +395,17 @@ def check_height(subject: RigSubject, limits: Limits) -> RuleApplied:
     design = needed(subject.design, f"needs a design (--design), {why}")
     diameter_mm = inflated_diameter_mm(design.build.widths_mm[0])
     broken = limits.least(rig.height_mm / diameter_mm)
-    if not broken:
-        return RuleApplied(checked=1)
-    in_mm = replace(broken, measured=rig.height_mm, limit=broken.limit * diameter_mm)
-    violation = replace(
-        in_mm,
-        message=f"a trunk that inflates to {diameter_mm:.1f} mm climbs over them: make them higher "
-        "(--height-mm)",
+    message = f"a trunk that inflates to {diameter_mm:.1f} mm climbs over them: make them higher "
+    message += "(--height-mm)"
+    return RuleApplied.of_one(
+        broken
+        and replace(
+            broken,
+            message=message,
+            measured=rig.height_mm,
+            limit=broken.limit * diameter_mm,
+        )
     )
-    return RuleApplied(checked=1, violations=(violation,))
 
 
 RIG_SOLIDS = Rule(

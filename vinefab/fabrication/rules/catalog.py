@@ -28,7 +28,6 @@ from vinefab.fabrication.rules.rule import (
     RuleApplied,
     RuleNotApplicable,
     Subject,
-    Violation,
 )
 from vinefab.model.design import Design, Waiver
 from vinefab.model.finding import ChangedLimit, CheckReport, Finding, RuleRun, RuleSkipped
@@ -338,7 +337,28 @@ def _report(
                     title=rule.title,
                 )
             )
-            findings.extend(_finding(rule, one, reasons) for one in outcome.violations)
+            for violation in outcome.violations:
+                x_mm, y_mm = violation.at_mm or (None, None)
+                # Without the measured value: a waiver must survive changes elsewhere in the design.
+                known_as = fingerprint(rule.id, violation.aspect, *violation.branches)
+                findings.append(
+                    Finding(
+                        rule=rule.id,
+                        severity=violation.severity,
+                        message=violation.message,
+                        measured=violation.measured,
+                        limit=violation.limit,
+                        unit=rule.unit,
+                        branches=violation.branches,
+                        x_mm=x_mm,
+                        y_mm=y_mm,
+                        marker_wkt=violation.marker,
+                        fingerprint=known_as,
+                        title=violation.title or rule.broken,
+                        waived=known_as in reasons,
+                        reason=reasons.get(known_as, ""),
+                    )
+                )
         else:
             skipped.append(RuleSkipped(rule=rule.id, reason=outcome.reason))
     return CheckReport(
@@ -347,29 +367,6 @@ def _report(
         run=tuple(run),
         skipped=tuple(skipped),
         findings=tuple(findings),
-    )
-
-
-def _finding(rule: Rule, violation: Violation, waived: Mapping[str, str]) -> Finding:
-    """Return a violation as a finding; ``waived`` are the reasons of waivers by fingerprint."""
-    x_mm, y_mm = violation.at_mm if violation.at_mm else (None, None)
-    # Without the measured value: a waiver must survive changes elsewhere in the design.
-    name = fingerprint(rule.id, violation.aspect, *violation.branches)
-    return Finding(
-        rule=rule.id,
-        severity=violation.severity,
-        message=violation.message,
-        measured=violation.measured,
-        limit=violation.limit,
-        unit=rule.unit,
-        branches=violation.branches,
-        x_mm=x_mm,
-        y_mm=y_mm,
-        marker_wkt=violation.marker,
-        fingerprint=name,
-        title=violation.title or rule.broken,
-        waived=name in waived,
-        reason=waived.get(name, ""),
     )
 
 

@@ -221,11 +221,6 @@ def _is_guide(path: LaserPath) -> bool:
     return path.label.startswith(GUIDE)
 
 
-def _goes(path: LaserPath) -> bool:
-    """Whether a path may burn more than its recipe says: it frees a hole or goes with the cut."""
-    return path.label == PIN_HOLE or _is_guide(path)
-
-
 def _without_pins(job: Job, profile: LaserProfile) -> Iterator[Violation]:
     """Yield a violation for every sheet that is sealed by hand and cannot be put back."""
     for number, sheet in enumerate(() if job.tiles else job.runs, start=1):
@@ -320,10 +315,16 @@ def check_order(subject: Subject, _: Limits) -> RuleApplied:
             violations.append(
                 Violation(message=message, aspect=f"{before.operation} {after.operation}")
             )
-    rings = [(place, path) for place, path in enumerate(paths) if frees(path)]
-    for place, before in rings:
+    for place, before in enumerate(paths):
+        around = before.contour.flattened_mm() if frees(before) else np.empty((0, 2))
+        if len(around) < 3:
+            continue
+        area = shapely.Polygon(around)
         for after in paths[place + 1 :]:
-            if before.operation is after.operation and _holds(before, after):
+            if before.operation is not after.operation:
+                continue
+            x, y = after.contour.flattened_mm().T
+            if shapely.contains_xy(area, x, y).all():
                 message = (
                     f"{before.label!r} frees the sheet before {after.label!r} inside it is cut: "
                     "cut what lies inside first"
@@ -356,14 +357,6 @@ class _Body:
         first = np.cumsum([0, *map(len, lines_mm[:-1])])
         reaches: NDArray[np.bool_] = np.logical_or.reduceat(inside, first)
         return np.where(reaches, 0.0, shapely.distance(self.edge, shapes))
-
-
-def _holds(outer: LaserPath, inner: LaserPath) -> bool:
-    """Whether a path lies inside another one, which is closed if it is open."""
-    points, around = inner.contour.flattened_mm(), outer.contour.flattened_mm()
-    if len(around) < 3:
-        return False
-    return bool(shapely.contains_xy(shapely.Polygon(around), points[:, 0], points[:, 1]).all())
 
 
 def _line(path: LaserPath) -> shapely.LineString:
@@ -416,13 +409,11 @@ def check_ply(subject: Subject, limits: Limits) -> RuleApplied:
     broken = limits.most(material.ply_mm.value)
     if material.weldable and not broken:
         return RuleApplied(checked=1)
-    violation = Violation(
-        message=f"{material.title} does not weld with a laser: use a thinner film, or a recipe "
-        "with a [sealer] (vinefab profiles)",
-        measured=material.ply_mm.value,
-        limit=limits["error"],
+    message = f"{material.title} does not weld with a laser: use a thinner film, or a recipe "
+    message += "with a [sealer] (vinefab profiles)"
+    return RuleApplied.of_one(
+        Violation(message=message, measured=material.ply_mm.value, limit=limits["error"])
     )
-    return RuleApplied(checked=1, violations=(violation,))
 
 
 def check_machine(subject: Subject, _: Limits) -> RuleApplied:
@@ -436,7 +427,12 @@ def check_machine(subject: Subject, _: Limits) -> RuleApplied:
         if speed > top:
             message = f"{operation} is faster than the machine runs: set its speed to {top:g} mm/s"
             violations.append(_warning(message, f"speed {operation}", speed, top))
-        paths = [path for path in job.along(Operation(operation)) if not _goes(path)]
+        # What frees a hole, or goes with the cut, may burn more than its recipe says.
+        paths = [
+            path
+            for path in job.along(Operation(operation))
+            if path.label != PIN_HOLE and not _is_guide(path)
+        ]
         radius_mm = min(
             (s.radius_mm for path in paths for s in path.contour.segments), default=math.inf
         )

@@ -62,7 +62,7 @@ def check_burst(subject: Subject, limits: Limits) -> RuleApplied:
         f"({material.seam.words()}): lower the pressure or narrow the widest part"
         f"{_or_test(material)}"
     )
-    return _applied(subject, branch, message, broken)
+    return RuleApplied.of_one(broken and broken.on(subject, [branch], message))
 
 
 def check_rating(subject: Subject, _: Limits) -> RuleApplied:
@@ -75,7 +75,7 @@ def check_rating(subject: Subject, _: Limits) -> RuleApplied:
         f"no seam of this film is known to hold so much: {material.seam.words()}: lower the "
         f"pressure{_or_test(material)}"
     )
-    return _applied(subject, 0, message, broken)
+    return RuleApplied.of_one(broken and broken.on(subject, [0], message))
 
 
 def check_strain(subject: Subject, limits: Limits) -> RuleApplied:
@@ -88,7 +88,8 @@ def check_strain(subject: Subject, limits: Limits) -> RuleApplied:
         f"tubes {width_mm:.1f} mm wide, lay-flat, balloon ({film.modulus_mpa.standing} modulus): "
         "lower the pressure, or narrow them"
     )
-    return _applied(subject, branch, message, limits.most(100.0 * strain))
+    broken = limits.most(100.0 * strain)
+    return RuleApplied.of_one(broken and broken.on(subject, [branch], message))
 
 
 def safe_pressure_kpa(width_mm: float, material: Material, limits: Limits) -> float:
@@ -113,11 +114,6 @@ def widest(subject: Subject) -> tuple[float, int]:
 
 def _or_test(material: Material) -> str:
     return "" if material.seam.is_measured_limit else ", or burst a balloon to know the limit"
-
-
-def _applied(subject: Subject, branch: int, message: str, broken: Violation | None) -> RuleApplied:
-    found = (broken.on(subject, [branch], message),) if broken else ()
-    return RuleApplied(checked=1, violations=found)
 
 
 BURST = Rule(

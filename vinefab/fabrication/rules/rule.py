@@ -301,6 +301,11 @@ class RuleApplied:
     # was checked; also facts without a finding, such as a robot that is cut in tiles.
     note: str = ""
 
+    @classmethod
+    def of_one(cls, violation: Violation | None) -> "RuleApplied":
+        """Return the outcome of a check of one thing, with the violation if it has one."""
+        return cls(checked=1, violations=() if violation is None else (violation,))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RuleNotApplicable:

@@ -70,42 +70,43 @@ def check_outline_polygon(subject: Subject, _: Limits) -> RuleApplied:
     reason = shapely.is_valid_reason(body)
     found = _AT.search(reason)
     if not found:
-        violation = Violation(message=f"the outline is not a polygon: {reason}")
-        return RuleApplied(checked=1, violations=(violation,))
+        return RuleApplied.of_one(Violation(message=f"the outline is not a polygon: {reason}"))
     at = float(found[1]), float(found[2])
     # Named are the (up to) two branches nearest to the place.
     capsules = subject.capsules
     lines = shapely.linestrings(np.stack([capsules.start_mm, capsules.end_mm], axis=1))
     far = shapely.distance(lines, shapely.Point(at)) - capsules.most_half_mm
     near = capsules.branch[np.argsort(far, kind="stable")]
-    violation = Violation(
-        message="the outline crosses itself here, and a flat sheet cannot: widen the angle, or "
-        "shorten or narrow the branches",
-        branches=subject.ids(*sorted(list(dict.fromkeys(near.tolist()))[:2])),
-        at_mm=at,
-        marker=mark_point(at),
+    return RuleApplied.of_one(
+        Violation(
+            message="the outline crosses itself here, and a flat sheet cannot: widen the angle, or "
+            "shorten or narrow the branches",
+            branches=subject.ids(*sorted(list(dict.fromkeys(near.tolist()))[:2])),
+            at_mm=at,
+            marker=mark_point(at),
+        )
     )
-    return RuleApplied(checked=1, violations=(violation,))
 
 
 def check_mouth(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-T04: the outline is open at one place, the mouth, and wide enough there."""
     contour = subject.outline.contour
     first, last = contour.points_mm[0].tolist(), contour.points_mm[-1].tolist()
-    violations: tuple[Violation, ...] = ()
     if contour.closed:
-        message = "the outline is closed: leave a mouth to inflate it by"
-        violations = (Violation(message=message),)
-    elif broken := limits.least(math.dist(first, last)):
-        wider = replace(
+        return RuleApplied.of_one(
+            Violation(message="the outline is closed: leave a mouth to inflate it by")
+        )
+    broken = limits.least(math.dist(first, last))
+    return RuleApplied.of_one(
+        broken
+        and replace(
             broken,
             message="the mouth does not open over the base: widen the trunk",
             branches=subject.ids(0),
             at_mm=((first[0] + last[0]) / 2.0, (first[1] + last[1]) / 2.0),
             marker=mark_line(tuple(first), tuple(last)),
         )
-        violations = (wider,)
-    return RuleApplied(checked=1, violations=violations)
+    )
 
 
 TREE = Rule(
@@ -203,13 +204,11 @@ def check_reach(subject: Subject, limits: Limits) -> RuleApplied:
         path_mm[row] += path_mm[tree.parent[row]]
     far = int(path_mm.argmax())
     longest_mm = float(path_mm[far])
-    broken = limits.least(longest_mm, "short") or limits.most(longest_mm, "long")
-    if not broken:
-        return RuleApplied(checked=1)
-    than = "shorter" if limits.least(longest_mm, "short") else "longer"
+    short = limits.least(longest_mm, "short")
+    broken = short or limits.most(longest_mm, "long")
+    than = "shorter" if short else "longer"
     message = f"robots with {than} paths are untested: change the lengths or the scale"
-    violation = broken.on(subject, [far], message, at=1.0)
-    return RuleApplied(checked=1, violations=(violation,))
+    return RuleApplied.of_one(broken and broken.on(subject, [far], message, at=1.0))
 
 
 TAIL = Rule(

@@ -26,9 +26,6 @@ def test_every_letter_and_digit_has_strokes_of_its_own_inside_its_cell():
             assert np.hypot(*np.diff(stroke, axis=0).T).min() >= 1.0
         seen.add(tuple(map(bytes, strokes)))
     assert len(seen) == 26 + 10 + 7
-
-
-def test_text_is_as_wide_as_its_letters():
     points = np.concatenate(text_strokes_mm("HxH", 3.0))
     assert points.max(axis=0) == pytest.approx([text_width_mm("HXH", 3.0), 3.0])
     assert text_strokes_mm("\u00e9 ", 3.0) == []
@@ -52,42 +49,33 @@ def bed_of(profile, width_mm, height_mm):
     return dataclasses.replace(profile, machine=machine)
 
 
+SHORT = {"trunk": 100.0, "tail": 60.0}
+WHAT = ("fold line", "label")
+FULL_BED = [f"room only for the number in the label of plan, part {n} of 2" for n in (1, 2)]
+
+
+@pytest.mark.parametrize(
+    ("name", "room_mm", "copies", "left_out"),
+    [
+        ("plan", (580.0, 380.0), 1, []),
+        ("caché", (580.0, 380.0), 1, ["no strokes for É in the label of caché"]),
+        # 63 mm hold outline and fold line; 10.5 mm more are too little for three lines.
+        ("plan", (190.0, 63.0), 1, ["no room for the label of plan"]),
+        ("plan", (190.0, 46.0), 1, [f"no room for the {what} of plan" for what in WHAT]),
+        ("plan", (190.0, 108.0), 2, FULL_BED),
+    ],
+)
+def test_marks_without_room_are_named(make_plan, marking, name, room_mm, copies, left_out):
+    vine = make_plan((40.0,), **SHORT).changed(name=name)
+    job = laser_job(vine, bed_of(marking, *room_mm), SheetOptions(copies=copies))
+    assert job.facts["fits_bed"] is True
+    missed = job.facts.get("marks_left_out", [])
+    assert [words for words in missed if copies == 1 or "label" in words] == left_out
+    assert bool(labels(job)) != ("no room for the label of plan" in left_out)
+
+
 def labels(job):
     return {path.label for path in job.paths if path.label.startswith("label")}
-
-
-def test_where_all_has_room_nothing_is_said(make_plan, marking):
-    job = laser_job(make_plan((40.0,)), marking)
-    assert labels(job) == {"label of plan"}
-    assert "marks_left_out" not in job.facts
-
-
-def test_a_label_without_room_is_named(make_plan, marking):
-    # 63 mm hold outline and fold line; beside that, 10.5 mm are too little for three lines.
-    job = laser_job(make_plan((40.0,), trunk=100.0, tail=60.0), bed_of(marking, 190.0, 63.0))
-    assert labels(job) == set()
-    assert job.facts["marks_left_out"] == ["no room for the label of plan"]
-
-
-def test_a_fold_line_without_room_is_named_too(make_plan, marking):
-    job = laser_job(make_plan((40.0,), trunk=100.0, tail=60.0), bed_of(marking, 190.0, 46.0))
-    assert job.facts["fits_bed"] is True
-    assert job.facts["marks_left_out"][0] == "no room for the fold line of plan"
-
-
-def test_robots_of_a_full_bed_are_named_by_their_numbers(make_plan, marking):
-    vine = make_plan((40.0,), trunk=100.0, tail=60.0)
-    job = laser_job(vine, bed_of(marking, 190.0, 108.0), SheetOptions(copies=2))
-    assert job.facts["robots_placed"] == 2
-    left_out = job.facts["marks_left_out"]
-    assert [words for words in left_out if "label" in words] == [
-        f"room only for the number in the label of plan, part {number} of 2" for number in (1, 2)
-    ]
-
-
-def test_letters_that_the_font_lacks_are_named(make_plan, marking):
-    job = laser_job(make_plan((40.0,)).changed(name="caché"), marking)
-    assert job.facts["marks_left_out"] == ["no strokes for É in the label of caché"]
 
 
 def test_a_letter_with_a_two_letter_capital_keeps_its_width(make_plan, marking):
@@ -103,7 +91,6 @@ def test_a_letter_with_a_two_letter_capital_keeps_its_width(make_plan, marking):
 
 NESTED = {
     "many plain": ((40.0,), (), 100.0, 60.0, 6),
-    "few plain": ((40.0,), (), 100.0, 60.0, 3),
     "narrow": ((16.0,), (), 140.0, 40.0, 8),
     "trees": ((40.0, 24.0), ((3, 90.0, 1.6),), 100.0, 60.0, 3),
     "thin trees": ((24.0, 14.0, 9.0), ((2, 80.0, 1.4), (2, 60.0, 1.2)), 80.0, 50.0, 3),

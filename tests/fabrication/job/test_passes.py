@@ -93,23 +93,16 @@ def test_cut_around_is_closed_starts_on_the_tail_and_runs_past_its_start(tree, s
     assert cut.signed_area_mm2 == pytest.approx(pieces.area, rel=1e-4)
 
 
-def test_overcut_never_leaves_the_straight_that_it_starts_on(make_plan):
+def test_overcut_never_leaves_the_straight_that_it_starts_on(make_plan, sealing):
     outline = body_outline(make_plan((40.0,), tail=6.0)).contour
     cut = closed_cut(outline, 500.0)
     assert closes(cut)
-    assert closed_cut(outline, 0.0).points_mm[-1].tolist() == pytest.approx(
-        closed_cut(outline, 0.0).points_mm[0].tolist()
-    )
-
-
-def test_a_cut_around_nothing_but_arcs_begins_at_the_mouth(make_plan, sealing):
-    """A collar that takes all of the tail and more: found by VF-B02, and drawn all the same."""
+    bare = closed_cut(outline, 0.0).points_mm
+    assert bare[-1] == pytest.approx(bare[0])
+    # A collar takes all of the tail and more: found by VF-B02, and drawn all the same.
     wide = Collar(clamp_diameter_mm=100.0, length_mm=0.0, flare_mm=100.0)
     vine = make_plan((20.0,), trunk=100.0, tail=0.0, collar=wide)
-    assert body_outline(vine, 2.0).problems
-    cut = body_paths(vine, sealing, separate=True).paths[1].contour
-    assert closes(cut)
-    assert cut.length_mm > 200.0
+    assert closes(body_paths(vine, sealing, separate=True).paths[1].contour)
 
 
 def test_the_process_is_the_recipes_by_default(tree, profile, sealing):
@@ -124,22 +117,6 @@ def test_the_process_is_the_recipes_by_default(tree, profile, sealing):
         laser_job(tree, profile, SheetOptions(process="weld+cut"))
     with pytest.raises(BadInputError, match="auto or weldcut"):
         SheetOptions(process="burn")
-
-
-def test_marks_come_first_and_stay_clear_of_the_body(tree, sealing):
-    job = laser_job(tree, sealing)
-    order = [path.operation for path in job.paths]
-    assert order == sorted(order, key=tuple(Operation).index)
-    marks = job.along(Operation.MARK)
-    assert sum(path.label.startswith("fold line") for path in marks) == 2
-    assert sum(path.label.startswith("label") for path in marks) > 20
-    (weldcut,) = job.along(Operation.WELDCUT)
-    body = Polygon(weldcut.contour.flattened_mm())
-    for path in marks:
-        assert body.distance(LineString(path.contour.points_mm)) >= 3.0
-        x0, y0, x1, y1 = path.contour.box_mm
-        assert min(x0, y0) >= 10.0 - 1e-9
-        assert (x1 <= 590.0, y1 <= 390.0) == (True, True)
 
 
 def test_fold_line_lies_where_the_trunk_begins(make_plan, sealing):

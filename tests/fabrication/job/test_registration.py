@@ -76,12 +76,6 @@ def test_every_file_of_a_sheet_sealed_by_hand_is_read_back_with_its_holes():
         assert b"VF_10_MARK_holes" in data, name
 
 
-def test_what_a_laser_seals_has_no_holes():
-    job = laser_job(Design.read("three_level_tree"), read_profile(LASER))
-    assert not marks(job, PIN_HOLE) + marks(job, GUIDE)
-    assert not job.along(Operation.REG)
-
-
 def test_a_sheet_that_cannot_be_put_back_is_found():
     profile = read_profile(RECIPES[0])
     subject = Subject.of(Design.read("plain_vine"), profile)

@@ -91,7 +91,7 @@ def random_design(random, *, odd=False):
     )
 
 
-def compared(design, *, odd=False):
+def compared(design, *, odd=False, union=None):
     """Return what came of a design as a word, and how far its outline is from the union."""
     outline = body_outline(design)
     contour = outline.contour
@@ -107,7 +107,7 @@ def compared(design, *, odd=False):
     }
     if not odd:
         figures |= details(design, segments)
-    union = Twin(design, FINE_MM).body()
+    union = union or Twin(design, FINE_MM).body()
     points = contour.flattened_mm(FINE_MM)
     # With or without overlaps, the edge of the union is part of the walk or of the mouth.
     walk = shapely.LineString([*points, points[0]])

@@ -1,15 +1,18 @@
-"""Thousands of random Table-1 trees cut in pieces; run on demand.
+"""Thousands of random trees cut in pieces, and how long that takes; run on demand.
 
     python tests/fabrication/pieces/many_trees.py [TREES] [SEED] [TRUNK_WIDTH_MM]
+    python tests/fabrication/pieces/many_trees.py times [TREES] [SEED]
 
-Every tree must end in pieces that pass the rules about room, bed and labels, or in a named reason
-(VF-J01, VF-J02); none in an exception. The exit code is 1 otherwise. By number of branches: how
-many are cut, how many pieces, whether the number is proven least, and how long it takes.
+Every Table-1 tree must end in pieces that pass the rules about room, bed and labels, or in a named
+reason (VF-J01, VF-J02); none in an exception. The exit code is 1 otherwise. By number of branches:
+how many are cut, how many pieces, whether the number is proven least, and CPU seconds. ``times``
+takes trees of 10 to 341 branches that are wide enough apart at their joints to be cut, on a bed
+without an end, so that crossings alone decide, and on one of 1000 x 600 mm.
 """
 
 import sys
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import replace
 
 import numpy as np
@@ -18,69 +21,107 @@ from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.catalog import ROOM_RULES, run_checks
 from vinefab.fabrication.rules.rule import Subject
-from vinefab.model.design import PieceSettings
+from vinefab.model.design import Build, Design, Level, PieceSettings
 from vinefab.model.laser import read_profile
 from vinefab.search.space import BuildSettings, Space, SpaceSettings
 
 LONG_S = 20.0
 BINS = (10, 40, 100, 341)
 CHECKED = ROOM_RULES | {"VF-W04", "VF-P05", "VF-S01", "VF-J01", "VF-J02"}
+SHAPES = {10: (3, 2), 40: (3, 3, 3), 100: (3, 4, 7), 341: (4, 4, 4, 4)}
+PROFILE = read_profile("co2_60w__stretchlon_200")
 
 
-def judged(design, profile):
-    """Pieces, whether proven, seconds for them, and the rules that block: what it ends in."""
+def timed(design, profile=PROFILE):
+    """A partition, and the CPU seconds that it took."""
     start = time.process_time()
     partition = partition_of(design, profile)
-    spent = time.process_time() - start
+    return partition, time.process_time() - start
+
+
+def blocking(design, partition):
+    """The rules that block a robot in its pieces."""
     # The paths of hundreds of pieces take minutes to nest: the rules about room suffice there.
     few = len(partition.pieces) <= design.build.pieces.most
-    job = laser_job(design, profile, partition=partition) if few else None
-    subject = replace(Subject.of(design), profile=profile, job=job)
+    job = laser_job(design, PROFILE, partition=partition) if few else None
+    subject = replace(Subject.of(design), profile=PROFILE, job=job)
     report = run_checks(in_pieces(subject, partition), only=CHECKED)
-    return partition, spent, {finding.rule for finding in report.blocking}
+    return {finding.rule for finding in report.blocking}
+
+
+def say(name, rows):
+    """Print the figures of some partitions with their seconds."""
+    pieces = np.array([len(found.pieces) for found, _ in rows])
+    proven = np.mean([found.proven_least for found, _ in rows])
+    spent, unparted = np.array([s for _, s in rows]), sum(bool(found.unparted) for found, _ in rows)
+    sys.stdout.write(
+        f"{name}: {len(rows)} trees, {unparted} cannot be cut, pieces median "
+        f"{np.median(pieces):.0f} most {pieces.max()}, proven least {proven:.1%}, CPU s median "
+        f"{np.median(spent):.3f} worst {spent.max():.2f}\n"
+    )
+    sys.stdout.flush()
 
 
 def main(trees=2000, seed=1, width_mm=40.0):
     """Cut random trees, and say what they end in."""
-    profile = read_profile("co2_60w__stretchlon_200")
     settings = BuildSettings(trunk_width_mm=width_mm, pieces=PieceSettings())
     space, random = Space(SpaceSettings(), settings), np.random.default_rng(seed)
-    sizes, outcomes, bad = defaultdict(list), defaultdict(int), 0
+    sizes, outcomes, bad = defaultdict(list), Counter(), 0
     for number in range(trees):
         design = space.design(random.random(len(space)), f"tree_{number}")
-        partition, spent, blocking = judged(design, profile)
-        named = blocking & {"VF-J01", "VF-J02"}
-        if blocking and not named:
+        partition, spent = timed(design)
+        rules = blocking(design, partition)
+        outcome = ", ".join(sorted(rules & {"VF-J01", "VF-J02"})) or "pieces that pass"
+        if rules and outcome == "pieces that pass":
             # Crotches without room and branches that vanish are reasons of the robot as a whole.
             problems = {problem.kind.value for problem in Subject.of(design).outline.problems}
-            outcomes["outline: " + ", ".join(sorted(problems))] += 1
+            outcome = "outline: " + ", ".join(sorted(problems))
             if not problems:
                 bad += 1
-                sys.stdout.write(f"tree {number}: {sorted(blocking)} without a named reason" + "\n")
-        else:
-            outcomes[", ".join(sorted(named)) or "pieces that pass"] += 1
-        count = design.branch_count
+                sys.stdout.write(f"tree {number}: {sorted(rules)} without a named reason\n")
+        outcomes[outcome] += 1
         if spent > LONG_S:
-            sys.stdout.write(f"tree {number}: {count} branches took {spent:.0f} s\n")
+            sys.stdout.write(f"tree {number}: {design.branch_count} branches took {spent:.0f} s\n")
         if number % 100 == 99:
             sys.stdout.write(f"{number + 1} trees: {dict(outcomes)}\n")
-            sys.stdout.flush()
-        place = next(limit for limit in BINS if count <= limit)
-        sizes[place].append((len(partition.pieces), partition.proven_least, spent, bool(named)))
-    for place in BINS:
-        rows = sizes[place]
-        if rows:
-            pieces, proven, spent, _ = (np.array(column) for column in zip(*rows, strict=True))
-            sys.stdout.write(
-                f"to {place} branches: {len(rows)} trees, pieces {np.median(pieces):.0f} "
-                f"(most {pieces.max()}), proven least {proven.mean():.1%}, CPU s median "
-                f"{np.median(spent):.3f}, worst {spent.max():.2f}\n"
-            )
+        place = next(limit for limit in BINS if design.branch_count <= limit)
+        sizes[place].append((partition, spent))
+    for place, rows in sorted(sizes.items()):
+        say(f"to {place} branches", rows)
     sys.stdout.write(f"{dict(outcomes)}\n")
     return bool(bad)
 
 
+def times(trees=20, seed=1):
+    """Cut trees of each size, and say how long it took."""
+    sides = {
+        name: getattr(PROFILE.machine, name).changed(value=9000.0)
+        for name in ("bed_width_mm", "bed_height_mm")
+    }
+    endless = replace(PROFILE, machine=PROFILE.machine.changed(**sides))
+    for name, bed in (("endless bed", endless), ("bed of 1000 x 600 mm", PROFILE)):
+        for size, shape in SHAPES.items():
+            random, rows = np.random.default_rng(seed), []
+            for _ in range(trees if size < 341 else max(1, trees // 5)):
+                levels = tuple(
+                    Level.of(
+                        branches=count,
+                        length_mm=float(random.uniform(120, 205)),
+                        angle_deg=float(random.uniform(100, 160)),
+                        growth_percent=float(random.uniform(80, 120)),
+                    )
+                    for count in shape
+                )
+                build = Build.standard(1 + len(levels), 24.0, 0.65).changed(pieces=PieceSettings())
+                trunk_mm = float(random.uniform(120, 205))
+                tree = Design(name="tree", trunk_length_mm=trunk_mm, levels=levels, build=build)
+                rows.append(timed(tree, bed))
+            say(f"{name}, {size} branches", rows)
+
+
 if __name__ == "__main__":
-    sys.exit(
-        main(*(kind(text) for kind, text in zip((int, int, float), sys.argv[1:], strict=False)))
-    )
+    if sys.argv[1:2] == ["times"]:
+        times(*map(int, sys.argv[2:]))
+    else:
+        kinds = zip((int, int, float), sys.argv[1:], strict=False)
+        sys.exit(main(*(kind(text) for kind, text in kinds)))

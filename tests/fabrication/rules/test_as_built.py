@@ -1,15 +1,12 @@
-from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.rule import Subject
-from vinefab.model.design import Collar, Design
+from vinefab.model.design import Collar
 from vinefab.model.finding import Severity
 from vinefab.model.laser import Quantity, Standing
-
-Make = Callable[..., Design]
 
 
 def asking(profile, operation, **changes_mm):
@@ -46,12 +43,6 @@ def test_a_seam_narrower_than_the_recipes_is_measured(make, profile):
     assert "3 branches" in found.message
 
 
-def test_a_wider_kerf_takes_its_half_off_the_seam(make, profile):
-    subject = Subject.of(make(), profile)
-    _, (found,) = seam_findings(replace(subject, profile=asking(profile, "weldcut", kerf_mm=0.2)))
-    assert found.measured == pytest.approx(0.3)
-
-
 @pytest.mark.parametrize(("more_mm", "count"), [(0.004, 0), (0.006, 1)])
 def test_an_overcut_shorter_than_the_recipes_is_found(make, profile, more_mm, count):
     subject = Subject.of(make((2, 200.0, 60.0)), profile)
@@ -68,11 +59,6 @@ def test_a_collar_is_as_wide_as_its_clamp_and_not_as_the_trunk(make, profile):
     report = run_checks(Subject.of(design, profile), only=("VF-W04", "VF-P05"))
     assert report.findings == ()
     assert [run.checked for run in report.run] == [1, 1 + 2]
-
-
-def test_a_taper_steeper_than_its_branch_is_found(make, profile):
-    report = run_checks(Subject.of(make(trunk_mm=10.0, taper=(0.3,)), profile))
-    assert "VF-C03" in {finding.rule for finding in report.blocking}
 
 
 @pytest.mark.parametrize(

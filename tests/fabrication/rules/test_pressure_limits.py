@@ -1,23 +1,18 @@
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tests.fabrication.rules.conftest import measured
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.pressure_rules import worst_growths
 from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.deployment import Deployment, Stop
-from vinefab.model.design import Design
 from vinefab.model.finding import Severity
-from vinefab.model.laser import Quantity, Standing, read_profile
 from vinefab.model.map import Pose
-from vinefab.physics.anchoring import branch_limit_n
 from vinefab.physics.growth_pressure import FITTED, NO_TENSION
-from vinefab.physics.seam import seam_load_n_mm
 
-Make = Callable[..., Design]
 LOOSE = FITTED.changed(storage_kpa=NO_TENSION)
 
 
@@ -99,86 +94,16 @@ def test_without_a_map_the_rule_says_what_it_did_not_see(make, profile):
     assert "no map" in note
 
 
-def test_a_working_pressure_below_growth_is_a_warning(make, profile):
-    design = make((2, 200.0, 60.0), widths_mm=(40.0, 23.8), pressure_kpa=3.0)
-    (found,) = findings(Subject.of(design, profile))
-    assert found.severity is Severity.WARNING
-    assert "at most 23.3" in found.message
-    assert (
-        findings(Subject.of(design.changed(build=design.build.changed(pressure_kpa=5.0)), profile))
-        == []
-    )
-
-
-def test_the_60_mm_trunk_at_50_kpa_has_no_window_left(make, profile):
-    # 70 kPa at 20 mm is 23.3 kPa at 60 mm, 15.6 with safety, 13.0 with the margin
-    trunk = make((3, 200.0, 120.0), widths_mm=(60.0, 6.5), pressure_kpa=50.0)
-    report = run_checks(Subject.of(trunk, profile))
-    assert report.blocking == ()
-    (found,) = [finding for finding in report.findings if finding.rule == "VF-P01"]
-    assert (found.severity, found.limit) == (Severity.WARNING, pytest.approx(15.56, abs=0.01))
-    (window,) = findings(Subject.of(trunk, profile))
-    assert window.limit == pytest.approx(12.96, abs=0.01)
-
-
-def test_measured_limits_forbid_and_all_others_warn(make, profile, burst_profile, grown_profile):
-    trunk = make((3, 200.0, 120.0), widths_mm=(60.0, 6.5), pressure_kpa=50.0)
-    for known, rules in (
-        (profile, set()),
-        (burst_profile, {"VF-P01"}),
-        (grown_profile, {"VF-P01", "VF-P03"}),
-    ):
-        subject = replace(Subject.of(trunk), profile=known)
-        report = run_checks(subject, only=("VF-P01", "VF-P02", "VF-P03"))
-        assert {finding.rule for finding in report.blocking} == rules
-        assert {finding.rule for finding in report.findings} == {"VF-P01", "VF-P03"}
-    # A limit whose width alone is assumed was not measured.
-    width = Quantity(value=20.0, standing=Standing.ASSUMED, source="a test")
-    half = grown_profile.material.changed(burst_width_mm=width)
-    subject = replace(Subject.of(trunk), profile=replace(grown_profile, material=half))
-    assert run_checks(subject, only=("VF-P01", "VF-P03")).blocking == ()
-
-
-def test_the_heavy_anchor_is_possible_and_only_warned_about(make):
-    """66.7 N at 50 or 100 kPa: a straight impulse-sealed tube of the paper's thicker film."""
-    profile = read_profile("co2_60w__stretchlon_800")
-    film = profile.material
-    width_mm = 25.0
-    assert 2.0 * width_mm * film.strength_mpa.value * film.ply_mm.value > 66.7
-    names = ("VF-P01", "VF-P02", "VF-P03", "VF-P04")
-    seam = {"burst_kpa": 180.0, "burst_width_mm": 25.0}
-    tested = {
-        name: Quantity(value=v, standing=Standing.MEASURED, source="a test")
-        for name, v in seam.items()
-    }
-    strong = film.changed(survived_kpa=None, survived_width_mm=None, **tested)
-    assert branch_limit_n(width_mm, seam_load_n_mm(strong.seam)) > 66.7
-    for pressure_kpa in (50.0, 100.0):
-        tube = Subject.of(make(widths_mm=(width_mm,), pressure_kpa=pressure_kpa))
-        known = run_checks(replace(tube, profile=replace(profile, material=strong)), only=names)
-        assumed = run_checks(replace(tube, profile=profile), only=names)
-        assert known.blocking == assumed.blocking == ()
-        assert "VF-P01" not in {finding.rule for finding in known.findings}
-        found = [f.message for f in assumed.findings if f.rule == "VF-P01"]
-        assert len(found) == (pressure_kpa > 53.3)
-        assert all("survived 100 kPa" in message for message in found)
-
-
 def test_a_fit_of_the_recipes_own_tube_takes_the_place_of_the_published_one(make, profile):
     design = make((2, 200.0, 60.0), widths_mm=(40.0, 20.0))
     assert findings(Subject.of(design, profile)) == []
+    # 30 mm to 20 mm is a factor of 1.5
+    by_hand = 1.5 * (2.0 + (10.0 + 0.3) * math.exp(0.25 * math.pi / 6) + 0.2)
     names = ("yield_kpa", "drag_kpa_m", "storage_kpa", "friction", "width_mm")
-    for storage_kpa, severities in ((10.0, [Severity.WARNING, Severity.ERROR]), (1.0, [])):
-        values = (2.0, 1.0, storage_kpa, 0.25, 30.0)
-        fit = {
-            name: Quantity(value=value, standing=Standing.MEASURED, source="a test")
-            for name, value in zip(names, values, strict=True)
-        }
+    for storage_kpa, severities in ((1.0, []), (10.0, [Severity.WARNING, Severity.ERROR])):
+        values = map(measured, (2.0, 1.0, storage_kpa, 0.25, 30.0))
+        fit = dict(zip(names, values, strict=True))
         own = replace(profile, recipe=profile.recipe.changed(growth=fit))
         found = findings(Subject.of(design, own))
         assert [finding.severity for finding in found] == severities
-    # 30 mm to 20 mm is a factor of 1.5
-    by_hand = 1.5 * (2.0 + (10.0 + 0.3) * math.exp(0.25 * math.pi / 6) + 0.2)
-    fit["storage_kpa"] = Quantity(value=10.0, standing=Standing.MEASURED, source="a test")
-    own = replace(profile, recipe=profile.recipe.changed(growth=fit))
-    assert findings(Subject.of(design, own))[0].measured == pytest.approx(by_hand)
+    assert found[0].measured == pytest.approx(by_hand)

@@ -1,4 +1,4 @@
-from collections.abc import Callable
+import re
 from dataclasses import replace
 
 import pytest
@@ -6,14 +6,18 @@ import pytest
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.fabrication import checking
 from vinefab.fabrication.checking import check_design
-from vinefab.fabrication.rules.catalog import RULES, SLEEVE_RULES, merged_reports, run_checks
+from vinefab.fabrication.rules.catalog import (
+    RULES,
+    SLEEVE_RULES,
+    changed_limits,
+    merged_reports,
+    run_checks,
+)
 from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Design, PieceSettings, Waiver
 from vinefab.model.files.shipped import names
 from vinefab.model.finding import Severity
 from vinefab.model.tree import Partition, Piece
-
-Make = Callable[..., Design]
 
 
 def narrow(make, width_mm=4.0):
@@ -44,22 +48,6 @@ def test_rules_about_pieces_run_or_say_why_where_a_design_may_be_cut(make, profi
     assert [one.checked for one in run if one.rule in ("VF-J03", "VF-J04", "VF-J06")] == [0] * 3
 
 
-def test_without_a_recipe_its_rules_are_skipped_and_say_so(make):
-    report = run_checks(Subject.of(make()))
-    reasons = {skipped.rule: skipped.reason for skipped in report.skipped}
-    assert report.recipe == ""
-    for rule in ("VF-P01", "VF-P02", "VF-P04", "VF-W03", "VF-W04", "VF-S01", "VF-L03", "VF-L06"):
-        assert "recipe" in reasons[rule]
-
-
-def test_the_report_counts_what_was_found(make):
-    report = run_checks(Subject.of(narrow(make)))
-    by_rule = {run.rule: run.findings for run in report.run}
-    assert sum(by_rule.values()) == len(report.findings)
-    assert by_rule["VF-W01"] == 1
-    assert report.blocking
-
-
 def test_a_waiver_names_a_finding_and_lets_it_pass(make):
     design = narrow(make)
     waiver = Waiver(fingerprint=fingerprint(design, "VF-W01"), reason="tested in the lab")
@@ -76,42 +64,11 @@ def test_a_waiver_outlives_a_change_of_the_number_but_not_of_the_place(make):
     assert fingerprint(narrow(make), "VF-W01") != fingerprint(trunk, "VF-W01")
 
 
-def test_a_waiver_that_waives_nothing_is_listed(make):
-    design = make().changed(waivers=(Waiver(fingerprint="0123456789ab", reason="long gone"),))
-    assert run_checks(Subject.of(design)).stale_waivers == ("0123456789ab",)
-
-
 def test_fingerprints_are_different_within_a_report(make, profile):
     bad = make((3, 60.0, 30.0), (3, 60.0, 200.0), widths_mm=(20.0, 18.0, 4.0), tail_mm=100.0)
     findings = run_checks(Subject.of(bad, profile)).findings
     assert len(findings) > 10
     assert len({finding.fingerprint for finding in findings}) == len(findings)
-
-
-def test_limits_can_be_changed(make):
-    subject = Subject.of(make(tail_mm=180.0))
-    assert run_checks(subject).count(Severity.WARNING) == 1
-    assert run_checks(subject, {"VF-B01": {"warning": 170.0}}).count(Severity.WARNING) == 0
-    assert run_checks(subject, {"VF-B01": {"error": 190.0}}).count(Severity.ERROR) == 1
-
-
-def test_unknown_rules_and_limits_are_refused(make):
-    subject = Subject.of(make())
-    with pytest.raises(UnknownNameError, match="VF-B01"):
-        run_checks(subject, {"VF-B1": {"warning": 1.0}})
-    with pytest.raises(BadInputError, match=r"VF-B01\.warn"):
-        run_checks(subject, {"VF-B01": {"warn": 1.0}})
-    with pytest.raises(BadInputError, match="VF-B01"):
-        run_checks(subject, {"VF-B01": {"warning": float("nan")}})
-
-
-def test_markers_and_places_are_finite_and_near_the_robot(make):
-    folded = make((3, 150.0, 60.0), (3, 150.0, 160.0))
-    findings = run_checks(Subject.of(folded)).findings
-    placed = [finding for finding in findings if finding.x_mm is not None]
-    assert len(placed) > 3
-    assert all(abs(f.x_mm or 0.0) < 700.0 and abs(f.y_mm or 0.0) < 700.0 for f in placed)
-    assert all(f.marker_wkt.split("(")[0].strip().isupper() for f in placed if f.marker_wkt)
 
 
 def test_more_than_a_hundred_overlaps_are_counted_in_one_finding(make):
@@ -139,15 +96,9 @@ def test_shipped_designs_have_no_errors(name, profile):
     assert check_design(Design.read(name), profile).blocking == ()
 
 
-def test_rules_can_be_read_without_their_code():
-    for rule_id, rule in RULES.items():
-        assert rule.id == rule_id
-        assert rule.title
-        assert len(rule.reason) > 20
-
-
-@pytest.mark.parametrize("name", ["three_level_tree", "grid_explorer"])
-@pytest.mark.parametrize("problems", [(), ("an arc is missing",)])
+@pytest.mark.parametrize(
+    ("name", "problems"), [("three_level_tree", ()), ("plain_vine", ("an arc is missing",))]
+)
 def test_merged_reports_equal_one_report_of_all_rules(name, problems, profile):
     design = Design.read(name).changed(waivers=(Waiver(fingerprint="gone", reason="old"),))
     before = Subject.of(design, profile)
@@ -182,3 +133,57 @@ def test_a_large_design_that_nothing_blocks_is_checked_in_full(make, profile, mo
     whole = checking.check_design(make(FAN), profile)
     monkeypatch.setattr(checking, "MANY_BRANCHES", 3)
     assert checking.check_design(make(FAN), profile) == whole
+
+
+def with_limits(profile, **rules):
+    limits = {rule.replace("_", "-"): named for rule, named in rules.items()}
+    return replace(profile, recipe=profile.recipe.changed(limits=limits))
+
+
+def test_the_command_line_overrides_the_design_and_the_design_the_recipe(make, profile):
+    recipe = with_limits(
+        profile, VF_B01={"warning": 1.0, "error": 2.0}, VF_W01={"error": 3.0, "warning": 8.0}
+    )
+    design = make().changed(limits={"VF-B01": {"warning": 4.0, "error": 5.0}})
+    found = changed_limits(design, recipe, {"VF-B01": {"error": 6.0}})
+    sources = {
+        (limit.rule, limit.name): (limit.value, limit.default, limit.source) for limit in found
+    }
+    assert changed_limits(design, profile, {"VF-B01": {"error": 150.0, "warning": 200.0}}) == ()
+    assert sources == {
+        ("VF-B01", "error"): (6.0, 150.0, "--limit"),
+        ("VF-B01", "warning"): (4.0, 200.0, "design case"),
+        ("VF-W01", "error"): (3.0, 5.0, "recipe co2_60w__stretchlon_200"),
+    }
+
+
+def test_wrong_limits_are_named_with_where_they_stand(make, profile):
+    misnamed = make().changed(limits={"VF-B01": {"eror": 1.0}})
+    with pytest.raises(BadInputError, match=r"design case: limits.VF-B01.eror"):
+        changed_limits(misnamed)
+    with pytest.raises(UnknownNameError, match="recipe co2_60w__stretchlon_200"):
+        changed_limits(make(), with_limits(profile, VF_B99={"error": 1.0}))
+    with pytest.raises(BadInputError, match="--limit"):
+        changed_limits(make(), None, {"VF-X01": {"error": 1.0}})
+
+
+FAULT = re.compile(
+    r"\b(not|no|too|missing|wrong|cannot|differs?|overlap|exceeds|crosses|lie on each other"
+    r"|reaches a|multiplies|narrower|more .* than)\b"
+)
+"""Words that only a title of something wrong holds."""
+
+
+@pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.id)
+def test_no_title_can_be_read_as_its_contrary(rule):
+    assert FAULT.search(rule.broken), f"{rule.broken!r} names nothing that is wrong"
+    assert not FAULT.search(rule.title), f"{rule.title!r} reads as something wrong"
+    for title in (rule.broken, rule.title):
+        assert title == title.strip(". ")
+        assert len(title) <= 64
+    assert rule.remedy
+
+
+def test_a_rule_of_another_package_needs_no_second_title():
+    mine = replace(RULES["VF-B01"], id="MY-1", title="few branches", broken="")
+    assert mine.broken == "not kept: few branches"

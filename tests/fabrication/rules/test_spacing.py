@@ -1,8 +1,5 @@
 """Capsules and their distances, against Shapely."""
 
-import math
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 import shapely
@@ -17,9 +14,7 @@ from vinefab.fabrication.rules.spacing import (
     hull_gap_mm,
     spacing,
 )
-from vinefab.model.design import Design, Pouch
-
-Make = Callable[..., Design]
+from vinefab.model.design import Pouch
 
 
 def lines(capsules):
@@ -133,7 +128,7 @@ def test_gaps_of_random_tapered_branches_are_those_of_their_shapes():
             growth_mm=random.uniform(-3, 0, count),
         )
 
-    one, two = some(200), some(200)
+    one, two = some(80), some(80)
     found = hull_gap_mm(one, two)
     for row, gap in enumerate(found.tolist()):
         first, second = (
@@ -142,31 +137,4 @@ def test_gaps_of_random_tapered_branches_are_those_of_their_shapes():
         )
         assert max(gap, 0.0) == pytest.approx(first.distance(second), abs=1e-3)
         assert (gap < -1e-3) <= first.intersects(second)
-    assert 20 < np.count_nonzero(found > 0.0) < 180
-
-
-def test_side_by_side_tapered_branches_gain_room_along_their_length():
-    # Both lean by asin(5 / 100): their sides part from where they begin.
-    lean = math.asin(5.0 / 100.0)
-    one = Hulls(
-        start_mm=np.zeros((1, 2)),
-        run_mm=np.array([[100.0, 0.0]]),
-        half_mm=np.array([10.0]),
-        growth_mm=np.array([-5.0]),
-    )
-    two = Hulls(
-        start_mm=np.array([[0.0, 30.0]]),
-        run_mm=one.run_mm,
-        half_mm=one.half_mm,
-        growth_mm=one.growth_mm,
-    )
-    assert hull_gap_mm(one, two)[0] == pytest.approx(10.0)
-    point = Hulls(
-        start_mm=np.array([[50.0, 30.0]]),
-        run_mm=np.zeros((1, 2)),
-        half_mm=np.zeros(1),
-        growth_mm=np.zeros(1),
-    )
-    assert hull_gap_mm(point, one)[0] == pytest.approx(
-        30.0 * math.cos(lean) + 50.0 * math.sin(lean) - 10.0
-    )
+    assert 10 < np.count_nonzero(found > 0.0) < 70

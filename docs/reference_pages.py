@@ -35,7 +35,7 @@ from vinefab.rig.rig_options import PrinterForm
 from vinefab.search.optimizers.optimizer import OPTIMIZERS
 from vinefab.search.settings import RunFile
 from vinefab.search.space import Bounds
-from vinefab.tasks.shipped_tasks import TASKS
+from vinefab.tasks import TASKS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

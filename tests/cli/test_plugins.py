@@ -9,7 +9,7 @@ import pytest
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.search.optimizers.optimizer import OPTIMIZERS
-from vinefab.tasks.shipped_tasks import TASKS
+from vinefab.tasks import TASKS
 
 MODULE = """
 from dataclasses import dataclass

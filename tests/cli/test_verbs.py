@@ -12,7 +12,7 @@ from vinefab.cli.commands import Command, all_options, completions, flags_of
 from vinefab.core.verbs import REQUIRED, Call, Shell, options_of, parameter_words
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.search.optimizers.optimizer import OPTIMIZERS
-from vinefab.tasks.shipped_tasks import TASKS
+from vinefab.tasks import TASKS
 
 MAPS = {"map import": "import_", "map start": "start", "map info": "info"}
 NO_VERB = {"profile"}  # another name of `profiles`

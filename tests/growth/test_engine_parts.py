@@ -13,13 +13,15 @@ from shapely import box
 from tests.oracles import growth_reference as reference
 from vinefab.core import compiling
 from vinefab.growth.arrays import Growth, Launch, Rules
-from vinefab.growth.batch import Batch, Launches, TerrainSet
-from vinefab.growth.engine import (
+from vinefab.growth.batch import (
     INTERPRETED_BRANCHES,
     KERNEL,
     MOST_EVENTS,
     TIE,
     TOLERANCE_RAD,
+    Batch,
+    Launches,
+    TerrainSet,
 )
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
@@ -141,7 +143,7 @@ def test_compiler_is_not_imported_before_it_is_needed(module):
 
 ENGINES = """
 import sys
-from vinefab.growth import engine
+from vinefab.growth import batch as engine
 ordinary, jagged = 100, engine.INTERPRETED_CORNERS + 1
 begin = [engine.chosen_engine("auto", 1, jagged)]
 begin += [engine.chosen_engine("auto", n, ordinary) for n in (3000, 2000, 1000, 1)]

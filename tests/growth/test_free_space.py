@@ -8,9 +8,8 @@ import pytest
 import shapely
 from shapely import Polygon, affinity, box
 
-from vinefab.growth import free_space as freespace
-from vinefab.growth.free_space import free_space
-from vinefab.growth.terrain import Terrain
+from vinefab.growth import terrain as freespace
+from vinefab.growth.terrain import Terrain, free_space
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.passages import without_notches
 from vinefab.model.map import Map

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from shapely import affinity, box
 
 from vinefab.growth.arrays import Growth, Launch, Rules
-from vinefab.growth.engine import TIE, TOLERANCE_RAD
+from vinefab.growth.batch import TIE, TOLERANCE_RAD
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop

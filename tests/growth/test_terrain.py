@@ -12,9 +12,8 @@ from shapely import Polygon, box
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.growth.batch import grow_on
-from vinefab.growth.free_space import MARGIN
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.terrain import MOST_RADII, Terrain
+from vinefab.growth.terrain import MARGIN, MOST_RADII, Terrain
 from vinefab.model.map import Map, Pose
 
 ROOM = box(0.0, 0.0, 100.0, 100.0)

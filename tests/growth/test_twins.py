@@ -11,8 +11,7 @@ from shapely import box
 from tests.oracles.growth_reference import World
 from tests.oracles.growth_spans import grow_reference
 from vinefab.core.compiling import interpreted
-from vinefab.growth.batch import grow_on
-from vinefab.growth.engine import CONTACT_KERNEL, KERNEL, rules_of
+from vinefab.growth.batch import CONTACT_KERNEL, KERNEL, grow_on, rules_of
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop

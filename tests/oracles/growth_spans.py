@@ -21,8 +21,7 @@ from vinefab.growth.arrays import (
     TreesArrays,
     WallArrays,
 )
-from vinefab.growth.batch import grow_on
-from vinefab.growth.engine import KERNEL, Settling, rules_of
+from vinefab.growth.batch import KERNEL, Settling, grow_on, rules_of
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan
 from vinefab.growth.terrain import Terrain

@@ -19,8 +19,8 @@ from vinefab.prediction.robot_set import (
 )
 from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.coverage import Coverage
-from vinefab.tasks.covered_cells import cover_of
 from vinefab.tasks.reach import Reach
+from vinefab.tasks.task import cover_of
 
 
 def random_sets(seed, candidates=9, draws=3, elements=37):

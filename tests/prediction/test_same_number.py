@@ -29,8 +29,8 @@ from vinefab.prediction.prediction_width import contact_range
 from vinefab.search.run import Search
 from vinefab.search.settings import EvaluationSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
+from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import PreparedMap
-from vinefab.tasks.shipped_tasks import make_task
 
 FORK = Level(branches=3, length_mm=60.0, fan_rad=2.0)
 TREE = Design(

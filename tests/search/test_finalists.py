@@ -38,9 +38,9 @@ from vinefab.search.record.store import RunStore
 from vinefab.search.run import FRESH_MAPS, Search, fresh_maps, training_maps
 from vinefab.search.settings import PartSettings, check_objectives
 from vinefab.search.space import BuildSettings, Space, SpaceSettings
+from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import PreparedMap, composites, score_design
 from vinefab.tasks.reach import Reach
-from vinefab.tasks.shipped_tasks import make_task
 
 
 def even(design):

@@ -25,7 +25,7 @@ from vinefab.search.settings import (
     settings_from_plain,
 )
 from vinefab.search.space import Bounds, Space
-from vinefab.tasks.shipped_tasks import make_task
+from vinefab.tasks import make_task
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "grid_coverage.toml"
 

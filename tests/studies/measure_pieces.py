@@ -30,8 +30,8 @@ from vinefab.model.laser import read_profile
 from vinefab.search.run import Search, fresh_maps, generated_maps, penalty_of
 from vinefab.search.settings import PartSettings, RunSettings, read_run
 from vinefab.studies.optimizer_contest import FIRST_CONTEST_SEED
+from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
-from vinefab.tasks.shipped_tasks import make_task
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 UNSEEN, POSES = 100, 1

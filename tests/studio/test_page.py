@@ -18,9 +18,9 @@ from vinefab.model.files.run_context import ChosenRecipe
 from vinefab.pages.plan_svg import outline_svg, robot_svg
 from vinefab.studio.pattern_answers import cut_notes
 from vinefab.studio.state import Frame
+from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import PreparedMap
-from vinefab.tasks.shipped_tasks import make_task
-from vinefab.tasks.targets import touched_targets
+from vinefab.tasks.reach import touched_targets
 
 DESIGN = """# Two arms, to be dragged.
 schema = "vinefab/design-1"

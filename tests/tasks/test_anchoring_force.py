@@ -37,8 +37,8 @@ from vinefab.tasks.anchoring_force import (
     Turns,
     gaps_mm,
 )
+from vinefab.tasks.areas import TOUCHING_MM
 from vinefab.tasks.evaluate import PreparedMap, score_design
-from vinefab.tasks.exact_areas import TOUCHING_MM
 from vinefab.tasks.map_context import MapContext
 
 

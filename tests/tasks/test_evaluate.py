@@ -14,6 +14,7 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.poses import draw_poses
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose, Start
+from vinefab.tasks import make_task
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import (
     COMPOSITES,
@@ -24,7 +25,6 @@ from vinefab.tasks.evaluate import (
     score_design,
 )
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.shipped_tasks import make_task
 
 # --- Evaluations -----------------------------------------------------------------------------
 

@@ -9,7 +9,7 @@ import shapely
 from vinefab.maps.generators.cave import cave_map
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.map import Map
-from vinefab.tasks.exact_areas import _hit, disc_union, free_disc_areas_mm2, seen_areas
+from vinefab.tasks.areas import _hit, disc_union, free_disc_areas_mm2, seen_areas
 from vinefab.tasks.map_context import MapContext
 
 # --- Discs -----------------------------------------------------------------------------------

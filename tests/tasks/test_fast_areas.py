@@ -17,11 +17,17 @@ from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map
-from vinefab.tasks import fast_areas
+from vinefab.tasks import areas
+from vinefab.tasks.areas import (
+    LINES_PER_RADIUS,
+    FreeArea,
+    SightLines,
+    WallCells,
+    free_disc_areas_mm2,
+    seen_areas,
+)
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import PreparedMap, score_design
-from vinefab.tasks.exact_areas import free_disc_areas_mm2, seen_areas
-from vinefab.tasks.fast_areas import LINES_PER_RADIUS, FreeArea, SightLines, WallCells
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import one_by_one
 
@@ -207,7 +213,7 @@ def test_places_outside_count_to_the_nearest_cell() -> None:
 def test_an_index_that_would_be_too_large_is_not_made(monkeypatch: pytest.MonkeyPatch) -> None:
     walls = np.array([[0.0, 0.0, 100.0, 100.0], [0.0, 100.0, 40.0, 60.0]])
     assert WallCells.of(walls, 0.01, 0.0) is None
-    monkeypatch.setattr(fast_areas, "MOST_ENTRIES", 5)
+    monkeypatch.setattr(areas, "MOST_ENTRIES", 5)
     assert WallCells.of(walls, 10.0, 0.0) is None
     # A map context takes larger cells then, at last one with everything.
     context = MapContext.of(grid_map(1))
@@ -286,7 +292,7 @@ def test_walls_and_sensors_may_lie_on_the_lines(
     pillar_room: Map, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Lines along x at whole multiples of 2 mm, where a wall and sensors lie too."""
-    monkeypatch.setattr(fast_areas, "_direction", lambda *_: (1.0, 0.0))
+    monkeypatch.setattr(areas, "_direction", lambda *_: (1.0, 0.0))
     context = MapContext.of(pillar_room)
     lines = SightLines.of(context.edges_mm, 80.0)
     lines = replace(lines, line=np.array([-1.0, 2.0]))

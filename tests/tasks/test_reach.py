@@ -16,8 +16,8 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map
 from vinefab.tasks import map_context
+from vinefab.tasks.areas import STRIPS_PER_RADIUS, Chains
 from vinefab.tasks.evaluate import PreparedMap
-from vinefab.tasks.fast_areas import STRIPS_PER_RADIUS, Chains
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.reach import NEAR_MM, NEAR_SHARE, QUARTER_SEGMENTS, Reach, near_chains
 from vinefab.tasks.task import one_by_one

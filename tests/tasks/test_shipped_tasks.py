@@ -5,8 +5,8 @@ import pytest
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
+from vinefab.tasks import TASKS, make_task
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.shipped_tasks import TASKS, make_task
 
 
 @pytest.mark.parametrize("name", list(TASKS))

@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 else:
     TaskLike = Annotated[
         object,
-        Kind(metavar="TASK", known=registered_names("vinefab.tasks.shipped_tasks:TASKS")),
+        Kind(metavar="TASK", known=registered_names("vinefab.tasks:TASKS")),
         Doc("The name of a task, in Python also a task of your own: an object with ``name``, "
             "``lowest`` and ``evaluate``."),
     ]  # fmt: skip
@@ -316,7 +316,7 @@ def _task_of(
     run: RunContext, task: Any, usual: str, parameters: Mapping[str, object], worlds: Sequence[Map]
 ) -> tuple[Task, _Words]:
     """Return the task to score by, and whose it is."""
-    from vinefab.tasks.shipped_tasks import TASKS
+    from vinefab.tasks import TASKS
 
     words: _Words = _NOTHING
     if task is None and worlds and usual != "reach" and all(world.targets for world in worlds):
@@ -366,7 +366,7 @@ def families_of(
 
 def task_of(task: str | Task, parameters: Mapping[str, object]) -> Task:
     """Return a task by its name, or the one passed."""
-    from vinefab.tasks.shipped_tasks import TASKS, make_task
+    from vinefab.tasks import TASKS, make_task
 
     if isinstance(task, str):
         return make_task(task, parameters)

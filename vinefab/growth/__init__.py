@@ -3,5 +3,5 @@
 Other rooms use ``batch`` (`grow_on`: one design, one pose; `Batch`, `GrowthBlock`, `Launches`,
 `TerrainSet`: many growths at once), ``terrain`` (`Terrain`), ``options`` (`GrowthOptions`) and
 ``plan`` (`Plan`, `Plans`). A few growths are over before code is compiled; Python runs the kernel
-then (``engine``).
+then (`vinefab.growth.batch.chosen_engine`).
 """

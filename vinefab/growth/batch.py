@@ -2,28 +2,177 @@
 
 import itertools
 import math
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, get_args, overload
 
 import numpy as np
 
-from vinefab.core.compiling import imported_later
+from vinefab.core.compiling import imported_later, interpreted
+from vinefab.core.errors import UnknownNameError
 from vinefab.core.validation import Floats, Ints
-from vinefab.growth.arrays import Growth, JobArrays, TerrainSetArrays
-from vinefab.growth.engine import Engine, Settling, chosen_engine, grow_jobs_of, rules_of
+from vinefab.growth.arrays import Growth, JobArrays, Rules, TerrainSetArrays, TreesArrays
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan, Plans
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
+from vinefab.physics.growth_pressure import FITTED
 
 if TYPE_CHECKING:
-    from vinefab.growth import batch_kernel
+    from vinefab.growth import batch_kernel, contact_kernel, kernel
 else:
     batch_kernel = imported_later("vinefab.growth.batch_kernel")
+    contact_kernel = imported_later("vinefab.growth.contact_kernel")
+    kernel = imported_later("vinefab.growth.kernel")
+
+# --- What computes growths, and the steps after them ---------------------------------------------
+
+Engine = Literal["auto", "kernel", "interpreted"]
+"""``kernel``: the compiled simulator. ``interpreted``: the same code run by Python, which begins at
+once, with the same results to the last bit. ``auto``: one of the two, see `chosen_engine`."""
+
+KERNEL = "vinefab.growth.kernel"
+CONTACT_KERNEL = "vinefab.growth.contact_kernel"
+
+
+TOLERANCE_RAD = 2.0**-42
+"""Directions that differ by less are parallel: far below the bend of any corner of a terrain."""
+
+TIE = 1e-9
+"""Angles (rad) and shares of a pressure that differ by less are equal: above what rounding leaves
+of the directions of walls and bodies, far below what anybody measures."""
+
+MOST_EVENTS = 100_000
+"""Guard against a branch that never ends; the most seen in tests is below a hundred."""
+
+INTERPRETED_BRANCHES = 4_000
+"""So many branches a process leaves to the interpreter, half a second of them. Loading the compiled
+kernel takes as long; compiling it, once on every computer, takes many times longer."""
+
+INTERPRETED_CORNERS = 4_000
+"""Maps of more corners are never left to the interpreter: one branch there may take a second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settling:
+    """What branches do to each other in finished growths."""
+
+    stops: bool  # whether a tip that meets the body of another branch stops there
+    emergence: float  # probability that a child comes out of its parent's tip
+
+    @classmethod
+    def of(cls, options: GrowthOptions) -> "Settling":
+        """Return the settling that some options of the growth model ask for."""
+        return cls(stops=options.branch_contact == "stop", emergence=options.emergence)
+
+    @property
+    def is_needed(self) -> bool:
+        """Whether anything can change."""
+        return self.stops or self.emergence < 1.0
+
+    def settle(  # noqa: PLR0913, PLR0917  arrays of a batch
+        self,
+        trees: TreesArrays,
+        radius_mm: Floats,
+        jobs: JobArrays,
+        growth: Growth,
+        tolerance_mm: Floats,
+        seeds: Ints,
+        engine: Engine,
+    ) -> None:
+        """Cut finished growths where branches meet or did not come out.
+
+        Parameters
+        ----------
+        trees, jobs, growth
+            See `vinefab.growth.arrays`; ``growth`` is written to.
+        radius_mm
+            Radius of the body of each branch, in the order of the trees.
+        tolerance_mm
+            Of the map of each job.
+        seeds
+            Of the draws of each job.
+        engine
+            What computes it.
+        """
+        module = interpreted(CONTACT_KERNEL) if engine == "interpreted" else contact_kernel
+        room = np.empty((int(np.diff(trees.first).max()), module.WORK_COLUMNS))
+        with np.errstate(all="ignore"):
+            module.settle_jobs(
+                trees,
+                radius_mm,
+                jobs,
+                tolerance_mm,
+                self.emergence,
+                seeds,
+                self.stops,
+                growth,
+                room,
+            )
+
+
+class _Allowance:
+    """The branches that this process may still leave to the interpreter."""
+
+    def __init__(self) -> None:
+        self.branches = INTERPRETED_BRANCHES
+
+
+_ALLOWANCE = _Allowance()
+
+
+def chosen_engine(engine: Engine, branches: int, corners: int) -> Engine:
+    """Return the engine that grows so many branches; of ``auto``, the one that is done first.
+
+    That is compiled code once it is loaded. Until then it is the interpreter, up to
+    `INTERPRETED_BRANCHES` in all, on maps of up to `INTERPRETED_CORNERS`.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such engine.
+    """
+    if engine not in get_args(Engine):
+        raise UnknownNameError("growth engine", engine, get_args(Engine))
+    if engine != "auto":
+        return engine
+    jagged = corners > INTERPRETED_CORNERS
+    if KERNEL in sys.modules or jagged or branches > _ALLOWANCE.branches:
+        return "kernel"
+    _ALLOWANCE.branches -= branches
+    return "interpreted"
+
+
+def grow_jobs_of(engine: Engine) -> Callable[..., None]:
+    """Return ``grow_jobs`` of the compiled kernel, or as the interpreter runs it."""
+    grow_jobs: Callable[..., None] = kernel.grow_jobs if engine == "kernel" else _plain_grow_jobs
+    return grow_jobs
+
+
+def _plain_grow_jobs(*arrays: Any) -> None:  # noqa: ANN401  as the kernel
+    with np.errstate(all="ignore"):  # compiled code does not warn either
+        interpreted(KERNEL).grow_jobs(*arrays)
+
+
+def rules_of(options: GrowthOptions, tolerance_mm: float) -> Rules:
+    """Return the rules of growth for a map's tolerance; of a range of half-angles, the least."""
+    return Rules(
+        head_on_half_angle_rad=options.half_angle_range_rad[0],
+        deploys_stuck=options.deploys_stuck,
+        tolerance_mm=tolerance_mm,
+        tolerance_rad=TOLERANCE_RAD,
+        tie=TIE,
+        most_events=MOST_EVENTS,
+        friction=FITTED.friction.value,
+        drag_kpa_mm=FITTED.drag_kpa_m.value / 1000.0,
+    )
+
+
+# --- Many growths --------------------------------------------------------------------------------
 
 MOST_KEPT = 8
 """Arrays are kept for so many sets of radii, then the oldest are dropped."""
@@ -235,7 +384,7 @@ class GrowthBlock:
         return tips_mm[:count], first
 
     def deployment(self, index: int) -> Deployment:
-        """Return one growth as `vinefab.growth.batch.grow_on` does."""
+        """Return one growth as `grow_on` does."""
         one, two = self.branch[index], self.branch[index + 1]
         first_point = self.growth.first_point[one + index : two + index + 1].copy()
         room = self.room[index]
@@ -296,7 +445,7 @@ class Batch:
     idle
         Workspaces shared with other batches; threads take and return them.
     engine
-        ``kernel``, ``interpreted`` or ``auto``, see `vinefab.growth.engine.Engine`.
+        ``kernel``, ``interpreted`` or ``auto``, see `vinefab.growth.batch.Engine`.
 
     Notes
     -----
@@ -363,7 +512,7 @@ class Batch:
         return result
 
     def deployments(self, over: BlockMapper = map) -> list[Deployment]:
-        """Return every growth as `vinefab.growth.batch.grow_on` does."""
+        """Return every growth as `grow_on` does."""
         blocks = self.each(_deployments_of, over)
         return [deployment for block in blocks for deployment in block]
 

@@ -14,7 +14,7 @@ A third of the time goes into branches of the code that the processor cannot for
 therefore joined with ``|`` and ``&``, which take one branch together (`vinefab.core.compiling`),
 where the parts cost little. Numbers from the grid index are made unsigned, because signed ones
 could count from an array's end. Python can run the same code without compiling it:
-`vinefab.growth.engine.chosen_engine`.
+`vinefab.growth.batch.chosen_engine`.
 """
 
 import math

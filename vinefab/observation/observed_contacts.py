@@ -26,7 +26,7 @@ from vinefab.core.limits import deg, rad
 from vinefab.core.table import TablePart, validated
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.growth.arrays import Growth, Launch, Rules, TreeArrays, WallArrays
-from vinefab.growth.engine import KERNEL, rules_of
+from vinefab.growth.batch import KERNEL, rules_of
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop

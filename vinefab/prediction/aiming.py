@@ -98,10 +98,10 @@ from vinefab.prediction.robot_set import (
     TeamSearch,
     union_curve,
 )
-from vinefab.tasks.covered_cells import BodyCover, Cover, TargetCover, TipCover, cover_of
+from vinefab.tasks.areas import BodyCover, Cover, TargetCover, TipCover
 from vinefab.tasks.evaluate import PreparedMap
-from vinefab.tasks.targets import task_targets, touched_targets
-from vinefab.tasks.task import Task, check_on_map, search_form
+from vinefab.tasks.reach import task_targets, touched_targets
+from vinefab.tasks.task import Task, check_on_map, cover_of, search_form
 
 FEWEST_DEPLOYMENTS, MOST_DEPLOYMENTS = 5_000, 10_000_000
 

@@ -70,7 +70,7 @@ from vinefab.prediction.prediction_width import (
     contact_range,
     contact_words,
 )
-from vinefab.tasks.targets import touched_targets
+from vinefab.tasks.reach import touched_targets
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -32,8 +32,7 @@ from vinefab.core.view import (
     Result,
     document,
 )
-from vinefab.growth.batch import grow_on
-from vinefab.growth.engine import Engine
+from vinefab.growth.batch import Engine, grow_on
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.growth.terrain import Terrain
@@ -46,7 +45,7 @@ from vinefab.model.map import Map, Pose
 from vinefab.model.target import TargetsResult, out_of_reach
 from vinefab.pages.animation import DeploymentFrame, gif_animation, svg_animation
 from vinefab.pages.plan import deployment_plan, page_bytes
-from vinefab.tasks.targets import touched_targets
+from vinefab.tasks.reach import touched_targets
 
 MOST_FRAMES = 1000
 

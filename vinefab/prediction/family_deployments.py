@@ -69,6 +69,7 @@ from vinefab.prediction.measures import (
     worst_pressures_of,
 )
 from vinefab.search.record.identity import map_fingerprint, package_versions
+from vinefab.tasks import make_task
 from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.evaluate import (
     Poses,
@@ -78,8 +79,7 @@ from vinefab.tasks.evaluate import (
     score_design,
     trunks_with_room,
 )
-from vinefab.tasks.shipped_tasks import make_task
-from vinefab.tasks.targets import design_touches
+from vinefab.tasks.reach import design_touches
 from vinefab.tasks.task import Task, score_parts
 
 FIRST_UNSEEN = 10_000_000

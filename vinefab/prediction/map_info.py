@@ -29,8 +29,7 @@ from vinefab.core.view import (
     Text,
     Value,
 )
-from vinefab.growth.free_space import MANY_NOTCHES, NOTCH_SHARE, shrunk_piecewise
-from vinefab.growth.terrain import Terrain
+from vinefab.growth.terrain import MANY_NOTCHES, NOTCH_SHARE, Terrain, shrunk_piecewise
 from vinefab.maps.passages import Passage, narrow_passages, without_notches
 from vinefab.maps.summary import size_notes
 from vinefab.model.files.shipped import path_given

@@ -19,9 +19,9 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.limits import deg, rad
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import Batch, BlockMapper, GrowthBlock, Launches, TerrainSet, Workspace
-from vinefab.growth.free_space import beside_walls
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
+from vinefab.growth.terrain import beside_walls
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose

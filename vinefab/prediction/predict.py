@@ -111,8 +111,7 @@ from vinefab.prediction.pressure_window import (
 )
 from vinefab.tasks.anchoring_force import IDLE_SHARE, Anchoring
 from vinefab.tasks.coverage import Coverage
-from vinefab.tasks.reach import Reach
-from vinefab.tasks.targets import touched_targets
+from vinefab.tasks.reach import Reach, touched_targets
 
 # --- Anchoring: the simulated holding force, and the formula's ideal case -------------------------
 

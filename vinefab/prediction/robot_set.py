@@ -26,7 +26,7 @@ from vinefab.prediction.pose_search import (
     PoseTrial,
     printed_pose,
 )
-from vinefab.tasks.covered_cells import Cover
+from vinefab.tasks.areas import Cover
 
 GREEDY_SHARE = 1.0 - 1.0 / math.e
 """The greedy set covers at least this share of the cover of the best one."""

@@ -73,7 +73,7 @@ from vinefab.search.settings import RunLimits, RunSettings, has_own_targets, run
 from vinefab.search.space import Space
 from vinefab.search.workers import PointEvaluator
 from vinefab.tasks.evaluate import PreparedMap, score_designs, trunks_with_room
-from vinefab.tasks.targets import design_touches, touched_targets
+from vinefab.tasks.reach import design_touches, touched_targets
 from vinefab.tasks.task import Task
 
 

@@ -43,7 +43,7 @@ from vinefab.search.record.generations import Finalist, Generation, Progress
 from vinefab.search.settings import RunSettings
 from vinefab.search.space import Bounds, Space
 from vinefab.tasks.evaluate import Conditions, PreparedMap
-from vinefab.tasks.targets import task_targets
+from vinefab.tasks.reach import task_targets
 
 _WIDTHS = {"trunk_width_mm", "widths_mm"}
 

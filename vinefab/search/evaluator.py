@@ -41,10 +41,9 @@ from vinefab.search.settings import (
     make_other_task,
 )
 from vinefab.search.space import Space
+from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import Conditions, PreparedMap, composites, poses_on, scores_of
-from vinefab.tasks.reach import Reach
-from vinefab.tasks.shipped_tasks import make_task
-from vinefab.tasks.targets import check_targets_on
+from vinefab.tasks.reach import Reach, check_targets_on
 from vinefab.tasks.task import (
     HeadOnPenalty,
     Task,

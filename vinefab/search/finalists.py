@@ -23,7 +23,7 @@ from vinefab.search.record.generations import Finalist, Generation
 from vinefab.search.space import COSTS, Space
 from vinefab.search.workers import Begin
 from vinefab.tasks.evaluate import Conditions, score_designs
-from vinefab.tasks.targets import design_touches
+from vinefab.tasks.reach import design_touches
 
 
 def minimized(

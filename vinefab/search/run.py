@@ -64,7 +64,7 @@ from vinefab.search.settings import (
 from vinefab.search.space import Space
 from vinefab.search.workers import Begin, PointEvaluator, ThreadEvaluator
 from vinefab.tasks.evaluate import Conditions
-from vinefab.tasks.targets import task_targets
+from vinefab.tasks.reach import task_targets
 from vinefab.tasks.task import Task
 
 if TYPE_CHECKING:

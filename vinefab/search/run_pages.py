@@ -78,7 +78,7 @@ from vinefab.search.record.result import (
 from vinefab.search.run import first_map, training_maps
 from vinefab.search.settings import RunSettings, run_task
 from vinefab.search.space import COSTS, Space
-from vinefab.tasks.targets import task_targets, touched_targets
+from vinefab.tasks.reach import task_targets, touched_targets
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

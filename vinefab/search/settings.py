@@ -39,7 +39,7 @@ from vinefab.model.start import (
 )
 from vinefab.search.optimizers.optimizer import make_optimizer_config
 from vinefab.search.space import COSTS, SYMMETRIC_PERCENT, BuildSettings, Space, SpaceSettings
-from vinefab.tasks.shipped_tasks import TASKS, make_task
+from vinefab.tasks import TASKS, make_task
 from vinefab.tasks.task import Task
 
 MOST_SECONDS = 1e8

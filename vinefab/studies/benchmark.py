@@ -24,8 +24,7 @@ from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import Block, Notes, Number, Rows, Value
 from vinefab.growth import kernel
 from vinefab.growth.arrays import Growth, Launch
-from vinefab.growth.batch import Batch, BlockMapper, Launches, TerrainSet, grow_on
-from vinefab.growth.engine import KERNEL, rules_of
+from vinefab.growth.batch import KERNEL, Batch, BlockMapper, Launches, TerrainSet, grow_on, rules_of
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.growth.terrain import Terrain

@@ -28,8 +28,8 @@ from vinefab.search.record.identity import package_versions
 from vinefab.search.run import Search, fresh_maps, generated_maps, penalty_of
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.search.workers import WorkerProcesses
+from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
-from vinefab.tasks.shipped_tasks import make_task
 
 FIRST_CONTEST_SEED = 500_001
 """Seed of the first map for testing; runs train on maps with much smaller seeds."""

@@ -38,8 +38,8 @@ from vinefab.search.settings import (
     plain_settings,
 )
 from vinefab.studies.claims import Claim, difference
+from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import PreparedMap, composites, poses_on, score_design
-from vinefab.tasks.shipped_tasks import make_task
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,10 +36,10 @@ from vinefab.prediction.prediction_width import ContactRange, contact_range
 from vinefab.studio.executors import Progress
 from vinefab.studio.live_answers import not_followed, prepared_map
 from vinefab.studio.state import PAGE, Family, StudioState, world_of
+from vinefab.tasks import make_task
 from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.evaluate import PreparedMap, poses_on
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.shipped_tasks import make_task
 from vinefab.tasks.task import (
     Task,
     TaskOutcomes,

@@ -52,7 +52,7 @@ from vinefab.model.files.toml import LARGEST_TOML_BYTES, toml_content
 from vinefab.model.laser import read_profile
 from vinefab.model.map import Map
 from vinefab.studio.state import PAGE, files_named_in, is_name, mapping_at
-from vinefab.tasks.shipped_tasks import TASKS
+from vinefab.tasks import TASKS
 
 AUTOSAVE_SCHEMA = "vinefab/recovery-1"
 MOST_AUTOSAVES = 20

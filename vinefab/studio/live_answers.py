@@ -18,8 +18,7 @@ from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import LARGEST_MM, number
-from vinefab.growth.batch import grow_on
-from vinefab.growth.engine import Engine
+from vinefab.growth.batch import Engine, grow_on
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.pegs import PegsOptions, pegs_map
@@ -43,9 +42,9 @@ from vinefab.prediction.deploy import History, places_text, stayed_text, wedged,
 from vinefab.prediction.measures import worst_pressures_of
 from vinefab.studio.executors import Progress
 from vinefab.studio.state import PAGE, EditedMap, StudioState
+from vinefab.tasks import TASKS, make_task
 from vinefab.tasks.evaluate import PreparedMap
-from vinefab.tasks.shipped_tasks import TASKS, make_task
-from vinefab.tasks.targets import touched_targets
+from vinefab.tasks.reach import touched_targets
 from vinefab.tasks.task import Task, check_on_map
 
 _ENGINE: list[Engine] = ["interpreted"]

@@ -21,7 +21,7 @@ from vinefab.model.map import map_text
 from vinefab.search.optimizers.optimizer import OPTIMIZERS
 from vinefab.search.space import COSTS, LIMITS, BuildSettings, SpaceSettings
 from vinefab.studio.state import PAGE, StudioState, label_of, texts_at
-from vinefab.tasks.shipped_tasks import TASKS
+from vinefab.tasks import TASKS
 
 RUN_FILE, START_FILE, SHOWN_MAP_FILE = "run.toml", "start.toml", "map.geojson"
 """Files that a search of the page begins with."""

@@ -29,14 +29,14 @@ from vinefab.physics.anchoring import (
 )
 from vinefab.physics.seam import N_MM2_PER_KPA
 from vinefab.physics.tube import inflated_diameter_mm
-from vinefab.tasks.exact_areas import TOUCHING_MM
+from vinefab.tasks.areas import TOUCHING_MM
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome, TaskOutcomes
 
 if TYPE_CHECKING:
-    from vinefab.tasks.kernels import tips_kernel
+    from vinefab.tasks import tips_kernel
 else:
-    tips_kernel = imported_later("vinefab.tasks.kernels.tips_kernel")
+    tips_kernel = imported_later("vinefab.tasks.tips_kernel")
 
 T = TypeVar("T", bound=np.generic)
 

@@ -13,14 +13,17 @@ from vinefab.core.table import Table
 from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, Ints
 from vinefab.growth.batch import GrowthBlock
 from vinefab.model.deployment import Deployment
-from vinefab.tasks.covered_cells import CellGrid, Cover, TipCover
-from vinefab.tasks.exact_areas import (
+from vinefab.tasks.areas import (
+    CellGrid,
+    Cover,
+    FreeArea,
+    SightLines,
+    TipCover,
     disc_polygons,
     disc_union,
     free_disc_areas_mm2,
     seen_areas,
 )
-from vinefab.tasks.fast_areas import FreeArea, SightLines
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome, TaskOutcomes, are_many, concatenated_outcomes, one_by_one
 
@@ -79,7 +82,7 @@ class Coverage(Table):
     def cover(self, context: MapContext) -> Cover:
         """Return the joint area that several robots see: free space alone, nothing subtracted."""
         edges_mm = context.edges_mm if self.clip == "sight" else None
-        grid = CellGrid.of(context, self.radius_mm)
+        grid = CellGrid.of(context.edges_mm, self.radius_mm)
         return TipCover(grid=grid, radius_mm=self.radius_mm, edges_mm=edges_mm)
 
     @property
@@ -91,7 +94,7 @@ class Coverage(Table):
         """Return the score and its terms: ``area``, ``count``, ``length``, ``film``, ``eta``.
 
         The first four are the numbers from 0 to 1 that the weights multiply, ``count`` and
-        ``length`` with their (1 - eta). The area's error is that of `exact_areas.disc_union`.
+        ``length`` with their (1 - eta). The area's error is that of `disc_union`.
         """
         tips_mm = deployment.tips_mm
         seen_mm2, summed_mm2 = self._areas_mm2(tips_mm, context)

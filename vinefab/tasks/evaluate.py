@@ -18,7 +18,7 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import MEAN_SHARE, STANDARD_DEVIATION, Evaluation, Score
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.targets import check_targets_on
+from vinefab.tasks.reach import check_targets_on
 from vinefab.tasks.task import Task, TaskOutcomes, check_on_map, concatenated_outcomes, outcomes
 
 Poses = tuple[tuple[Pose, ...], ...]

@@ -16,13 +16,12 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints, frozen_floats
 from vinefab.model.map import Map
 from vinefab.model.target import Target
-from vinefab.tasks.exact_areas import TOUCHING_MM
-from vinefab.tasks.fast_areas import FreeArea, SightLines, WallCells
+from vinefab.tasks.areas import TOUCHING_MM, FreeArea, SightLines, WallCells
 
 if TYPE_CHECKING:
-    from vinefab.tasks.kernels import union_kernel
+    from vinefab.tasks import union_kernel
 else:
-    union_kernel = imported_later("vinefab.tasks.kernels.union_kernel")
+    union_kernel = imported_later("vinefab.tasks.union_kernel")
 
 GRID = 2.0**-43
 """Corners are rounded to the map's size (a power of two) times this, 6e-11 mm for half a metre:

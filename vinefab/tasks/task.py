@@ -12,6 +12,7 @@ from vinefab.growth.batch import GrowthBlock
 from vinefab.growth.options import HALF_ANGLE_DEG
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map
+from vinefab.tasks.areas import Cover
 from vinefab.tasks.map_context import MOST_EDGES_AT_ONCE, MapContext
 
 Outcome = tuple[float, Mapping[str, float]]
@@ -152,6 +153,23 @@ def search_form(task: Task) -> Task:
     """
     faster: Callable[[], Task] | None = getattr(task, "for_search", None)
     return task if faster is None else faster()
+
+
+def cover_of(task: Task, context: MapContext) -> Cover:
+    """Return the measure of the area that a task's deployments cover on a map.
+
+    A task may define ``cover(context: MapContext) -> Cover``.
+
+    Raises
+    ------
+    BadInputError
+        If the task does not define the covered area, or the map is too large.
+    """
+    offered: Callable[[MapContext], Cover] | None = getattr(task, "cover", None)
+    if offered is None:
+        allowed = "coverage, reach, or a task with a method cover: others have no union"
+        raise BadInputError("task of several robots", task.name, allowed)
+    return offered(context)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,8 +26,8 @@ from vinefab.search.settings import (
     plain_settings,
 )
 from vinefab.search.space import COSTS
-from vinefab.tasks.shipped_tasks import TASKS
-from vinefab.tasks.targets import TARGETS, TOUCHED
+from vinefab.tasks import TASKS
+from vinefab.tasks.reach import TARGETS, TOUCHED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

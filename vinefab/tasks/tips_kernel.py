@@ -111,7 +111,7 @@ def gaps(tips, across, walls, grid, cell_first, item, tolerance, out):
     across
         Unit vectors along which to measure, shape (m, 2).
     walls, grid, cell_first, item
-        As in `fast_areas.WallCells`, with free space on the left of the walls, mm.
+        As in `areas.WallCells`, with free space on the left of the walls, mm.
     tolerance
         A wall so near counts as touched, mm; walls are listed in cells that they miss by more.
     out

@@ -1,1 +1,0 @@
-"""Compiled inner loops of tasks; each file imports no module of vinefab but `core.compiling`."""

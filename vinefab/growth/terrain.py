@@ -1,7 +1,7 @@
 """Terrain: the free space of a map as walls, for each body radius."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from threading import RLock
 from typing import NamedTuple, TypeVar
 
@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints
-from vinefab.growth.arrays import Ints32, WallArrays
+from vinefab.growth.arrays import WallArrays
 from vinefab.maps.passages import Rings, linked, rings_of, without_notches
 from vinefab.model.map import Map, Pose
 
@@ -49,7 +49,7 @@ class Terrain:
     another body radius are built when first needed, and kept.
     """
 
-    __slots__ = ("_free", "_walls", "corners", "grid_mm", "world")
+    __slots__ = ("_free", "_rings", "_walls", "corners", "grid_mm", "world")
 
     def __init__(self, world: Map) -> None:
         self.world = world
@@ -57,7 +57,8 @@ class Terrain:
         # A power of two, for exact scaling.
         largest = max(abs(value) for value in world.bounds.bounds)
         self.grid_mm = float(GRID * 2.0 ** math.ceil(math.log2(largest)))
-        self._free: dict[float, BaseGeometry] = {0.0: _prepared(free_space(world, self.grid_mm))}
+        self._free: dict[float, BaseGeometry] = {0.0: free_space(world, self.grid_mm)}
+        self._rings: Rings | None = None  # of the bare free space
         self._walls: dict[float, WallArrays] = {}
 
     @classmethod
@@ -73,22 +74,28 @@ class Terrain:
     def free_space(self, radius_mm: float = 0.0) -> BaseGeometry:
         """Return the free space of the centreline of a body of some radius, as polygons."""
         with _BUILD_LOCK:
-            if radius_mm not in self._free:
-                shrunk, walls = shrunk_free_space(self._free[0.0], radius_mm, self.grid_mm)
-                _make_room(self._free)
-                _make_room(self._walls)
-                self._walls[radius_mm] = walls
-                self._free[radius_mm] = _prepared(shrunk)
-            return self._free[radius_mm]
+            self._shrink(radius_mm)
+            free = self._free[radius_mm]
+            return free if shapely.is_prepared(free) else _prepared(free)
 
     def walls(self, radius_mm: float = 0.0) -> WallArrays:
         """Return the walls that a body of some radius meets, indexed, read-only."""
         with _BUILD_LOCK:
-            free = self.free_space(radius_mm)
+            self._shrink(radius_mm)
             if radius_mm not in self._walls:
                 _make_room(self._walls)
-                self._walls[radius_mm] = indexed_walls(free, self.grid_mm)
+                self._walls[radius_mm] = indexed_walls(self._free[radius_mm], self.grid_mm)
             return self._walls[radius_mm]
+
+    def _shrink(self, radius_mm: float) -> None:
+        """Build the free space and the walls for a radius, where there are none yet."""
+        if radius_mm not in self._free:
+            bare = self._free[0.0]
+            self._rings = self._rings or rings_of(bare)
+            found = shrunk_free_space(bare, radius_mm, self.grid_mm, self._rings)
+            _make_room(self._free)
+            _make_room(self._walls)
+            self._free[radius_mm], self._walls[radius_mm] = found
 
     def keep_only(self, radii_mm: Sequence[float]) -> None:
         """Drop the walls of other radii: each takes about half a megabyte."""
@@ -232,19 +239,20 @@ def free_space(world: Map, grid_mm: float) -> BaseGeometry:
 
 
 def shrunk_free_space(
-    free: BaseGeometry, radius_mm: float, grid_mm: float
+    free: BaseGeometry, radius_mm: float, grid_mm: float, rings: Rings | None = None
 ) -> tuple[BaseGeometry, WallArrays]:
     """Return where the centreline of a body of some radius may be, snap-rounded, and its walls."""
-    free = without_notches(free, NOTCH_SHARE * radius_mm, MANY_NOTCHES)
+    free = without_notches(free, NOTCH_SHARE * radius_mm, MANY_NOTCHES, rings)
     if shapely.get_num_coordinates(free) > MOST_AT_ONCE:
         shrunk = shrunk_piecewise(free, radius_mm, grid_mm)
         return shrunk, indexed_walls(shrunk, grid_mm)
     buffered = shapely.buffer(free, -radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)
     # Where nothing is nearly as close as the grid, snap rounding moves corners and no more: then
     # moving them gives the same polygons in a tenth of the time.
-    moved = _moved_onto_grid(buffered, grid_mm)
-    if moved is not None:
-        walls = indexed_walls(moved, grid_mm)
+    found = _moved_onto_grid(buffered, grid_mm)
+    if found is not None:
+        moved, rings = found
+        walls = _walls_of(rings, grid_mm)
         place, is_crowded = walls.link[:, 2], walls.link[:, 4]
         if not is_crowded.any() and place.max(initial=-1) + 1 == len(place):
             return moved, walls
@@ -252,21 +260,31 @@ def shrunk_free_space(
     return shrunk, indexed_walls(shrunk, grid_mm)
 
 
-def _moved_onto_grid(shape: BaseGeometry, grid_mm: float) -> BaseGeometry | None:
-    """Return polygons with rounded corners, in the order of snap rounding; None if they get close.
+def _moved_onto_grid(shape: BaseGeometry, grid_mm: float) -> tuple[BaseGeometry, Rings] | None:
+    """Return polygons with rounded corners, and `rings_of` them; None if corners get close.
 
-    That begins every ring at its second corner.
+    They come in the order of snap rounding, which begins every ring at its second corner.
     """
-    count = shapely.get_num_coordinates(shapely.get_rings(shapely.get_parts(shape)))
-    if len(count) == 0:
+    rings, part = shapely.get_rings(shapely.get_parts(shape), return_index=True)
+    if len(rings) == 0:
         return None
-    after = np.arange(1, count.sum() + 1)
+    count = shapely.get_num_coordinates(rings)
     last = np.cumsum(count) - 1
+    after = np.arange(1, last[-1] + 2)
     after[last] = last - count + 2
-    corners = np.floor(shapely.get_coordinates(shape) / grid_mm + 0.5)[after]
-    apart = np.abs(np.diff(corners, axis=0)).max(axis=1) >= APART
+    x, y = np.floor(shapely.get_coordinates(shape) / grid_mm + 0.5)[after].T.copy()
+    apart = np.maximum(np.abs(np.diff(x)), np.abs(np.diff(y))) >= APART
     apart[last[:-1]] = True  # there the next ring begins
-    return shapely.set_coordinates(shape, corners * grid_mm) if apart.all() else None
+    if not apart.all():
+        return None
+    corners = np.column_stack([x, y]) * grid_mm
+    # Inside lies on the left, as in `rings_of`; every ring repeats its first corner at its end.
+    turned = shapely.is_ccw(rings) == (np.diff(part, prepend=-1) == 0)
+    ring = np.repeat(np.arange(len(count)), count - 1)
+    step = np.arange(len(ring)) - np.repeat(np.cumsum(count - 1) - count + 1, count - 1)
+    begin = np.where(turned, last, last - count + 1)
+    at = begin[ring] + np.where(turned, -1, 1)[ring] * step
+    return shapely.set_coordinates(shape, corners), linked(corners[at] + 0.0, ring)
 
 
 def shrunk_piecewise(
@@ -367,45 +385,72 @@ def _rounded(obstacles: Shapes, grid_mm: float) -> Shapes:
     return outlines
 
 
-class FreeSpaceWalls(NamedTuple):
-    """Walls of a free space; see `vinefab.growth.arrays.WallArrays` for the columns.
-
-    Here ``wall`` has two more, end x and end y, and ``link`` has not got the last one.
-    """
-
-    # wall, link: the walls and how they hang together
-    wall: Floats
-    link: Ints
-    # vertex, vertex_point: the vertices that a body can wrap around, x, y and ``solid``
-    vertex: Floats
-    vertex_point: Ints
-
-
 def indexed_walls(free: BaseGeometry, grid_mm: float) -> WallArrays:
     """Return the walls of a free space with their grid index, read-only."""
-    return indexed(walls_of(free, grid_mm), CROWDED * grid_mm)
+    return _walls_of(rings_of(free), grid_mm)
 
 
-def walls_of(free: BaseGeometry, tolerance_mm: float) -> FreeSpaceWalls:
-    """Return the walls of a free space."""
-    rings = rings_of(free)
+def _walls_of(rings: Rings, grid_mm: float) -> WallArrays:
+    """Return the walls of a free space from its rings."""
     place, count = _places(rings.corner)
-    straight = (_bulge(rings) <= tolerance_mm) & (count[place] == 1)
-    # A needle keeps its flat corner: without it, it would have no inside.
-    straight &= np.bincount(rings.ring, weights=~straight)[rings.ring] >= 3
+    straight = (_bulge_mm(rings) <= grid_mm) & (count[place] == 1)
     if straight.any():
+        # A needle keeps its flat corner: without it, it would have no inside.
+        straight &= np.bincount(rings.ring, weights=~straight)[rings.ring] >= 3
         rings = linked(rings.corner[~straight], rings.ring[~straight])
         place, count = _places(rings.corner)
-    start, end = rings.corner, rings.corner[rings.after]
-    span = end - start
-    length = np.hypot(span[:, 0], span[:, 1])
-    wall = np.column_stack([start, span / length[:, None], length, end])
+    x, y = _columns(rings.corner)
+    end_x, end_y = x[rings.after], y[rings.after]
+    span_x, span_y = end_x - x, end_y - y
+    length = np.hypot(span_x, span_y)
+    wall = _Walls(x, y, span_x / length, span_y / length, length, end_x, end_y)
     follower = _followers(wall, place, rings.after, count)
-    ahead = np.empty_like(follower)
-    ahead[follower] = np.arange(len(follower))
-    link = np.column_stack([ahead, follower, place, place[rings.after]])
-    vertex, owner = _vertices(wall, follower)
-    return FreeSpaceWalls(wall, link, vertex, link[owner, 3])
+    before = np.empty_like(follower)
+    before[follower] = np.arange(len(follower))
+    end_place = place[rings.after]
+    box, shape = _grid_over(wall)
+    wall_first, wall_item = _listed(shape, *_cells_of_walls(wall, box, shape))
+    lists = wall_first, wall_item
+    start_cell = _cell(x, y, box, shape)
+    crowded = _crowded(wall, rings, (place, end_place), lists, start_cell, CROWDED * grid_mm)
+    owner, solid_x, solid_y = _vertices(wall, follower)
+    vertex_cell = _cell(wall.end_x[owner], wall.end_y[owner], box, shape)
+    vertex_first, order = _listed(shape, np.arange(len(owner)), vertex_cell)
+    owner = owner[order]
+    arrays = WallArrays(
+        wall=np.column_stack(wall[:5]),
+        link=np.column_stack([before, follower, place, end_place, crowded]).astype(np.int32),
+        vertex=np.column_stack([end_x[owner], end_y[owner]]),
+        solid=np.column_stack([solid_x[order], solid_y[order]]),
+        vertex_point=end_place[owner].astype(np.int32),
+        box=box,
+        shape=shape,
+        wall_first=wall_first.astype(np.int32),
+        wall_item=wall_item.astype(np.int32),
+        vertex_first=vertex_first.astype(np.int32),
+    )
+    for array in arrays:
+        array.setflags(write=False)
+    return arrays
+
+
+class _Walls(NamedTuple):
+    """Walls as columns, each in one piece: rows of a few numbers take several times as long.
+
+    Start, unit tangent, length and end, mm, shape (n,) each.
+    """
+
+    x: Floats
+    y: Floats
+    t_x: Floats
+    t_y: Floats
+    length: Floats
+    end_x: Floats
+    end_y: Floats
+
+
+def _columns(points: Floats) -> tuple[Floats, Floats]:
+    return points[:, 0].copy(), points[:, 1].copy()
 
 
 def _places(corner: Floats) -> tuple[Ints, Ints]:
@@ -413,7 +458,7 @@ def _places(corner: Floats) -> tuple[Ints, Ints]:
     if len(corner) == 0:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     # As np.unique over rows, at a third of its time.
-    x, y = corner[:, 0], corner[:, 1]
+    x, y = _columns(corner)
     order = np.lexsort((y, x))
     differs = (np.diff(x[order]) != 0.0) | (np.diff(y[order]) != 0.0)
     place = np.empty(len(corner), dtype=np.int64)
@@ -421,18 +466,19 @@ def _places(corner: Floats) -> tuple[Ints, Ints]:
     return place, np.bincount(place).astype(np.int64)
 
 
-def _bulge(rings: Rings) -> Floats:
+def _bulge_mm(rings: Rings) -> Floats:
     """Return the distance of each corner from the line between its neighbours."""
-    back = rings.corner - rings.corner[rings.before]
-    on = rings.corner[rings.after] - rings.corner
-    chord = np.hypot(*(back + on).T)
-    turns_back = np.sum(back * on, axis=1) <= 0.0
+    x, y = _columns(rings.corner)
+    back_x, back_y = x - x[rings.before], y - y[rings.before]
+    on_x, on_y = back_x[rings.after], back_y[rings.after]
+    chord = np.hypot(back_x + on_x, back_y + on_y)
+    turns_back = back_x * on_x + back_y * on_y <= 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
-        out = np.abs(back[:, 0] * on[:, 1] - back[:, 1] * on[:, 0]) / chord
+        out = np.abs(back_x * on_y - back_y * on_x) / chord
     return np.where(turns_back, np.inf, out)
 
 
-def _followers(wall: Floats, place: Ints, after: Ints, count: Ints) -> Ints:
+def _followers(wall: _Walls, place: Ints, after: Ints, count: Ints) -> Ints:
     """Return the wall that bounds the same wedge of free space at each wall's end.
 
     Within a ring it is the next wall. Where rings touch, the free space falls into several wedges,
@@ -440,12 +486,15 @@ def _followers(wall: Floats, place: Ints, after: Ints, count: Ints) -> Ints:
     wall's own reverse.
     """
     follower = after.copy()
+    if count.max(initial=0) < 2:
+        return follower
+    tangent = np.column_stack([wall.t_x, wall.t_y])
     for shared in np.flatnonzero(count > 1):
         leaving = np.flatnonzero(place == shared)
         for arriving in np.flatnonzero(place[after] == shared):
-            back = -wall[arriving, 2:4]
-            cosine = wall[leaving, 2:4] @ back
-            sine = wall[leaving, 2] * back[1] - wall[leaving, 3] * back[0]
+            back = -tangent[arriving]
+            cosine = tangent[leaving] @ back
+            sine = tangent[leaving, 0] * back[1] - tangent[leaving, 1] * back[0]
             clockwise = np.arctan2(sine, cosine) % (2.0 * np.pi)
             # A wall that goes back exactly along this one closes a whole turn, not none.
             clockwise[clockwise == 0.0] = 2.0 * np.pi
@@ -453,19 +502,17 @@ def _followers(wall: Floats, place: Ints, after: Ints, count: Ints) -> Ints:
     return follower
 
 
-def _vertices(wall: Floats, follower: Ints) -> tuple[Floats, Ints]:
-    """Return the wrappable vertices and the walls that end at them."""
-    t_in, t_out = wall[:, 2:4], wall[follower, 2:4]
-    bend = t_in[:, 0] * t_out[:, 1] - t_in[:, 1] * t_out[:, 0]
-    owner = np.flatnonzero(bend < 0.0)
-    t_in, t_out = t_in[owner], t_out[owner]
+def _vertices(wall: _Walls, follower: Ints) -> tuple[Ints, Floats, Floats]:
+    """Return the walls that end at vertices to wrap around, and the unit vectors into solid."""
+    out_x, out_y = wall.t_x[follower], wall.t_y[follower]
+    owner = np.flatnonzero(wall.t_x * out_y - wall.t_y * out_x < 0.0)
+    in_x, in_y, out_x, out_y = wall.t_x[owner], wall.t_y[owner], out_x[owner], out_y[owner]
     # The sum of the edges' directions is poor for a flat corner, that of the normals for a needle.
-    between = t_out - t_in
-    normals = np.column_stack([-(t_in + t_out)[:, 1], (t_in + t_out)[:, 0]])
-    is_sharp = np.sum(t_in * t_out, axis=1) < 0.0
-    solid = np.where(is_sharp[:, None], between, -normals)
-    solid = solid / np.hypot(solid[:, 0], solid[:, 1])[:, None]
-    return np.column_stack([wall[owner, 5:7], solid]), owner.astype(np.int64)
+    is_sharp = in_x * out_x + in_y * out_y < 0.0
+    solid_x = np.where(is_sharp, out_x - in_x, in_y + out_y)
+    solid_y = np.where(is_sharp, out_y - in_y, -(in_x + out_x))
+    size = np.hypot(solid_x, solid_y)
+    return owner, solid_x / size, solid_y / size
 
 
 # --- Grid index: a ray or a sweep tests only the walls and vertices near it ---------------------
@@ -478,140 +525,137 @@ through its corner finds all that it touches in the cells that it crosses.
 """
 
 
-class _Grid(NamedTuple):
-    """Lower left corner, cell side (mm), cells per mm, columns and rows."""
-
-    x_mm: float
-    y_mm: float
-    cell_mm: float
-    per_mm: float
-    columns: int
-    rows: int
-
-
-def indexed(walls: FreeSpaceWalls, near_mm: float) -> WallArrays:
-    """Return the walls with their grid index, all arrays read-only."""
-    grid = _grid_over(walls.wall)
-    wall_first, wall_item = _listed(grid, *_cells_of_walls(grid, walls.wall))
-    crowded = np.zeros(len(walls.wall), dtype=np.int64)
-    for owner, place in _lists_at_starts(grid, walls.wall, wall_first):
-        crowded[_crowded(walls, owner, wall_item[place].astype(np.int64), near_mm)] = 1
-    cell = _row(grid, walls.vertex[:, 1]) * grid.columns + _column(grid, walls.vertex[:, 0])
-    vertex_first, order = _listed(grid, np.arange(len(walls.vertex)), cell)
-    arrays = WallArrays(
-        wall=np.ascontiguousarray(walls.wall[:, :5]),
-        link=np.column_stack([walls.link, crowded]).astype(np.int32),
-        vertex=np.ascontiguousarray(walls.vertex[order, :2]),
-        solid=np.ascontiguousarray(walls.vertex[order, 2:]),
-        vertex_point=walls.vertex_point[order].astype(np.int32),
-        box=np.array([grid.x_mm, grid.y_mm, grid.cell_mm, grid.per_mm]),
-        shape=np.array([grid.columns, grid.rows], dtype=np.int64),
-        wall_first=wall_first,
-        wall_item=wall_item,
-        vertex_first=vertex_first,
-    )
-    for array in arrays:
-        array.setflags(write=False)
-    return arrays
-
-
-def _grid_over(wall: Floats) -> _Grid:
-    """Return a grid with about one cell per wall.
+def _grid_over(wall: _Walls) -> tuple[Floats, Ints]:
+    """Return ``box`` and ``shape`` (see `WallArrays`) of a grid with about one cell per wall.
 
     It reaches half a cell beyond the walls, so that a body that lies along the outermost one, which
     rounding may place just outside, is still in it.
     """
-    if len(wall) == 0:
-        return _Grid(0.0, 0.0, 1.0, 1.0, 1, 1)
-    low, high = wall[:, :2].min(axis=0), wall[:, :2].max(axis=0)
-    width, height = (high - low).tolist()
-    cell = max(np.sqrt(width * height / len(wall)), max(width, height) / (4.0 * len(wall)))
-    columns, rows = int(width / cell) + 2, int(height / cell) + 2
-    corner = low - 0.5 * cell
-    return _Grid(float(corner[0]), float(corner[1]), float(cell), 1.0 / float(cell), columns, rows)
+    count = len(wall.x)
+    if count == 0:
+        return np.array([0.0, 0.0, 1.0, 1.0]), np.array([1, 1])
+    low_x, low_y = float(wall.x.min()), float(wall.y.min())
+    width, height = float(wall.x.max()) - low_x, float(wall.y.max()) - low_y
+    cell = max(math.sqrt(width * height / count), max(width, height) / (4.0 * count))
+    box = np.array([low_x - 0.5 * cell, low_y - 0.5 * cell, cell, 1.0 / cell])
+    return box, np.array([int(width / cell) + 2, int(height / cell) + 2])
 
 
-def _column(grid: _Grid, x_mm: Floats) -> Ints:
-    column = np.floor((x_mm - grid.x_mm) * grid.per_mm)
-    return np.clip(column, 0, grid.columns - 1).astype(np.int64)
+def _along(places_mm: Floats, axis: int, box: Floats, shape: Ints) -> Ints:
+    """Return the column (axis 0) or row (axis 1) of places; those outside count as the nearest."""
+    number = ((places_mm - box[axis]) * box[3]).astype(np.int64)
+    return np.asarray(np.clip(number, 0, shape[axis] - 1))
 
 
-def _row(grid: _Grid, y_mm: Floats) -> Ints:
-    row = np.floor((y_mm - grid.y_mm) * grid.per_mm)
-    return np.clip(row, 0, grid.rows - 1).astype(np.int64)
+def _cell(x_mm: Floats, y_mm: Floats, box: Floats, shape: Ints) -> Ints:
+    return np.asarray(_along(y_mm, 1, box, shape) * shape[0] + _along(x_mm, 0, box, shape))
 
 
-def _cells_of_walls(grid: _Grid, wall: Floats) -> tuple[Ints, Ints]:
+def _cells_of_walls(wall: _Walls, box: Floats, shape: Ints) -> tuple[Ints, Ints]:
     """Return (wall, cell) pairs for every cell that a wall touches within the margin."""
-    margin = MARGIN * grid.cell_mm
-    left = np.minimum(wall[:, 0], wall[:, 5])
-    right = np.maximum(wall[:, 0], wall[:, 5])
-    first, last = _column(grid, left - margin), _column(grid, right + margin)
+    side = box[2]
+    margin = MARGIN * side
+    first = _along(np.minimum(wall.x, wall.end_x) - margin, 0, box, shape)
+    last = _along(np.maximum(wall.x, wall.end_x) + margin, 0, box, shape)
     item, column = _expanded(first, last)
-    low, high = _heights(grid, wall[item], column, margin)
-    pair, row = _expanded(_row(grid, low - margin), _row(grid, high + margin))
-    return item[pair], row * grid.columns + column[pair]
-
-
-def _heights(grid: _Grid, wall: Floats, column: Ints, margin: float) -> tuple[Floats, Floats]:
-    """Return the lowest and highest y of each wall within its column."""
-    x, y = wall[:, 0], wall[:, 1]
-    dx, dy = wall[:, 5] - x, wall[:, 6] - y
-    edge = grid.x_mm + column * grid.cell_mm
+    # The lowest and highest y of each wall within each of its columns.
+    x, y = wall.x[item], wall.y[item]
+    dx, dy = wall.end_x[item] - x, wall.end_y[item] - y
+    edge = box[0] + column * side
     # Upright walls are taken whole: dividing by their width would lose them.
-    upright = np.abs(dx) < 1e-3 * grid.cell_mm
-    width = np.where(upright, 1.0, dx)
-    one = np.where(upright, 0.0, np.clip((edge - margin - x) / width, 0.0, 1.0))
-    two = np.where(upright, 1.0, np.clip((edge + grid.cell_mm + margin - x) / width, 0.0, 1.0))
-    return np.minimum(y + one * dy, y + two * dy), np.maximum(y + one * dy, y + two * dy)
+    upright = np.abs(dx) < 1e-3 * side
+    dx[upright] = 1.0
+    one = np.clip((edge - margin - x) / dx, 0.0, 1.0)
+    two = np.clip((edge + side + margin - x) / dx, 0.0, 1.0)
+    one[upright], two[upright] = 0.0, 1.0
+    one, two = y + one * dy, y + two * dy
+    pair, row = _expanded(
+        _along(np.minimum(one, two) - margin, 1, box, shape),
+        _along(np.maximum(one, two) + margin, 1, box, shape),
+    )
+    return item[pair], row * shape[0] + column[pair]
 
 
-def _lists_at_starts(grid: _Grid, wall: Floats, first: Ints32) -> Iterator[tuple[Ints, Ints]]:
-    """Yield (wall, place in the list of items) for all walls in the cell of each wall's start.
+def _crowded(
+    wall: _Walls, rings: Rings, places: tuple[Ints, Ints], lists: tuple[Ints, Ints], cell: Ints,
+    near_mm: float,
+) -> NDArray[np.bool_]:  # fmt: skip
+    """Return the mask of walls near another one, except at a join.
 
-    They come in batches that bound the memory.
+    Walls do not cross, so what comes nearest is an end of one of the two: each wall's start is held
+    against the walls in its cell.
+
+    Parameters
+    ----------
+    places
+        Of each wall's start and end.
+    lists
+        Where the walls of each cell begin in the list of them, and that list.
+    cell
+        Of each wall's start.
     """
-    cell = _row(grid, wall[:, 1]) * grid.columns + _column(grid, wall[:, 0])
-    begin, end = first[cell].astype(np.int64), first[cell + 1].astype(np.int64)
+    (place, end_place), (first, item) = places, lists
+    crowded = np.zeros(len(cell), dtype=np.bool_)
+    starts = np.flatnonzero(_are_mixed(wall, rings, first, item, near_mm)[cell])
+    begin, end = first[cell[starts]], first[cell[starts] + 1]
     batch = np.cumsum(end - begin) // PAIRS_AT_ONCE
-    for some in np.split(np.arange(len(cell)), np.flatnonzero(np.diff(batch)) + 1):
-        owner, place = _expanded(begin[some], end[some] - 1)
-        yield some[owner], place
-
-
-def _crowded(walls: FreeSpaceWalls, owner: Ints, other: Ints, near_mm: float) -> NDArray[np.bool_]:
-    """Return the mask of walls near another one, except at a join, given pairs to look at.
-
-    Walls do not cross, so what comes nearest is an end of one of the two.
-    """
-    start, end = walls.link[:, 2], walls.link[:, 3]
-    # Columns, each in one piece: rows of two numbers take three times as long.
-    x, y, t_x, t_y, length = np.ascontiguousarray(walls.wall[:, :5].T)
-    r_x, r_y = x[owner] - x[other], y[owner] - y[other]
-    aside = np.abs(r_x * t_y[other] - r_y * t_x[other])
-    few = np.flatnonzero(aside <= near_mm)
-    owner, other = owner[few], other[few]
-    apart = (start[other] != start[owner]) & (end[other] != start[owner])
-    along = r_x[few] * t_x[other] + r_y[few] * t_y[other]
-    near = apart & (along >= -near_mm) & (along <= length[other] + near_mm)
-    crowded = np.zeros(len(start), dtype=np.bool_)
-    if near.any():
-        crowded[other[near]] = True
-        crowded |= np.isin(start, start[owner[near]]) | np.isin(end, start[owner[near]])
+    for some in np.split(np.arange(len(starts)), np.flatnonzero(np.diff(batch)) + 1):
+        owner, listed = _expanded(begin[some], end[some] - 1)
+        owner, other = starts[some[owner]], item[listed]
+        r_x, r_y = wall.x[owner] - wall.x[other], wall.y[owner] - wall.y[other]
+        aside = np.abs(r_x * wall.t_y[other] - r_y * wall.t_x[other])
+        few = np.flatnonzero(aside <= near_mm)
+        owner, other = owner[few], other[few]
+        apart = (place[other] != place[owner]) & (end_place[other] != place[owner])
+        along = r_x[few] * wall.t_x[other] + r_y[few] * wall.t_y[other]
+        near = apart & (along >= -near_mm) & (along <= wall.length[other] + near_mm)
+        if near.any():
+            crowded[other[near]] = True
+            at = place[owner[near]]
+            crowded |= np.isin(place, at) | np.isin(end_place, at)
     return crowded
+
+
+def _are_mixed(
+    wall: _Walls, rings: Rings, first: Ints, item: Ints, near_mm: float
+) -> NDArray[np.bool_]:
+    """Return the mask of cells with more than one smooth stretch of a ring.
+
+    A chain that turns by less than 2 rad in all ends no nearer to its beginning than half its
+    length: with walls of some length, nothing along it is near anything else.
+    """
+    count = np.diff(first)
+    if len(item) == 0 or wall.length.min() <= 4.0 * near_mm:
+        return count > 0
+    before_x, before_y = wall.t_x[rings.before], wall.t_y[rings.before]
+    turn = np.abs(
+        np.arctan2(
+            before_x * wall.t_y - before_y * wall.t_x, before_x * wall.t_x + before_y * wall.t_y
+        )
+    )
+    turned = np.cumsum(turn) + 4.0 * rings.ring  # two rings are never one stretch
+    some = np.flatnonzero(count)
+    here = turned[item]
+    spread = np.maximum.reduceat(here, first[some]) - np.minimum.reduceat(here, first[some])
+    mixed = np.zeros(len(count), dtype=np.bool_)
+    mixed[some] = spread > 2.0 - 1e-6
+    return mixed
 
 
 def _expanded(first: Ints, last: Ints) -> tuple[Ints, Ints]:
     """Return (index, value) for all values of each range ``first .. last``, both included."""
     count = last - first + 1
+    ends = np.cumsum(count)
     index = np.repeat(np.arange(len(first)), count)
-    within = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
-    return index, first[index] + within
+    return index, np.arange(len(index)) + np.repeat(first - ends + count, count)
 
 
-def _listed(grid: _Grid, item: Ints, cell: Ints) -> tuple[Ints32, Ints32]:
+def _listed(shape: Ints, item: Ints, cell: Ints) -> tuple[Ints, Ints]:
     """Return where each cell's items begin, and the items cell by cell in rising order."""
-    order: NDArray[np.int64] = np.argsort(cell, kind="stable")
-    counts = np.bincount(cell, minlength=grid.columns * grid.rows)
-    first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-    return first, item[order].astype(np.int32)
+    cells = int(shape.prod())
+    # Numbers of two bytes are sorted in one pass.
+    short = cell.astype(np.uint16) if cells <= 2**16 else cell
+    order = np.argsort(short, kind="stable")
+    first = np.zeros(cells + 1, dtype=np.int64)
+    np.cumsum(np.bincount(cell, minlength=cells), out=first[1:])
+    return first, item[order]

@@ -448,21 +448,24 @@ def rings_of(free: BaseGeometry) -> Rings:
 
 def linked(corner: Floats, ring: Ints) -> Rings:
     """Return corners with their neighbours; ``ring`` rises."""
+    begins = np.append(True, ring[1:] != ring[:-1])[: len(ring)]
+    first, last = np.flatnonzero(begins), np.flatnonzero(np.roll(begins, -1))
     index = np.arange(len(ring))
-    first = np.searchsorted(ring, ring, side="left")
-    last = np.searchsorted(ring, ring, side="right") - 1
-    before = np.where(index == first, last, index - 1)
-    after = np.where(index == last, first, index + 1)
-    return Rings(corner, ring, before.astype(np.int64), after.astype(np.int64))
+    before, after = index - 1, index + 1
+    before[first], after[last] = last, first
+    return Rings(corner, ring, before, after)
 
 
-def without_notches(free: BaseGeometry, mouth_mm: float, at_least: int = 1) -> BaseGeometry:
+def without_notches(
+    free: BaseGeometry, mouth_mm: float, at_least: int = 1, rings: Rings | None = None
+) -> BaseGeometry:
     """Return a free space less its sharp notches whose mouths are no wider than some length.
 
     Side by side, narrow notches cost time that grows with the square of their number, because each
     thickened wall meets all others that are near it. Fewer than ``at_least`` stay as they are.
+    ``rings`` are those of the free space, where they are known.
     """
-    rings = walls = rings_of(free)
+    rings = walls = rings or rings_of(free)
     corners: shapely.STRtree | None = None
     while len(notch := _notches(walls, mouth_mm)) >= max(at_least, 1):
         at_least = 1

@@ -10,7 +10,7 @@ from shapely import LineString, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
 from tests.oracles.growth_spans import REFERENCE, SHIPPED, Grower
-from vinefab.growth.arrays import TreeArrays
+from vinefab.growth.arrays import TreesArrays
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
@@ -50,20 +50,20 @@ def tree() -> Callable[..., Design]:
     return make
 
 
-def one_branch_tree(length_mm: float) -> TreeArrays:
+def one_branch_tree(length_mm: float) -> TreesArrays:
     """Return a trunk that no pressure stops, as the engines take it."""
-    return TreeArrays(
+    return TreesArrays(
         parent=np.array([-1]),
         turn=np.array([[1.0, 0.0]]),
         length=np.array([length_mm]),
-        fits=np.array([True]),
         limit=np.array([np.inf]),
         store=np.zeros(1),
+        first=np.array([0, 1]),
     )
 
 
 @pytest.fixture(scope="session")
-def trunk_arrays() -> Callable[[float], TreeArrays]:
+def trunk_arrays() -> Callable[[float], TreesArrays]:
     return one_branch_tree
 
 

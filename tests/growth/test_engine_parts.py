@@ -42,6 +42,7 @@ RULES = Rules(
     friction=0.0,
     drag_kpa_mm=0.0,
 )
+FITS = np.array([True])
 RIGHT_WALL = int(np.flatnonzero(ROOM.walls().wall[:, 3] == 1.0)[0])
 
 # A body from (0, 0) over a contact in (50, 60), wrapped while turning right, to a tip on the wall
@@ -84,7 +85,7 @@ def _one_branch(engine, trunk_arrays, most_events, room=50):
     plan = trunk_arrays(1e5)
     start = Launch(0.0, 0.0, math.cos(0.5), math.sin(0.5))
     rules = RULES._replace(most_events=most_events)
-    done = engine.branches(ROOM.walls(), plan, rules, start, growth, 0, 1)
+    done = engine.branches(ROOM.walls(), plan, FITS, rules, start, growth, 0, 1)
     return growth, done
 
 
@@ -107,7 +108,7 @@ def test_the_event_guard_is_far_away(engine, random_map, random_pose, trunk_arra
             *ground.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad)
         )
         rules = RULES._replace(tolerance_mm=ground.tolerance_mm)
-        engine.branches(ground.walls(), plan, rules, start, growth, 0, 1)
+        engine.branches(ground.walls(), plan, FITS, rules, start, growth, 0, 1)
         most = max(most, int(growth.events[0]))
     assert 5 < most < MOST_EVENTS / 100
 
@@ -148,7 +149,7 @@ ordinary, jagged = 100, engine.INTERPRETED_CORNERS + 1
 begin = [engine.chosen_engine("auto", 1, jagged)]
 begin += [engine.chosen_engine("auto", n, ordinary) for n in (3000, 2000, 1000, 1)]
 assert "numba" not in sys.modules
-engine.grow_jobs_of("kernel").__call__
+engine.kernel.grow_jobs
 print(*begin, engine.chosen_engine("auto", 0, ordinary))
 """
 

@@ -21,6 +21,7 @@ from vinefab.model.map import Map, Pose
 seeds = st.integers(0, 2**32 - 1)
 kinds = st.sampled_from(["convex", "star", "needles", "lattice"])
 quick = settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+FITS = np.array([True])
 FREE = GrowthOptions.published(head_on_half_angle_rad=0.0, children_of_stuck="deploy")
 
 
@@ -94,7 +95,7 @@ def _stopped_after(engine, trunk_arrays, terrain, pose, length_mm, most_events):
         drag_kpa_mm=0.0,
     )
     start = Launch(*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
-    assert engine.branches(terrain.walls(), plan, rules, start, growth, 0, 1) == 1
+    assert engine.branches(terrain.walls(), plan, FITS, rules, start, growth, 0, 1) == 1
     return growth, int(growth.events[0])
 
 

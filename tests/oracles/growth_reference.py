@@ -12,10 +12,11 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from vinefab.core.validation import Floats
-from vinefab.growth.arrays import Growth, Launch, Rules, TreeArrays, WallArrays
+from vinefab.growth.arrays import Growth, Launch, Rules, TreesArrays, WallArrays
 from vinefab.model.deployment import Stop
 
 
@@ -495,10 +496,12 @@ class GrowingBranch:
 # --- The tree ---------------------------------------------------------------------------------
 
 
-def _emerges(tree: TreeArrays, rules: Rules, growth: Growth, branch: int) -> bool:
+def _emerges(
+    tree: TreesArrays, fits: NDArray[np.bool_], rules: Rules, growth: Growth, branch: int
+) -> bool:
     """Tell whether a branch leaves its parent's tip at all."""
     parent = tree.parent[branch]
-    if not tree.fits[branch]:
+    if not fits[branch]:
         return False
     if parent < 0 or growth.stop[parent] == Stop.FULL_LENGTH:
         return True
@@ -506,7 +509,7 @@ def _emerges(tree: TreeArrays, rules: Rules, growth: Growth, branch: int) -> boo
 
 
 def _launched(
-    world: World, tree: TreeArrays, start: Launch, growth: Growth, branch: int
+    world: World, tree: TreesArrays, start: Launch, growth: Growth, branch: int
 ) -> GrowingBranch:
     """Return a branch at its base, with its launch heading."""
     parent = int(tree.parent[branch])
@@ -564,7 +567,8 @@ def _record(growth: Growth, number: int, branch: GrowingBranch, launch: complex)
 
 def grow_reference_branches(
     walls: WallArrays,
-    tree: TreeArrays,
+    tree: TreesArrays,
+    fits: NDArray[np.bool_],
     rules: Rules,
     start: Launch,
     growth: Growth,
@@ -574,7 +578,7 @@ def grow_reference_branches(
     """Grow some branches of a tree, as `vinefab.growth.kernel.grow_branches` does."""
     world = World.of(walls, rules)
     for number in range(first, last):
-        if not _emerges(tree, rules, growth, number):
+        if not _emerges(tree, fits, rules, growth, number):
             growth.first_point[number + 1] = growth.first_point[number]
             growth.stop[number] = Stop.NOT_DEPLOYED
             continue

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tests.oracles.growth_reference import grow_reference_branches
 from vinefab.core.compiling import interpreted
@@ -17,7 +18,6 @@ from vinefab.growth.arrays import (
     JobArrays,
     Launch,
     Rules,
-    TreeArrays,
     TreesArrays,
     WallArrays,
 )
@@ -29,7 +29,8 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
 
-GrowBranches = Callable[[WallArrays, TreeArrays, Rules, Launch, Growth, int, int], int]
+Fits = NDArray[np.bool_]
+GrowBranches = Callable[[WallArrays, TreesArrays, Fits, Rules, Launch, Growth, int, int], int]
 
 
 def launch_of(terrain: Terrain, pose: Pose) -> Launch:
@@ -50,7 +51,7 @@ def grow_spans(
     rules = rules_of(options, terrain.tolerance_mm)
     rules = rules._replace(head_on_half_angle_rad=options.only_half_angle_rad)
     arrays, growth = plan.arrays(), Growth.empty(len(plan), 6 * len(plan) + 16)
-    reached_mm = 0.0
+    fits, reached_mm = np.ones(len(plan), dtype=np.bool_), 0.0
     for first, last, radius_mm in zip(plan.edges, plan.edges[1:], plan.radii_mm, strict=False):
         # Only a body wider than the one that reached the place can lack room there.
         if radius_mm > reached_mm:
@@ -58,11 +59,12 @@ def grow_spans(
             if first > 0:
                 parent = arrays.parent[first:last]
                 bases_mm = growth.points[growth.first_point[parent + 1] - 1]
-            arrays.fits[first:last] = terrain.have_room(bases_mm, radius_mm)
+            fits[first:last] = terrain.have_room(bases_mm, radius_mm)
         reached_mm, walls, done = radius_mm, terrain.walls(radius_mm), first
         with np.errstate(all="ignore"):
-            while (done := grow_branches(walls, arrays, rules, start, growth, done, last)) < last:
-                growth = growth.with_room(2 * len(growth.points))
+            while done < last:
+                done = grow_branches(walls, arrays, fits, rules, start, growth, done, last)
+                growth = growth if done == last else _with_room(growth, 2 * len(growth.points))
     _settle(growth, plan, start, terrain, options)
     return Deployment(
         tree=plan.tree,
@@ -72,6 +74,19 @@ def grow_spans(
         stop=growth.stop,
         grown_mm=growth.grown,
         contact_turn_rad=growth.turn,
+    )
+
+
+def _with_room(growth: Growth, room: int) -> Growth:
+    """Return the same growth so far, with room for more chain points."""
+    more = Growth.empty(len(growth.stop), room)
+    more.points[: len(growth.points)] = growth.points
+    return growth._replace(
+        points=more.points,
+        chain_length=more.chain_length,
+        chain_sense=more.chain_sense,
+        chain_gain=more.chain_gain,
+        chain_drawn=more.chain_drawn,
     )
 
 

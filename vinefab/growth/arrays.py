@@ -60,36 +60,6 @@ class WallArrays(NamedTuple):
         return np.asarray(self.wall[self.link[:, 1], :2])
 
 
-class TreeArrays(NamedTuple):
-    """The planned branches, parents before children, n of them.
-
-    Parameters
-    ----------
-    parent
-        Index of each branch's parent, -1 for the trunk.
-    turn
-        Cosine and sine of the angle from the parent's final heading (from the start's heading
-        for the trunk); shape (n, 2).
-    length
-        Planned lengths, mm.
-    fits
-        Whether there is room for each branch's base (inflated bodies); decided by the caller.
-    limit
-        Tension, kPa, with which the working pressure can still evert each branch; infinite where
-        pressure stops nothing. See `vinefab.growth.plan.Feed`.
-    store
-        Tension of each branch's film as it leaves its store, with the drag of the film inside,
-        kPa.
-    """
-
-    parent: Ints
-    turn: Floats
-    length: Floats
-    fits: NDArray[np.bool_]
-    limit: Floats
-    store: Floats
-
-
 class Rules(NamedTuple):
     """The parameters of the growth rules.
 
@@ -201,19 +171,6 @@ class Growth(NamedTuple):
             chain_drawn=np.zeros(room),
         )
 
-    def with_room(self, room: int) -> "Growth":
-        """Return the same growth so far, with room for more chain points."""
-        more = Growth.empty(len(self.stop), room)
-        points = more.points
-        points[: len(self.points)] = self.points
-        return self._replace(
-            points=points,
-            chain_length=more.chain_length,
-            chain_sense=more.chain_sense,
-            chain_gain=more.chain_gain,
-            chain_drawn=more.chain_drawn,
-        )
-
 
 T = TypeVar("T", bound=np.generic)
 
@@ -223,10 +180,9 @@ class TerrainSetArrays(NamedTuple):
 
     Parameters
     ----------
-    wall, link, vertex, solid, vertex_point, wall_first, wall_item, vertex_first
-        As in `WallArrays`; numbers of walls, points and items count within their page.
-    box, shape
-        One row per page; shapes (k, 4) and (k, 2).
+    walls
+        Those of all pages, whose numbers of walls, points and items count within their page;
+        ``box`` and ``shape`` have a row for each page.
     tolerance
         Distances up to this count as touching, mm; shape (k,).
     offset
@@ -234,16 +190,7 @@ class TerrainSetArrays(NamedTuple):
         totals at the end; shape (k + 1, 4).
     """
 
-    wall: Floats
-    link: Ints32
-    vertex: Floats
-    solid: Floats
-    vertex_point: Ints32
-    box: Floats
-    shape: Ints
-    wall_first: Ints32
-    wall_item: Ints32
-    vertex_first: Ints32
+    walls: WallArrays
     tolerance: Floats
     offset: Ints
 
@@ -253,23 +200,16 @@ class TerrainSetArrays(NamedTuple):
         sizes = [(len(p.wall), len(p.vertex), len(p.wall_first), len(p.wall_item)) for p in pages]
         offset = np.zeros((len(pages) + 1, 4), dtype=np.int64)
         np.cumsum(sizes, axis=0, out=offset[1:])
-        return cls(
-            wall=_joined([p.wall for p in pages]),
-            link=_joined([p.link for p in pages]),
-            vertex=_joined([p.vertex for p in pages]),
-            solid=_joined([p.solid for p in pages]),
-            vertex_point=_joined([p.vertex_point for p in pages]),
-            box=_fixed(np.stack([p.box for p in pages])),
-            shape=_fixed(np.stack([p.shape for p in pages])),
-            wall_first=_joined([p.wall_first for p in pages]),
-            wall_item=_joined([p.wall_item for p in pages]),
-            vertex_first=_joined([p.vertex_first for p in pages]),
-            tolerance=_fixed(np.array(tolerances_mm, dtype=np.float64)),
-            offset=_fixed(offset),
+        joined = WallArrays(*(_joined(column) for column in zip(*pages, strict=True)))
+        walls = joined._replace(
+            box=_fixed(np.stack([page.box for page in pages])),
+            shape=_fixed(np.stack([page.shape for page in pages])),
         )
+        tolerance = np.array(tolerances_mm, dtype=np.float64)
+        return cls(walls=walls, tolerance=_fixed(tolerance), offset=_fixed(offset))
 
 
-def _joined(arrays: list[NDArray[T]]) -> NDArray[T]:
+def _joined(arrays: Sequence[NDArray[T]]) -> NDArray[T]:
     return arrays[0] if len(arrays) == 1 else _fixed(np.concatenate(arrays))
 
 
@@ -280,12 +220,23 @@ def _fixed(array: NDArray[T]) -> NDArray[T]:
 
 
 class TreesArrays(NamedTuple):
-    """The planned branches of several designs, one after the other, d of them.
+    """The planned branches of one design or several, one tree after the other, d of them.
 
     Parameters
     ----------
-    parent, turn, length, limit, store
-        As in `TreeArrays`; parents count within their tree.
+    parent
+        Index of each branch's parent within its tree, -1 for the trunk; parents come first.
+    turn
+        Cosine and sine of the angle from the parent's final heading (from the start's heading
+        for the trunk); shape (n, 2).
+    length
+        Planned lengths, mm.
+    limit
+        Tension, kPa, with which the working pressure can still evert each branch; infinite where
+        pressure stops nothing. See `vinefab.growth.plan.Feed`.
+    store
+        Tension of each branch's film as it leaves its store, with the drag of the film inside,
+        kPa.
     first
         Where each tree begins, with the total at the end; shape (d + 1,).
     """
@@ -298,16 +249,11 @@ class TreesArrays(NamedTuple):
     first: Ints
 
     @classmethod
-    def of(cls, trees: Sequence[TreeArrays]) -> "TreesArrays":
+    def of(cls, trees: Sequence["TreesArrays"]) -> "TreesArrays":
         """Return several trees as one set of arrays."""
-        return cls(
-            parent=_fixed(np.concatenate([tree.parent for tree in trees])),
-            turn=_fixed(np.concatenate([tree.turn for tree in trees])),
-            length=_fixed(np.concatenate([tree.length for tree in trees])),
-            limit=_fixed(np.concatenate([tree.limit for tree in trees])),
-            store=_fixed(np.concatenate([tree.store for tree in trees])),
-            first=_fixed(np.cumsum([0, *(len(tree.parent) for tree in trees)])),
-        )
+        columns = [_fixed(np.concatenate(column)) for column in zip(*trees, strict=True)]
+        first = np.cumsum([0, *(len(tree.parent) for tree in trees)])
+        return cls(*columns)._replace(first=_fixed(first))
 
 
 class JobArrays(NamedTuple):
@@ -322,7 +268,8 @@ class JobArrays(NamedTuple):
     half_angle
         Head-on half-angle of each, rad; shape (j,).
     fits
-        As in `TreeArrays`, for all branches of all jobs.
+        Whether there is room for the base of each branch (inflated bodies), for all branches of
+        all jobs; decided by the caller.
     branch
         Where each job's branches begin in the results; shape (j + 1,).
     room

@@ -147,17 +147,6 @@ def chosen_engine(engine: Engine, branches: int, corners: int) -> Engine:
     return "interpreted"
 
 
-def grow_jobs_of(engine: Engine) -> Callable[..., None]:
-    """Return ``grow_jobs`` of the compiled kernel, or as the interpreter runs it."""
-    grow_jobs: Callable[..., None] = kernel.grow_jobs if engine == "kernel" else _plain_grow_jobs
-    return grow_jobs
-
-
-def _plain_grow_jobs(*arrays: Any) -> None:  # noqa: ANN401  as the kernel
-    with np.errstate(all="ignore"):  # compiled code does not warn either
-        interpreted(KERNEL).grow_jobs(*arrays)
-
-
 def rules_of(options: GrowthOptions, tolerance_mm: float) -> Rules:
     """Return the rules of growth for a map's tolerance; of a range of half-angles, the least."""
     return Rules(
@@ -539,7 +528,7 @@ class Batch:
             done=np.zeros(len(plan), dtype=np.int64),
             until=np.zeros(len(plan), dtype=np.int64),
         )
-        grow_jobs = grow_jobs_of(self._engine)
+        module = interpreted(KERNEL) if self._engine == "interpreted" else kernel
         growth = scratch.growth(len(plan), int(jobs.branch[-1]), int(jobs.room[-1]))
         terrain = self.launches.terrain[launch]
         spans, trees = self.plans.spans, self.plans.trees
@@ -552,7 +541,8 @@ class Batch:
             else:
                 for job in wider.tolist():
                     self._mark_fits(job, jobs, growth, span)
-            grow_jobs(self._walls, trees, self._rules, jobs, growth, 0, len(plan))
+            with np.errstate(all="ignore"):  # as compiled code
+                module.grow_jobs(self._walls, trees, self._rules, jobs, growth, 0, len(plan))
             if (jobs.done < jobs.until).any():
                 return None
         if self._settling.is_needed:

@@ -441,14 +441,6 @@ def _meet(walls, rules, tip, wall, place):
 
 
 @inlined
-def _place_on(walls, x, y, wall):
-    """Return the distance along a wall of its point nearest to (x, y)."""
-    rx, ry = x - walls.wall[wall, 0], y - walls.wall[wall, 1]
-    along = rx * walls.wall[wall, 2] + ry * walls.wall[wall, 3]
-    return min(max(along, 0.0), walls.wall[wall, 4])
-
-
-@inlined
 def _reach_end(walls, rules, tip):
     """Return the tip after reaching the end of its wall: on the next wall, free, or stopped."""
     wall, forward = tip.wall, tip.sense > 0.0
@@ -541,7 +533,9 @@ def _slide(walls, rules, growth, tip, base, length):
     if reach >= last:
         return _stopped(tip, FULL_LENGTH)
     if hit != NO_WALL:
-        return _meet(walls, rules, tip, hit, _place_on(walls, tip.x, tip.y, hit))
+        rx, ry = tip.x - walls.wall[hit, 0], tip.y - walls.wall[hit, 1]
+        along = rx * walls.wall[hit, 2] + ry * walls.wall[hit, 3]
+        return _meet(walls, rules, tip, hit, min(max(along, 0.0), walls.wall[hit, 4]))
     return _reach_end(walls, rules, tip)
 
 
@@ -665,26 +659,6 @@ def _film_at_base(tree, start, growth, branch):
     return base, before, tree.store[branch], limit
 
 
-@inlined
-def _everted(growth, rules, film, tip):
-    """Return the tip at a branch's base: stopped if the pressure is used up by the joint."""
-    if film[3] == math.inf:
-        return tip
-    tension = _tension(growth, rules, film, tip, tip.x, tip.y, tip.ux, tip.uy)
-    return _stopped(tip, PRESSURE) if _is_used_up(rules, film, tension) else tip
-
-
-@inlined
-def _record_film(growth, rules, film, branch, tip):
-    """Write what the path to a branch's tip does to the tension of film that is drawn along it."""
-    if film[3] == math.inf:
-        return
-    turned = _capstan(growth, rules, film[0], film[1], tip.pivot, tip.ux, tip.uy)
-    qx, qy = tip.x - growth.points[tip.pivot, 0], tip.y - growth.points[tip.pivot, 1]
-    growth.gain[branch] = growth.chain_gain[tip.pivot] * turned
-    growth.drawn[branch] = growth.chain_drawn[tip.pivot] * turned + _length(qx, qy)
-
-
 # --- A branch, and the tree -------------------------------------------------------------------
 
 
@@ -745,7 +719,9 @@ def _grow_branch(walls, tree, rules, start, growth, branch):
     growth.chain_length[base] = 0.0
     tip = TipState(x, y, ux, uy, base, NO_WALL, 0.0, 0.0, NO_POINT, GROWING)
     film = _film_at_base(tree, start, growth, branch)
-    tip = _everted(growth, rules, film, tip)
+    is_fed = film[3] != math.inf
+    if is_fed and _is_used_up(rules, film, _tension(growth, rules, film, tip, x, y, ux, uy)):
+        tip = _stopped(tip, PRESSURE)
     events = 0
     while tip.stop == GROWING and events < rules.most_events:
         # A wrap takes one more point, and the tip one after that.
@@ -760,7 +736,11 @@ def _grow_branch(walls, tree, rules, start, growth, branch):
         events += 1
     if tip.stop == GROWING:
         tip = _stopped(tip, CORNER)
-    _record_film(growth, rules, film, branch, tip)
+    if is_fed:  # what the path does to the tension of film that is drawn along it
+        turned = _capstan(growth, rules, film[0], film[1], tip.pivot, tip.ux, tip.uy)
+        qx, qy = tip.x - growth.points[tip.pivot, 0], tip.y - growth.points[tip.pivot, 1]
+        growth.gain[branch] = growth.chain_gain[tip.pivot] * turned
+        growth.drawn[branch] = growth.chain_drawn[tip.pivot] * turned + _length(qx, qy)
     growth.events[branch] = events
     _record(growth, branch, tip, length)
     # A single event is a flight: straight.
@@ -770,24 +750,13 @@ def _grow_branch(walls, tree, rules, start, growth, branch):
     return True
 
 
-@inlined
-def _emerges(tree, rules, growth, branch):
-    """Tell whether a branch leaves its parent's tip at all."""
-    parent = tree.parent[branch]
-    if not tree.fits[branch]:
-        return False
-    if parent < 0 or growth.stop[parent] == FULL_LENGTH:
-        return True
-    return rules.deploys_stuck and growth.stop[parent] != NOT_DEPLOYED
-
-
 @compiled
-def grow_branches(walls, tree, rules, start, growth, first, last):
+def grow_branches(walls, tree, fits, rules, start, growth, first, last):
     """Grow the branches ``first .. last - 1`` of a tree, parents before children.
 
     Parameters
     ----------
-    walls, tree, rules, start
+    walls, tree, fits, rules, start
         See `vinefab.growth.arrays`.
     growth
         Where the result goes; ``growth.first_point[first]`` says where its chain points begin.
@@ -801,7 +770,11 @@ def grow_branches(walls, tree, rules, start, growth, first, last):
         go on from there.
     """
     for branch in range(first, last):
-        if not _emerges(tree, rules, growth, branch):
+        parent = tree.parent[branch]
+        emerges = parent < 0 or growth.stop[parent] == FULL_LENGTH
+        if not emerges and rules.deploys_stuck:
+            emerges = growth.stop[parent] != NOT_DEPLOYED
+        if not (emerges and fits[branch]):
             growth.first_point[branch + 1] = growth.first_point[branch]
             growth.stop[branch] = NOT_DEPLOYED
         elif not _grow_branch(walls, tree, rules, start, growth, branch):
@@ -816,7 +789,7 @@ _Walls = namedtuple(
     "_Walls",
     "wall link vertex solid vertex_point box shape wall_first wall_item vertex_first",
 )
-_Tree = namedtuple("_Tree", "parent turn length fits limit store")
+_Tree = namedtuple("_Tree", "parent turn length limit store")
 _Rules = namedtuple(
     "_Rules",
     "head_on_half_angle_rad deploys_stuck tolerance_mm tolerance_rad tie most_events friction "
@@ -833,18 +806,18 @@ _Growth = namedtuple(
 @inlined
 def _page(atlas, page):
     """Return the walls of one page of an atlas."""
-    one, two = atlas.offset[page], atlas.offset[page + 1]
+    walls, one, two = atlas.walls, atlas.offset[page], atlas.offset[page + 1]
     return _Walls(
-        atlas.wall[one[0] : two[0]],
-        atlas.link[one[0] : two[0]],
-        atlas.vertex[one[1] : two[1]],
-        atlas.solid[one[1] : two[1]],
-        atlas.vertex_point[one[1] : two[1]],
-        atlas.box[page],
-        atlas.shape[page],
-        atlas.wall_first[one[2] : two[2]],
-        atlas.wall_item[one[3] : two[3]],
-        atlas.vertex_first[one[2] : two[2]],
+        walls.wall[one[0] : two[0]],
+        walls.link[one[0] : two[0]],
+        walls.vertex[one[1] : two[1]],
+        walls.solid[one[1] : two[1]],
+        walls.vertex_point[one[1] : two[1]],
+        walls.box[page],
+        walls.shape[page],
+        walls.wall_first[one[2] : two[2]],
+        walls.wall_item[one[3] : two[3]],
+        walls.vertex_first[one[2] : two[2]],
     )
 
 
@@ -852,12 +825,10 @@ def _page(atlas, page):
 def _tree_of(trees, jobs, job):
     """Return the tree of one job."""
     first, last = trees.first[jobs.tree[job]], trees.first[jobs.tree[job] + 1]
-    fits = jobs.fits[jobs.branch[job] : jobs.branch[job + 1]]
     return _Tree(
         trees.parent[first:last],
         trees.turn[first:last],
         trees.length[first:last],
-        fits,
         trees.limit[first:last],
         trees.store[first:last],
     )
@@ -914,6 +885,7 @@ def grow_jobs(atlas, trees, rules, jobs, growth, first, last):
         jobs.done[job] = grow_branches(
             _page(atlas, jobs.page[job]),
             _tree_of(trees, jobs, job),
+            jobs.fits[jobs.branch[job] : jobs.branch[job + 1]],
             here,
             _Start(start[0], start[1], start[2], start[3]),
             _growth_of(jobs, growth, job),

@@ -440,12 +440,23 @@ def _origin_key(name: str = "") -> str:
 
 def growth_text(options: GrowthOptions, designs: Sequence[Design]) -> str:
     """Return the rules by which designs grow, as printed with every score."""
-    parts = [
-        f"{options.body} body",
-        f"head-on half-angle {options.half_angle_text} ({options.half_angle_standing})",
-        *_width_text(options),
-        _pressure_text(options, {design.build.pressure_kpa for design in designs}),
-    ]
+    half_angle = f"head-on half-angle {options.half_angle_text} ({options.half_angle_standing})"
+    parts = [f"{options.body} body", half_angle]
+    ratio = options.body_width_ratio
+    if ratio != 1.0 and options.body != "centerline":
+        found = None if options.contacts is None else options.contacts.body_width_ratio
+        is_measured = found is not None and found.value == ratio
+        standing = f"measured: {found.text()}" if found and is_measured else "assumed"
+        parts.append(f"{ratio:g} of the nominal radius from walls ({standing})")
+    pressures_kpa = {design.build.pressure_kpa for design in designs}
+    if options.pressure_stop and any(pressures_kpa):
+        held = f"held back by {options.storage_kpa:g} kPa"
+        film = held if options.storage_kpa else "stored loosely"
+        only = len(pressures_kpa) == 1
+        at = f"{max(pressures_kpa):g} kPa" if only else "each design's pressure"
+        parts.append(f"stops at {at} (film {film}, assumed)")
+    else:
+        parts.append("no pressure stops it")
     if any(design.levels for design in designs):
         parts.append(_CONTACT_WORDS[options.branch_contact])
     if options.emergence < 1.0:
@@ -494,22 +505,3 @@ def measured_values(given: object) -> dict[str, Any]:
     if contacts.emergence is not None:
         values["emergence"] = contacts.emergence.value
     return values
-
-
-def _width_text(options: GrowthOptions) -> list[str]:
-    """Return the assumed width of bodies as text; empty where it is lay-flat width / pi."""
-    ratio = options.body_width_ratio
-    if ratio == 1.0 or options.body == "centerline":
-        return []
-    found = None if options.contacts is None else options.contacts.body_width_ratio
-    is_measured = found is not None and found.value == ratio
-    standing = f"measured: {found.text()}" if found and is_measured else "assumed"
-    return [f"{ratio:g} of the nominal radius from walls ({standing})"]
-
-
-def _pressure_text(options: GrowthOptions, pressures_kpa: set[float]) -> str:
-    if not options.pressure_stop or not any(pressures_kpa):
-        return "no pressure stops it"
-    film = f"held back by {options.storage_kpa:g} kPa" if options.storage_kpa else "stored loosely"
-    at = f"{max(pressures_kpa):g} kPa" if len(pressures_kpa) == 1 else "each design's pressure"
-    return f"stops at {at} (film {film}, assumed)"

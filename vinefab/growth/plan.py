@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints
-from vinefab.growth.arrays import TreeArrays, TreesArrays
+from vinefab.growth.arrays import TreesArrays
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Build, Design
 from vinefab.model.tree import BranchTree, branch_tree
@@ -120,16 +120,15 @@ class Plan:
     def __len__(self) -> int:
         return len(self.tree)
 
-    def arrays(self) -> TreeArrays:
-        """Return the tree as the engines take it; every branch is assumed to have room."""
-        fits = np.ones(len(self.tree), dtype=np.bool_)
-        return TreeArrays(
+    def arrays(self) -> TreesArrays:
+        """Return the tree as the engines take it."""
+        return TreesArrays(
             parent=self.tree.parent,
             turn=self.turn,
             length=self.tree.length_mm,
-            fits=fits,
             limit=self.limit_kpa,
             store=self.store_kpa,
+            first=np.array([0, len(self)]),
         )
 
 
@@ -142,6 +141,26 @@ class Spans(NamedTuple):
     until: Ints  # first branch that is not in the span
     # whether the body is wider than the body that reached its base, and so may lack room there
     is_wider: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, plans: Sequence[Plan]) -> "Spans":
+        """Return the spans of plans as tables."""
+        radii_mm = tuple(sorted({radius for plan in plans for radius in plan.radii_mm}))
+        number = np.array([len(plan.radii_mm) for plan in plans])
+        spans = cls(
+            radii_mm,
+            number,
+            radius=np.zeros((len(plans), number.max()), dtype=np.int64),
+            until=np.zeros((len(plans), number.max()), dtype=np.int64),
+            is_wider=np.zeros((len(plans), number.max()), dtype=np.bool_),
+        )
+        for row, plan in enumerate(plans):
+            spans.until[row] = len(plan)
+            spans.until[row, : number[row]] = plan.edges[1:]
+            spans.radius[row, : number[row]] = np.searchsorted(radii_mm, plan.radii_mm)
+            # Only a body wider than the one that reached the place can lack room there.
+            spans.is_wider[row, : number[row]] = np.diff(plan.radii_mm, prepend=0.0) > 0.0
+        return spans
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -185,25 +204,5 @@ class Plans:
         return cls(
             each=tuple(plans),
             trees=TreesArrays.of([plan.arrays() for plan in plans]),
-            spans=_spans(plans),
+            spans=Spans.of(plans),
         )
-
-
-def _spans(plans: Sequence[Plan]) -> Spans:
-    """Return the spans of plans as tables."""
-    radii_mm = tuple(sorted({radius for plan in plans for radius in plan.radii_mm}))
-    number = np.array([len(plan.radii_mm) for plan in plans])
-    spans = Spans(
-        radii_mm,
-        number,
-        radius=np.zeros((len(plans), number.max()), dtype=np.int64),
-        until=np.zeros((len(plans), number.max()), dtype=np.int64),
-        is_wider=np.zeros((len(plans), number.max()), dtype=np.bool_),
-    )
-    for row, plan in enumerate(plans):
-        spans.until[row] = len(plan)
-        spans.until[row, : number[row]] = plan.edges[1:]
-        spans.radius[row, : number[row]] = np.searchsorted(radii_mm, plan.radii_mm)
-        # Only a body wider than the one that reached the place can lack room there.
-        spans.is_wider[row, : number[row]] = np.diff(plan.radii_mm, prepend=0.0) > 0.0
-    return spans

@@ -39,6 +39,40 @@ _BUILD_LOCK = RLock()
 MOST_RADII = 64
 """Walls are kept for so many radii, then the oldest are dropped: memory stays bounded."""
 
+Shapes = NDArray[np.object_]
+
+APART = 8.0
+"""Distance in grid steps at which shapes cannot touch each other by rounding."""
+
+ARC_SEGMENTS_PER_QUARTER = 16
+"""Rounded corners of inflated bodies: within 0.0012 radii of the true arc."""
+
+MOST_AT_ONCE = 20_000
+"""A free space with more corners is shrunk piece by piece. At once it takes time that grows with
+the square of their number: seconds up to here, hours for 100,000."""
+
+CROWDED = 8.0
+"""Walls nearer to each other than this many steps of the coordinates' grid are crowded: far more
+than rounding, than the tolerance of touching, and than leaving out flat corners can move a wall."""
+
+FEW_CORNERS = 1_000
+"""The clearance of obstacles with no more corners is measured as a whole."""
+
+MANY_NOTCHES = 200
+"""Fewer cost little, and stay."""
+
+PAIRS_AT_ONCE = 1_000_000
+"""Pairs of walls that are looked at together: about 100 MB."""
+
+WALLS_PER_PIECE = 32
+"""Walls that are thickened together: few, because each meets all others that are near it."""
+
+NOTCH_SHARE = 0.1
+"""Of a body's radius: sharp notches with so wide a mouth are filled before the free space shrinks.
+
+It moves the boundary by 0.00125 radii at most, as much as rounded corners are off.
+"""
+
 
 class Terrain:
     """The free space of one map as walls; immutable.
@@ -76,7 +110,16 @@ class Terrain:
         with _BUILD_LOCK:
             self._shrink(radius_mm)
             free = self._free[radius_mm]
-            return free if shapely.is_prepared(free) else _prepared(free)
+            if not shapely.is_prepared(free):
+                shapely.prepare(free)
+                if not free.is_empty:
+                    # GEOS builds its indices not here but after some queries within the polygons'
+                    # box. Two threads that come first at the same time both build them, and free
+                    # each other's memory.
+                    corners = np.resize(shapely.get_coordinates(free), (WARM_UP_QUERIES, 2))
+                    shapely.contains_xy(free, corners)
+                    shapely.shortest_line(free, shapely.points(corners))
+            return free
 
     def walls(self, radius_mm: float = 0.0) -> WallArrays:
         """Return the walls that a body of some radius meets, indexed, read-only."""
@@ -179,53 +222,6 @@ def _make_room(kept: dict[float, T]) -> None:
     """Drop the oldest radius, but never the bare centreline."""
     while len(kept) >= MOST_RADII:
         del kept[next(radius_mm for radius_mm in kept if radius_mm > 0.0)]
-
-
-def _prepared(free: BaseGeometry) -> BaseGeometry:
-    """Return the polygons with an index for fast point queries."""
-    shapely.prepare(free)
-    if not free.is_empty:
-        # GEOS builds its indices not here but after some queries within the polygons' box. Two
-        # threads that come first at the same time both build them, and free each other's memory.
-        corners = np.resize(shapely.get_coordinates(free), (WARM_UP_QUERIES, 2))
-        shapely.contains_xy(free, corners)
-        shapely.shortest_line(free, shapely.points(corners))
-    return free
-
-
-Shapes = NDArray[np.object_]
-
-APART = 8.0
-"""Distance in grid steps at which shapes cannot touch each other by rounding."""
-
-ARC_SEGMENTS_PER_QUARTER = 16
-"""Rounded corners of inflated bodies: within 0.0012 radii of the true arc."""
-
-MOST_AT_ONCE = 20_000
-"""A free space with more corners is shrunk piece by piece. At once it takes time that grows with
-the square of their number: seconds up to here, hours for 100,000."""
-
-CROWDED = 8.0
-"""Walls nearer to each other than this many steps of the coordinates' grid are crowded: far more
-than rounding, than the tolerance of touching, and than leaving out flat corners can move a wall."""
-
-FEW_CORNERS = 1_000
-"""The clearance of obstacles with no more corners is measured as a whole."""
-
-MANY_NOTCHES = 200
-"""Fewer cost little, and stay."""
-
-PAIRS_AT_ONCE = 1_000_000
-"""Pairs of walls that are looked at together: about 100 MB."""
-
-WALLS_PER_PIECE = 32
-"""Walls that are thickened together: few, because each meets all others that are near it."""
-
-NOTCH_SHARE = 0.1
-"""Of a body's radius: sharp notches with so wide a mouth are filled before the free space shrinks.
-
-It moves the boundary by 0.00125 radii at most, as much as rounded corners are off.
-"""
 
 
 def free_space(world: Map, grid_mm: float) -> BaseGeometry:
@@ -331,9 +327,12 @@ def _without(bounds: BaseGeometry, obstacles: Shapes, grid_mm: float) -> BaseGeo
     # Only obstacles that meet are merged one with another: much faster on scattered ones.
     solid = shapely.disjoint_subset_union_all(obstacles[~alone])
     free = shapely.difference(bounds, solid, grid_size=grid_mm)
-    holes = _rounded(obstacles[alone], grid_mm)
-    if len(holes) == 0:
+    if not alone.any():
         return free
+    rings = shapely.remove_repeated_points(shapely.get_exterior_ring(obstacles[alone]))
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    holes: Shapes = np.empty(len(rings), dtype=object)
+    shapely.linearrings(np.round(points / grid_mm) * grid_mm, indices=ring, out=holes)
     parts = shapely.get_parts(free)
     inside, part = shapely.STRtree(parts).query(shapely.get_point(holes, 0), "intersects")
     for index in np.unique(part):
@@ -374,15 +373,6 @@ def _are_wide(obstacles: Shapes, apart_mm: float) -> NDArray[np.bool_]:
         own = (wall == corner) | (wall == walls.before[corner])
         wide[index] = own.all() and (shapely.length(lines) > apart_mm).all()
     return wide
-
-
-def _rounded(obstacles: Shapes, grid_mm: float) -> Shapes:
-    """Return the outlines of obstacles without holes, with rounded coordinates."""
-    rings = shapely.remove_repeated_points(shapely.get_exterior_ring(obstacles))
-    points, ring = shapely.get_coordinates(rings, return_index=True)
-    outlines: Shapes = np.empty(len(rings), dtype=object)
-    shapely.linearrings(np.round(points / grid_mm) * grid_mm, indices=ring, out=outlines)
-    return outlines
 
 
 def indexed_walls(free: BaseGeometry, grid_mm: float) -> WallArrays:

@@ -25,7 +25,7 @@ from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError
 from vinefab.core.limits import deg, rad
 from vinefab.core.table import TablePart, validated
 from vinefab.core.validation import Floats, frozen_floats
-from vinefab.growth.arrays import Growth, Launch, Rules, TreeArrays, WallArrays
+from vinefab.growth.arrays import Growth, Launch, Rules, TreesArrays, WallArrays
 from vinefab.growth.batch import KERNEL, rules_of
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.terrain import Terrain
@@ -141,14 +141,15 @@ def _grown_alone(
     """Return the growth of one branch that no pressure stops, and where its tip met walls."""
     kernel = rebindable(KERNEL)
     meet, room = kernel["_meet"], 64
-    tree = TreeArrays(
+    tree = TreesArrays(
         parent=np.array([-1]),
         turn=np.array([[1.0, 0.0]]),
         length=np.array([length_mm]),
-        fits=np.array([True]),
         limit=np.array([np.inf]),
         store=np.zeros(1),
+        first=np.array([0, 1]),
     )
+    fits = np.array([True])
     while True:
         growth, met = Growth.empty(1, room), list[_Met]()
 
@@ -164,7 +165,7 @@ def _grown_alone(
 
         kernel["_meet"] = note
         with np.errstate(all="ignore"):
-            if kernel["grow_branches"](walls, tree, rules, start, growth, 0, 1) == 1:
+            if kernel["grow_branches"](walls, tree, fits, rules, start, growth, 0, 1) == 1:
                 return growth, met
         room *= 2
 

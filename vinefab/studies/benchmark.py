@@ -209,9 +209,10 @@ def _tests(terrain: Terrain, poses: tuple[Pose, ...]) -> _Tests:
         return sweep_to(walls, rules, vertex, *sweep)
 
     plain["_meeting"], plain["_sweep_to"] = note_ray, note_sweep
+    tree, fits = plan.arrays(), np.ones(len(plan), dtype=np.bool_)
     for start in batch.launches.start.tolist():
         growth = Growth.empty(len(plan), 20 * len(plan))
-        plain["grow_branches"](walls, plan.arrays(), rules, Launch(*start), growth, 0, len(plan))
+        plain["grow_branches"](walls, tree, fits, rules, Launch(*start), growth, 0, len(plan))
         count += int(growth.events.sum())
     ray, sweep = np.array(rays, dtype=np.float64), np.array(sweeps, dtype=np.float64)
     return _Tests(

@@ -29,7 +29,7 @@ from vinefab.physics.anchoring import (
 )
 from vinefab.physics.seam import N_MM2_PER_KPA
 from vinefab.physics.tube import inflated_diameter_mm
-from vinefab.tasks.areas import TOUCHING_MM
+from vinefab.tasks.areas import TOUCHING_MM, Chains
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome, TaskOutcomes
 
@@ -51,46 +51,30 @@ class GrownBatch(NamedTuple):
     parent: Ints
     tree_first: Ints
     tree: Ints  # tree of each growth, shape (j,)
-    # branch, room: where each growth's branches and chain points begin, shape (j + 1,) each
-    branch: Ints
-    room: Ints
+    chains: Chains  # the bodies
     # the results, as in `vinefab.growth.arrays.Growth`
-    points: Floats
-    first_point: Ints
     stop: Ints
     grown: Floats
 
     @classmethod
     def of_block(cls, block: GrowthBlock) -> "GrownBatch":
         """Return the growths of a block."""
-        trees, growth = block.plans.trees, block.growth
-        return cls(
-            parent=_fixed(trees.parent),
-            tree_first=_fixed(trees.first),
-            tree=block.plan,
-            branch=block.branch,
-            room=block.room,
-            points=_fixed(growth.points),
-            first_point=_fixed(growth.first_point),
-            stop=growth.stop,
-            grown=growth.grown,
-        )
+        trees, growth, chains = block.plans.trees, block.growth, Chains.of_block(block)
+        parent, first = _fixed(trees.parent), _fixed(trees.first)
+        return cls(parent, first, block.plan, _unwritten(chains), growth.stop, growth.grown)
 
     @classmethod
     def of(cls, deployment: Deployment) -> "GrownBatch":
         """Return one growth."""
-        ends = np.array([0, len(deployment.tree)])
-        return cls(
-            parent=_fixed(deployment.tree.parent),
-            tree_first=_fixed(ends),
-            tree=np.zeros(1, dtype=np.int64),
-            branch=ends,
-            room=np.array([0, len(deployment.points_mm)]),
-            points=_fixed(deployment.points_mm),
-            first_point=_fixed(deployment.first_point),
-            stop=deployment.stop,
-            grown=deployment.grown_mm,
-        )
+        chains, tree = Chains.of(deployment), deployment.tree
+        parent, first = _fixed(tree.parent), _fixed(chains.branch)
+        one = np.zeros(1, dtype=np.int64)
+        return cls(parent, first, one, _unwritten(chains), deployment.stop, deployment.grown_mm)
+
+
+def _unwritten(chains: Chains) -> Chains:
+    points, first = _fixed(chains.points_mm), _fixed(chains.first_point)
+    return chains._replace(points_mm=points, first_point=first)
 
 
 class Turns(NamedTuple):
@@ -112,10 +96,10 @@ class Turns(NamedTuple):
             grown.parent,
             grown.tree_first,
             grown.tree,
-            grown.branch,
-            grown.room,
-            grown.points,
-            grown.first_point,
+            grown.chains.branch,
+            grown.chains.room,
+            grown.chains.points_mm,
+            grown.chains.first_point,
             *found,
         )
         return found
@@ -137,17 +121,17 @@ class Leaves:
         """Return the leaves of some growths."""
         out = turns.is_leaf & np.not_equal(grown.stop, Stop.NOT_DEPLOYED) & (grown.grown > 0.0)
         leaf = np.flatnonzero(out)
-        growth = np.searchsorted(grown.branch, leaf, side="right") - 1
+        growth = np.searchsorted(grown.chains.branch, leaf, side="right") - 1
         order = np.lexsort((turns.path_rad[leaf], growth))
         leaf, growth = leaf[order], growth[order]
         # Every growth has one more entry in `first_point` than it has branches.
-        tip = grown.room[growth] + grown.first_point[leaf + growth + 1] - 1
+        tip = grown.chains.room[growth] + grown.chains.first_point[leaf + growth + 1] - 1
         return cls(
             growths=len(grown.tree),
             growth=growth,
             branch=leaf,
             turn_rad=turns.path_rad[leaf],
-            points_mm=grown.points,
+            points_mm=grown.chains.points_mm,
             tip=tip,
         )
 
@@ -291,14 +275,14 @@ class AnchoredRobots:
             grown.parent,
             grown.tree_first,
             grown.tree,
-            grown.branch,
+            grown.chains.branch,
             factor,
             limit_n,
             free_n,
             held_n,
             capped,
         )
-        trunk = grown.branch[:-1]
+        trunk = grown.chains.branch[:-1]
         return free_n[trunk], held_n[trunk], capped
 
     def summed(self, values: Floats | NDArray[np.bool_]) -> Floats:
@@ -471,7 +455,11 @@ class Anchoring(Table):
         leaves, engaged = found.leaves, found.engaged
         count = found.summed(engaged)
         _, force_n, capped = found.pulls_n(self.friction)
-        low, high = found.amplification_range(self._frictions(found))
+        frictions = {self.friction_low, self.friction, self.friction_high}
+        if found.limit_n is not None:  # between the ends film may give way
+            steps = np.linspace(self.friction_low, self.friction_high, FRICTION_STEPS)
+            frictions.update(steps.tolist())
+        low, high = found.amplification_range(sorted(frictions))
         terms = {
             "leaves": np.bincount(leaves.growth, minlength=leaves.growths).astype(np.float64),
             "engaged": count * found.has_pouches,
@@ -485,14 +473,6 @@ class Anchoring(Table):
             "capped": capped,
         }
         return TaskOutcomes(found.amplification(self.friction), terms)
-
-    def _frictions(self, found: AnchoredRobots) -> tuple[float, ...]:
-        """Return the frictions that the ends are looked for at: between them film may give way."""
-        ends = (self.friction_low, self.friction, self.friction_high)
-        if found.limit_n is None:
-            return ends
-        steps = np.linspace(self.friction_low, self.friction_high, FRICTION_STEPS)
-        return tuple(sorted({*ends, *steps.tolist()}))
 
     def _pouch_mm(self, build: Build | None) -> tuple[float, float]:
         """Return flat length and width of the pouches, zeros without any."""

@@ -18,6 +18,7 @@ from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import GrowthBlock
+from vinefab.model.deployment import Deployment
 
 if TYPE_CHECKING:
     from vinefab.tasks import areas_kernel
@@ -159,7 +160,13 @@ def _region(centre_mm: Floats, radius_mm: float, edges_mm: Floats) -> tuple[floa
             ring += hits
         else:
             area += 0.5 * radius_mm**2 * (two - one)
-            ring.append(_arc(one, two, radius_mm))
+            # Points of the arc, moved out so that the polygon has the sector's area.
+            count = max(1, math.ceil((two - one) / _ARC_STEP_RAD))
+            step = (two - one) / count
+            scale = math.sqrt(step / math.sin(step)) if step > 0.0 else 1.0
+            turned = np.linspace(one, two, count + 1)
+            points = np.column_stack([np.cos(turned), np.sin(turned)])
+            ring.append(radius_mm * scale * points)
     return area, centre + np.vstack(ring)
 
 
@@ -207,15 +214,6 @@ def _hit(angle_rad: float, first: Floats, along: Floats) -> Floats:
     return np.asarray(first + min(max(share, 0.0), 1.0) * along)
 
 
-def _arc(one: float, two: float, radius_mm: float) -> Floats:
-    """Return points of an arc, moved out so that the polygon has the sector's area."""
-    count = max(1, math.ceil((two - one) / _ARC_STEP_RAD))
-    step = (two - one) / count
-    scale = math.sqrt(step / math.sin(step)) if step > 0.0 else 1.0
-    angles = np.linspace(one, two, count + 1)
-    return radius_mm * scale * np.column_stack([np.cos(angles), np.sin(angles)])
-
-
 def _distances(edges: Floats) -> Floats:
     """Return the distance of edges from the origin, shape (e,)."""
     first, along = edges[:, 0], edges[:, 1] - edges[:, 0]
@@ -251,6 +249,19 @@ class Chains(NamedTuple):
     # where the branches of each growth begin, with the total at the end, shape (j + 1,)
     branch: Ints
     room: Ints  # where the chain points of each growth begin, shape (j + 1,) or (j,)
+
+    @classmethod
+    def of(cls, deployment: Deployment) -> "Chains":
+        """Return the body of one deployment."""
+        points, branches = len(deployment.points_mm), len(deployment.tree)
+        ends = np.array([0, branches]), np.array([0, points])
+        return cls(deployment.points_mm, deployment.first_point, *ends)
+
+    @classmethod
+    def of_block(cls, block: GrowthBlock) -> "Chains":
+        """Return the bodies of a block's growths."""
+        growth = block.growth
+        return cls(growth.points, growth.first_point, block.branch, block.room)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -639,7 +650,7 @@ class BodyCover:
 
     def covered(self, block: GrowthBlock) -> NDArray[np.bool_]:
         """Return the mask of the cells that each growth comes near to."""
-        return self.grid.near(_bodies(block), self.radius_mm)
+        return self.grid.near(Chains.of_block(block), self.radius_mm)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -703,10 +714,4 @@ class TargetCover:
 
     def covered(self, block: GrowthBlock) -> NDArray[np.bool_]:
         """Return the mask of the targets that each growth reaches."""
-        return np.asarray(self.away_mm(_bodies(block)) <= self.tolerance_mm)
-
-
-def _bodies(block: GrowthBlock) -> Chains:
-    """Return the bodies of a block's growths."""
-    growth = block.growth
-    return Chains(growth.points, growth.first_point, block.branch, block.room)
+        return np.asarray(self.away_mm(Chains.of_block(block)) <= self.tolerance_mm)

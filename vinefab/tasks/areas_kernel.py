@@ -493,20 +493,13 @@ def seen_areas_by_lines(
         own = tips[first[j] : first[j + 1]]
         index[3, 0] = 0
         for k in range(len(own)):
-            begin, end = _cell(own[k, 0], own[k, 1], grid, cell_first)
-            walls_here = item[begin:end]
+            column = min(max(int((own[k, 0] - grid[0]) / grid[2]), 0), int(grid[3]) - 1)
+            row = min(max(int((own[k, 1] - grid[1]) / grid[2]), 0), int(grid[4]) - 1)
+            cell = row * int(grid[3]) + column
+            walls_here = item[cell_first[cell] : cell_first[cell + 1]]
             _step_off(own[k], sensor, walls, walls_here)
             index[3, k + 1] = _facing_walls(own[k], sensor[0], walls, walls_here, near, index[3, k])
         seen[j], summed[j] = _see_one(own, sensor[0], line, near, index, begins, run)
-
-
-@inlined
-def _cell(x, y, grid, cell_first):
-    """Return where the walls of the cell of a place begin and end."""
-    column = min(max(int((x - grid[0]) / grid[2]), 0), int(grid[3]) - 1)
-    row = min(max(int((y - grid[1]) / grid[2]), 0), int(grid[4]) - 1)
-    at = row * int(grid[3]) + column
-    return cell_first[at], cell_first[at + 1]
 
 
 @inlined
@@ -581,16 +574,6 @@ def _begin(tips, radius, line, index, begins):
 
 
 @inlined
-def _insert(order, tips, active, k):
-    """Add a sensor to those of the line, which are in the order of their x."""
-    at = active
-    while at > 0 and tips[order[at - 1], 0] > tips[k, 0]:
-        order[at] = order[at - 1]
-        at -= 1
-    order[at] = k
-
-
-@inlined
 def _see_one(tips, radius, line, near, index, begins, run):
     """Return the area that one set of sensors sees, and the sum over the sensors."""
     order, until, first = index[2], index[1], index[3]
@@ -599,7 +582,11 @@ def _see_one(tips, radius, line, near, index, begins, run):
     for row in range(lowest, highest + 1):
         k = begins[row]
         while k != NOTHING:
-            _insert(order, tips, active, k)
+            at = active  # the sensors of the line are in the order of their x
+            while at > 0 and tips[order[at - 1], 0] > tips[k, 0]:
+                order[at] = order[at - 1]
+                at -= 1
+            order[at] = k
             active += 1
             k = index[0, k]
         y = line[0] + (row + 0.5) * line[1]

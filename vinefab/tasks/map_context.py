@@ -261,13 +261,11 @@ def _tiles(free: BaseGeometry) -> list[BaseGeometry]:
         boxes = (x_min, y_min, x, y_max), (x, y_min, x_max, y_max)
     else:
         boxes = (x_min, y_min, x_max, y), (x_min, y, x_max, y_max)
-    halves = [_clipped(free, box) for box in boxes]
+    halves = [shapely.clip_by_rect(free, *box) for box in boxes]  # quick, but may cross itself
+    halves = [
+        half if half.is_valid else shapely.intersection(free, shapely.box(*box))
+        for half, box in zip(halves, boxes, strict=True)
+    ]
     if shapely.get_num_coordinates(halves).sum() > 1.5 * corners:  # most edges cross the line
         return [free]
     return [tile for half in halves for tile in _tiles(half)]
-
-
-def _clipped(free: BaseGeometry, box: tuple[float, float, float, float]) -> BaseGeometry:
-    """Return polygons within a box."""
-    quick = shapely.clip_by_rect(free, *box)  # much faster, but it may cross itself
-    return quick if quick.is_valid else shapely.intersection(free, shapely.box(*box))

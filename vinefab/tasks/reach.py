@@ -172,14 +172,14 @@ class Reach(Table):
         """Return the share, 0 to 1, and as terms what was reached and the grown length."""
         if self.goals(context.targets):
             summed_mm = np.array([float(deployment.grown_mm.sum())])
-            return self._of_targets(one_chain(deployment), summed_mm, context).one(0)
+            return self._of_targets(Chains.of(deployment), summed_mm, context).one(0)
         raster = context.raster(self.buffer_mm) if self.area == "fast" else None
         if raster is None:
             deployed = np.flatnonzero(deployment.deployed)
             chains = [deployment.chain_mm(int(branch)).tolist() for branch in deployed]
             reached_mm2 = context.free_area_mm2(near_chains(chains, self.buffer_mm))
         else:
-            (reached_mm2,) = raster.reached_mm2(one_chain(deployment)).tolist()
+            (reached_mm2,) = raster.reached_mm2(Chains.of(deployment)).tolist()
         grown_mm = float(deployment.grown_mm.sum())
         return _outcomes(np.array([reached_mm2]), np.array([grown_mm]), context).one(0)
 
@@ -324,13 +324,6 @@ def nearest_mm(chains: Chains, targets: Sequence[Target], *, tips: bool = False)
     if len(owners):
         away_mm[owners] = np.minimum.reduceat(gaps_mm, begin, axis=0)
     return away_mm
-
-
-def one_chain(deployment: Deployment) -> Chains:
-    """Return the body of one deployment."""
-    count, points = len(deployment.tree), len(deployment.points_mm)
-    ends = np.array([0, count]), np.array([0, points])
-    return Chains(deployment.points_mm, deployment.first_point, *ends)
 
 
 def task_targets(task: Task | None, world: Map) -> tuple[Target, ...]:

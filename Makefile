@@ -49,6 +49,7 @@ fuzz: $(READY)
 thorough: check fuzz outlines
 	$(BIN)/pytest -n 2 -m thorough
 	$(BIN)/python tests/fabrication/rules/mutate.py
+	$(BIN)/python tests/growth/mutate_kernels.py
 	$(BIN)/python tests/fabrication/rules/cuts_clear.py 2000
 	$(BIN)/python tests/search/fix_many.py 40
 	$(BIN)/python tests/tasks/measure_area_errors.py 1000

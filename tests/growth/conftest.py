@@ -9,7 +9,7 @@ import shapely
 from shapely import LineString, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
-from tests.oracles.growth_spans import REFERENCE, SHIPPED, Grower
+from tests.oracles.growth_spans import SHIPPED, Grower
 from vinefab.growth.arrays import TreesArrays
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.terrain import Terrain
@@ -20,9 +20,9 @@ from vinefab.model.map import Map, Pose
 SIZE_MM = 500.0
 
 
-@pytest.fixture(scope="session", params=[SHIPPED, REFERENCE], ids=["kernel", "reference"])
-def engine(request: pytest.FixtureRequest) -> Grower:
-    return request.param
+@pytest.fixture(scope="session")
+def engine() -> Grower:
+    return SHIPPED
 
 
 @pytest.fixture(scope="session")

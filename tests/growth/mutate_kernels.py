@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 import tempfile
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
@@ -46,152 +47,15 @@ class Mutant(NamedTuple):
     new: str
 
 
-GROWTH, CONTACT, BATCH = "growth.kernel", "growth.contact_kernel", "growth.batch_kernel"
-AREAS, UNION, TIPS = "tasks.areas_kernel", "tasks.union_kernel", "tasks.tips_kernel"
-
-MUTANTS = tuple(
-    Mutant(*row)
-    for row in (
-        # Rules of growth
-        (GROWTH, "wall, 2] < -rules.tolerance_rad", "wall, 2] < rules.tolerance_rad"),
-        (
-            GROWTH,
-            "against) <= rules.head_on_half_angle_rad +",
-            "against) <= rules.head_on_half_angle_rad -",
-        ),
-        (
-            GROWTH,
-            "abs(ux * nx + uy * ny - (uy * tx - ux * ty)) <=",
-            "abs(ux * nx + uy * ny - (uy * tx - ux * ty)) >",
-        ),
-        (GROWTH, "wall, 3] >= 0.0 else -1.0", "wall, 3] <= 0.0 else -1.0"),
-        (GROWTH, "first, 2] <= rules.tolerance_rad", "first, 2] <= -0.5"),
-        # What a tip meets
-        (GROWTH, "return facing >= -rules.tolerance_rad", "return facing <= -rules.tolerance_rad"),
-        (GROWTH, "run_up * facing > 4.0", "run_up * facing < 4.0"),
-        (GROWTH, "(facing > gentlest)", "(facing < gentlest)"),
-        (GROWTH, "(column + (right > 0)) * cell", "(column + (right < 0)) * cell"),
-        (GROWTH, "> best[1] + rules.tolerance_mm:", "> 0.5 * best[1]:"),
-        (GROWTH, "(above <= tolerance)", "(above >= tolerance)"),
-        (GROWTH, "return 0.0 if solid > 0.0", "return 0.0 if solid < 0.0"),
-        (GROWTH, "(span > farthest)", "(span < farthest)"),
-        (
-            GROWTH,
-            "right = min(max(int((max(px, x, zx) + margin",
-            "right = min(max(int((max(px, x) + margin",
-        ),
-        # Slides and flights
-        (
-            GROWTH,
-            "(along + math.sqrt(along * along + short))",
-            "(math.sqrt(along * along + short) - along)",
-        ),
-        (GROWTH, "max(0.0, -tip.sense * (ex * qy", "max(0.0, tip.sense * (ex * qy"),
-        (
-            GROWTH,
-            "place = 0.0 if forward else walls.wall[following, 4]",
-            "place = walls.wall[following, 4] if forward else 0.0",
-        ),
-        (GROWTH, "if distance >= left - TIE_STEPS", "if distance >= left + TIE_STEPS"),
-        (GROWTH, "if walls.link[wall, 4] != 0:", "if walls.link[wall, 4] == 2:"),
-        (GROWTH, "chain_length[pivot - 1] + step", "chain_length[pivot - 1] - step"),
-        # Pressure
-        (GROWTH, "return turned * held +", "return held +"),
-        (
-            GROWTH,
-            "abs(ix * uy - iy * ux), ix * ux + iy * uy))",
-            "abs(ix * uy + iy * ux), ix * ux + iy * uy))",
-        ),
-        (GROWTH, "at_y, ux, uy) <= film[3]:", "at_y, ux, uy) >= film[3]:"),
-        (GROWTH, "film[3] * (1.0 + rules.tie)", "film[3] * (1.0 - rules.tie)"),
-        (
-            GROWTH,
-            "growth.chain_gain[tip.pivot] * turned\n        growth.chain_drawn",
-            "growth.chain_gain[tip.pivot]\n        growth.chain_drawn",
-        ),
-        (GROWTH, "growth.chain_gain[base] = growth.gain[parent]", "growth.chain_gain[base] = 1.0"),
-        # Branches, trees and batches
-        (GROWTH, "if tip.stop != FULL_LENGTH:", "if tip.stop == FULL_LENGTH:"),
-        (
-            GROWTH,
-            "if _length(dx, dy) > TIE_STEPS * rules.tolerance_mm:",
-            "if _length(dx, dy) > 0.0:",
-        ),
-        (GROWTH, "growth.stop[parent] != NOT_DEPLOYED", "growth.stop[parent] == NOT_DEPLOYED"),
-        (GROWTH, "hx * sine + hy * cosine", "hx * sine - hy * cosine"),
-        (GROWTH, "vertex_first[one[2] : two[2]]", "vertex_first[one[1] : two[1]]"),
-        (GROWTH, "jobs.half_angle[job],", "jobs.half_angle[0],"),
-        # Branches that meet
-        (CONTACT, "rest = reach * reach - across", "rest = reach * reach + across"),
-        (CONTACT, "return max(low, -value / slope), high", "return max(low, value / slope), high"),
-        (CONTACT, "laid - along, 1.0 - gain", "laid - along, 1.0 + gain"),
-        (
-            CONTACT,
-            "enter, leave = min(enter, one), max(leave, two)\n    # The end",
-            "enter, leave = one, two\n    # The end",
-        ),
-        (CONTACT, "return min(max(before, apart), enter)", "return max(before, apart) + enter"),
-        (CONTACT, "max(radius[one] + radius[other] -", "max(radius[one] -"),
-        (CONTACT, "_draw(seed, k) >= emergence", "_draw(seed, k) < emergence"),
-        (CONTACT, "work[k, MEETING] <= now + step", "work[k, MEETING] <= now - step"),
-        (CONTACT, "share = min(left / size, 1.0)", "share = min(size / left, 1.0)"),
-        (
-            CONTACT,
-            "growth.turn[row] = min(growth.turn[row], turn)",
-            "growth.turn[row] = turn + 1.0",
-        ),
-        # Bookkeeping of batches
-        (BATCH, "_evenly(-half, half,", "_evenly(half, -half,"),
-        (BATCH, "riding[k] + length[k] * width", "length[k] * width"),
-        (BATCH, "first_point[k + job + 1] - 1", "first_point[k + job]"),
-        # Strips and cells
-        (AREAS, "free[row, column + 1] -= part", "free[row, column + 1] += part"),
-        (AREAS, "slope[row, column + 1] -= part", "slope[row, column + 1] += part"),
-        (AREAS, "(piece[0, k] > reached)", "(piece[0, k] < reached)"),
-        (AREAS, "if x_before < x or", "if x_before > x or"),
-        (
-            AREAS,
-            "max(radius + 0.5 - math.sqrt(away), 0.0)",
-            "max(radius - 0.5 - math.sqrt(away), 0.0)",
-        ),
-        (AREAS, "one, two = min(one, ax + dx - half)", "one, two = min(one, ax + dx + half)"),
-        # Lines of sight
-        (AREAS, "(max(x_one, x_two) + reach - grid[0])", "(max(x_one, x_two) - reach - grid[0])"),
-        (AREAS, "tip[0] += along * ux - aside * uy", "tip[0] += along * ux + aside * uy"),
-        (AREAS, "angle if angle > 0.0 else", "angle if angle < 0.0 else"),
-        (AREAS, "if ax * by - ay * bx > 0.0 and", "if ax * by - ay * bx < 0.0 and"),
-        (AREAS, "(share - 1.0) / (share - other_share)", "(share - 1.0) / (share + other_share)"),
-        (AREAS, "max(begin, two) if one <= begin", "max(begin, two) if one > begin"),
-        (AREAS, "right[i] - max(left[i], reached), 0.0)", "right[i] - left[i], 0.0)"),
-        # Unions of polygons
-        (UNION, "if within >= 1.0 if is_free", "if within > 1.0 if is_free"),
-        (
-            UNION,
-            "edge[count, STEP] = -1.0 if up else 1.0",
-            "edge[count, STEP] = 1.0 if up else -1.0",
-        ),
-        (UNION, "        if not first:\n", "        if first:\n"),
-        (UNION, "if doubled < 0.0:", "if doubled > 0.0:"),
-        (
-            UNION,
-            "if row == max(begin, _first_row(free[e, Y]",
-            "if row == min(begin, _first_row(free[e, Y]",
-        ),
-        # Anchoring
-        (
-            TIPS,
-            "total[first + k] += total[first + above]",
-            "total[first + k] += own[first + above]",
-        ),
-        (TIPS, "if (ux != 0.0) | (uy != 0.0):", "if True:"),
-        (TIPS, "if held[this] > limit[this]:", "if held[this] < limit[this]:"),
-        (TIPS, "capped[j] += 1.0", "capped[j] = 1.0"),
-        (TIPS, "if abs(place) <= tolerance:", "if abs(place) > tolerance:"),
-        (TIPS, "1 if side_b < side_a else -1", "1 if side_b > side_a else -1"),
-        (TIPS, "if to_column < to_row:", "if to_column > to_row:"),
-        (TIPS, "if nearest <= min(to_column, to_row):", "if nearest < math.inf:"),
-    )
-)
+def mutants() -> Iterator[Mutant]:
+    """Yield the rows of `kernel_mutants.txt`: ``# module``, then ``text => other text``."""
+    module = ""
+    for line in Path(__file__).with_name("kernel_mutants.txt").read_text().splitlines():
+        if line.startswith("# "):
+            module = line.removeprefix("# ")
+        elif line:
+            old, new = line.replace("\\n", "\n").split(" => ")
+            yield Mutant(module, old, new)
 
 
 def is_noticed(mutant: Mutant) -> bool:
@@ -225,7 +89,10 @@ def main() -> int:
     os.environ["NUMBA_DISABLE_JIT"] = "1"
     sys.path.insert(0, str(ROOT))
     import_module("vinefab.tasks.evaluate")  # once, not in every process
-    some = [mutant for mutant in MUTANTS if all(word in mutant.module for word in sys.argv[1:])]
+    some = [mutant for mutant in mutants() if all(word in mutant.module for word in sys.argv[1:])]
+    for module in dict.fromkeys(mutant.module for mutant in some):
+        if is_noticed(Mutant(module, "from vinefab.core", "from vinefab.core")):
+            raise SystemExit(f"{module}: tests fail, or take too long, without any change")
     left = [mutant for mutant in some if not is_noticed(mutant)]
     for mutant in left:
         sys.stdout.write(f"survived: {mutant.module}: {mutant.old} -> {mutant.new}\n")

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from shapely import affinity
 from shapely.ops import substring
 
-from tests.oracles.branch_contact import distance_mm, stopped_in_steps
+from tests.oracles.branch_contact import stopped_in_steps
 from vinefab.growth.batch import Batch, Launches, TerrainSet, grow_on
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan, Plans
@@ -251,11 +251,3 @@ def test_batches_and_the_interpreter_give_the_same_bytes(random_map, body):
                 assert (getattr(alone, name) == getattr(one, name)).all(), (name, engine)
         cuts += int((one.stop == Stop.BRANCH).sum())
     assert cuts > 3
-
-
-def test_distance_of_the_oracle_is_that_of_shapely():
-    rng = np.random.default_rng(1)
-    for _ in range(20):
-        chain, point = rng.random((4, 2)), rng.random(2)
-        expected = shapely.LineString(chain).distance(shapely.Point(point))
-        assert math.isclose(distance_mm(point, chain), expected)

@@ -10,7 +10,6 @@ import pytest
 from numpy.testing import assert_allclose
 from shapely import box
 
-from tests.oracles import growth_reference as reference
 from vinefab.core import compiling
 from vinefab.growth.arrays import Growth, Launch, Rules
 from vinefab.growth.batch import (
@@ -19,15 +18,10 @@ from vinefab.growth.batch import (
     MOST_EVENTS,
     TIE,
     TOLERANCE_RAD,
-    Batch,
-    Launches,
-    TerrainSet,
 )
-from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plans
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
-from vinefab.model.map import Map, Pose
+from vinefab.model.map import Map
 
 kernel = compiling.interpreted(KERNEL)
 
@@ -66,18 +60,6 @@ def test_release_in_the_kernel():
     assert kernel._slide(ROOM.walls(), RULES, growth, tip, 1, 1000.0).pivot == 1
     growth.chain_sense[1] = 1
     assert kernel._slide(ROOM.walls(), RULES, growth, tip, 0, 1000.0).pivot == 1
-
-
-def test_release_in_the_twin():
-    world = reference.World.of(ROOM.walls(), RULES)
-    u = (TIP - CONTACT) / abs(TIP - CONTACT)
-    branch = reference.GrowingBranch(
-        world, 1000.0, TIP, u, [BASE, CONTACT], [0, -1], [0.0, abs(CONTACT)]
-    )
-    branch.wall, branch.place, branch.sense = RIGHT_WALL, 1100.0, 1
-    branch.slide(RIGHT_WALL)
-    assert branch.pivots == [BASE]
-    assert_allclose([branch.tip.real, branch.tip.imag], [150.0, 180.0], atol=1e-9)
 
 
 def _one_branch(engine, trunk_arrays, most_events, room=50):
@@ -160,17 +142,3 @@ def test_the_interpreter_grows_a_bounded_number_of_branches_then_code_is_compile
     jagged, *ordinary = done.stdout.decode().split()
     assert jagged == "kernel"
     assert ordinary == ["interpreted", "kernel", "interpreted", "kernel", "kernel"]
-
-
-def test_a_batch_is_the_same_by_every_engine(terrain, tree):
-    ground, robot = terrain(box(0.0, 0.0, 300.0, 300.0)), tree(120.0, (3, 90.0, 100.0, 0.8))
-    poses = [Pose(x_mm=150.0, y_mm=20.0, heading_rad=angle) for angle in (0.3, 1.0, 2.0)]
-    options = GrowthOptions.published()
-    launches = Launches.of(TerrainSet([ground]), [poses])
-    plans = Plans.of([robot], options)
-    fast, plain = (
-        Batch(plans, launches, options, engine=engine).deployments()
-        for engine in ("kernel", "interpreted")
-    )
-    for one, two in zip(fast, plain, strict=True):
-        assert one.points_mm.tobytes() == two.points_mm.tobytes()

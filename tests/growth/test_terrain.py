@@ -97,6 +97,15 @@ def test_chains_of_walls_close_on_any_map(random_map):
         assert (link[link[:, 1], 2] == link[:, 3]).all()
 
 
+@pytest.mark.parametrize(("steps", "marked"), [(4.0, True), (12.0, False)])
+def test_walls_that_all_but_touch_another_are_marked(terrain, steps, marked):
+    right = 50.0 + steps * terrain(ROOM).grid_mm
+    arrays = terrain(ROOM, box(20, 20, 50, 50), box(right, 20, 80, 50)).walls()
+    beside = (np.abs(arrays.wall[:, 0] - 50.0) < 1.0) & (arrays.wall[:, 3] != 0.0)
+    assert beside.sum() == 2
+    assert (arrays.link[beside, 4] == marked).all()
+
+
 def test_arrays_never_change_and_are_made_once(terrain):
     ground = terrain(ROOM)
     assert ground.walls() is ground.walls()

@@ -1,6 +1,5 @@
 """The compiled kernel against its readable twin, on maps made to be nasty."""
 
-import cmath
 import math
 
 import numpy as np
@@ -8,10 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 from shapely import box
 
-from tests.oracles.growth_reference import World
 from tests.oracles.growth_spans import grow_reference
 from vinefab.core.compiling import interpreted
-from vinefab.growth.batch import CONTACT_KERNEL, KERNEL, grow_on, rules_of
+from vinefab.growth.batch import CONTACT_KERNEL, KERNEL, grow_on
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
@@ -82,67 +80,6 @@ def test_the_interpreter_gives_what_compiled_code_does_to_the_last_bit(
         stops |= set(fast.stop.tolist())
     assert Stop.PRESSURE in stops
     assert len(stops) > 2
-
-
-@pytest.mark.parametrize("kind", ["star", "needles", "lattice"])
-def test_the_twin_looks_only_near_its_moves_and_misses_nothing(
-    monkeypatch, random_map, random_pose, random_tree, kind
-):
-    tested = []
-    meeting = World.meeting
-    monkeypatch.setattr(World, "meeting", lambda *given: tested.append(1) or meeting(*given))
-    for number in range(6):
-        rng = np.random.default_rng([9, number])
-        terrain = Terrain.of(random_map(rng, kind))
-        robot, pose = random_tree(rng), random_pose(rng, terrain)
-        near = grow_reference(robot, terrain, pose, GrowthOptions.published())
-        few = len(tested)
-        with monkeypatch.context() as everywhere:
-            everywhere.setattr(World, "near", lambda _self, boxes_mm, *_: range(len(boxes_mm)))
-            whole = grow_reference(robot, terrain, pose, GrowthOptions.published())
-        assert near.points_mm.tobytes() == whole.points_mm.tobytes(), number
-        assert near.stop.tolist() == whole.stop.tolist(), number
-        assert few < len(tested) - few, number
-        tested.clear()
-
-
-def test_rules_agree_one_by_one(random_map):
-    """Every rule of the kernel against the twin's of the same name, also at the tolerances."""
-    rng = np.random.default_rng(7)
-    names = ("presses", "is_head_on", "slide_sense", "is_wedged", "is_split")
-    answers = {name: set() for name in names}
-    for kind in ("convex", "star", "needles", "lattice"):
-        terrain = Terrain.of(random_map(rng, kind))
-        walls = terrain.walls()
-        rules = rules_of(GrowthOptions.published(head_on_half_angle_rad=0.3), terrain.tolerance_mm)
-        world = World.of(walls, rules)
-        for _ in range(200):
-            wall, first = (int(index) for index in rng.integers(len(walls.wall), size=2))
-            angle = rng.uniform(-math.pi, math.pi)
-            if rng.random() < 0.3:  # along the wall or its normal, or all but
-                angle = cmath.phase(world.walls[wall].tangent) + rng.choice([0.0, -math.pi / 2])
-                angle += rng.choice([0.0, 1e-9, -1e-9])
-            u = cmath.rect(1.0, angle)
-            presses = kernel.presses(walls, rules, u.real, u.imag, wall)
-            assert presses == world.presses(u, wall)
-            assert kernel.leaves_at_end(walls, rules, u.real, u.imag, wall) != presses
-            assert world.leaves_at_end(u, wall) != presses
-            head_on = kernel.is_head_on(walls, rules, u.real, u.imag, wall)
-            assert head_on == world.is_head_on(u, wall)
-            sense = kernel.slide_sense(walls, u.real, u.imag, wall)
-            assert sense == world.slide_sense(u, wall)
-            wedged = kernel.is_wedged(walls, rules, wall, sense, first)
-            assert wedged == world.is_wedged(wall, int(sense), first)
-            place = float(rng.choice([0.0, world.walls[wall].length]))
-            end = 1 if place else 0
-            both = world.walls[wall].normal + world.walls[world.neighbours[wall][end]].normal
-            if rng.random() < 0.3:
-                u = -both / abs(both)
-            split = kernel.is_split(walls, rules, u.real, u.imag, wall, place)
-            assert split == world.is_split(u, wall, place)
-            for name, answer in zip(answers, (presses, head_on, sense, wedged, split), strict=True):
-                answers[name].add(answer)
-    assert all(len(seen) == 2 for seen in answers.values())
 
 
 def test_stop_codes_are_those_of_the_model():

@@ -127,4 +127,3 @@ class Grower(NamedTuple):
 
 
 SHIPPED = Grower(grow_on, interpreted(KERNEL).grow_branches)
-REFERENCE = Grower(grow_reference, grow_reference_branches)

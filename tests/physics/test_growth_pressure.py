@@ -1,25 +1,15 @@
 """Growth pressure along a path, and along every path of a tree."""
 
-import cmath
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.oracles.grown_paths import grown_paths
 from vinefab.core.errors import BadInputError
-from vinefab.core.rng import child
-from vinefab.growth.batch import grow_on
-from vinefab.growth.options import GrowthOptions
-from vinefab.growth.terrain import Terrain
-from vinefab.maps.generators.grid import grid_map
-from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.laser import Standing
-from vinefab.model.map import Pose
 from vinefab.model.tree import branch_tree
 from vinefab.physics.growth_pressure import (
     FITTED,
@@ -110,100 +100,12 @@ def test_planned_paths_turn_at_joints_only() -> None:
     assert paths[-1].turn_rad == 1.0
 
 
-def test_growth_in_free_space_takes_the_planned_paths() -> None:
-    tree = branch_tree(TREE)
-    for branch, path in grown_paths(_free(tree)).items():
-        planned = planned_paths(tree)[branch]
-        assert path.lengths_mm == pytest.approx(planned.lengths_mm)
-        assert path.turns_rad == pytest.approx(planned.turns_rad)
-
-
-def _free(tree) -> Deployment:
-    heading, tips, points, first = [], [], [], [0]
-    for branch, parent in enumerate(tree.parent.tolist()):
-        base = tips[parent] if parent >= 0 else (0.0, 0.0)
-        angle = (heading[parent] if parent >= 0 else 0.3) + tree.offset_rad[branch]
-        length = tree.length_mm[branch]
-        tips.append((base[0] + length * math.cos(angle), base[1] + length * math.sin(angle)))
-        heading.append(angle)
-        points += [base, tips[-1]]
-        first.append(len(points))
-    return Deployment(
-        tree=tree,
-        pose=Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.3),
-        points_mm=np.array(points),
-        first_point=np.array(first),
-        stop=np.zeros(len(tree), dtype=np.int64),
-        grown_mm=tree.length_mm.copy(),
-        contact_turn_rad=np.zeros(len(tree)),
-    )
-
-
-def test_a_step_as_short_as_rounding_turns_nothing() -> None:
-    tree = branch_tree(TREE.changed(levels=(), build=Build.standard(1)))
-    free = _free(tree)
-    for back in (1e-13, -1e-13):
-        points = np.array([*free.points_mm, free.points_mm[-1] + (back, 0.0)])
-        grown = replace(free, points_mm=points, first_point=np.array([0, 3]))
-        assert grown_paths(grown)[0].turn_rad == pytest.approx(0.0)
-
-
-def base_turns_rad(deployment: Deployment, branch: int) -> tuple[float, float]:
-    """Return the hinge at a branch's base, and the turn from its parent's last heading."""
-    tree, parent = deployment.tree, int(deployment.tree.parent[branch])
-    before = deployment.pose.heading_rad
-    if parent >= 0:
-        before = cmath.phase(complex(*np.diff(deployment.chain_mm(parent)[-2:], axis=0)[0]))
-    first = cmath.phase(complex(*np.diff(deployment.chain_mm(branch)[:2], axis=0)[0]))
-    net = cmath.phase(cmath.rect(1.0, first - before))
-    return cmath.phase(cmath.rect(1.0, net - tree.offset_rad[branch])), net
-
-
-@pytest.mark.parametrize("body", ["centerline", "inflated"])
-def test_turns_on_a_map_are_those_that_the_simulator_counted(body: str) -> None:
-    world = grid_map(seed=3)
-    terrain, rng = Terrain.of(world), child(3)
-    turned = 0
-    for _ in range(6):
-        pose = world.starts[0].pose
-        pose = Pose(
-            x_mm=pose.x_mm, y_mm=pose.y_mm, heading_rad=pose.heading_rad + rng.uniform(-0.3, 0.3)
-        )
-        deployment = grow_on(TREE, terrain, pose, GrowthOptions.published(body=body))
-        tree, paths = deployment.tree, grown_paths(deployment)
-        assert set(paths) == set(np.flatnonzero(deployment.deployed).tolist())
-        for branch, path in paths.items():
-            counted, length, above = 0.0, 0.0, branch
-            while above >= 0:
-                hinge, net = base_turns_rad(deployment, above)
-                counted += deployment.contact_turn_rad[above] - abs(hinge) + abs(net)
-                length += deployment.grown_mm[above]
-                above = int(tree.parent[above])
-            assert path.turn_rad == pytest.approx(counted, abs=1e-6)
-            assert path.length_mm == pytest.approx(length)
-            turned += counted > 1.2
-    assert turned > 5
-
-
-def test_a_turn_at_the_base_comes_before_the_first_stretch() -> None:
-    tree = branch_tree(Design(name="v", trunk_length_mm=100.0, build=Build.standard(1)))
-    bent = Deployment(
-        tree=tree,
-        pose=Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.0),
-        points_mm=np.array([[0.0, 0.0], [30.0, 30.0], [30.0, 60.0]]),
-        first_point=np.array([0, 3]),
-        stop=np.array([0]),
-        grown_mm=np.array([72.4]),
-        contact_turn_rad=np.array([math.pi / 2]),
-    )
-    path = grown_paths(bent)[0]
-    assert path.lengths_mm == pytest.approx((0.0, 30.0 * math.sqrt(2), 30.0))
-    assert path.turns_rad == pytest.approx((math.pi / 4, math.pi / 4))
+def test_film_that_rides_along_costs_drag_before_every_turn() -> None:
+    path = GrowthPath(lengths_mm=(0.0, 42.0, 30.0), turns_rad=(math.pi / 4, math.pi / 4))
     by_hand = growth_pressure_kpa(path.lengths_mm, path.turns_rad)
     assert path.pressure_kpa(FITTED) == by_hand
-    assert path.pressure_kpa(FITTED, riding_mm=1000.0) == pytest.approx(
-        by_hand + 0.771 * math.exp(0.234 * math.pi / 2)
-    )
+    riding = 0.771 * math.exp(0.234 * math.pi / 2)
+    assert path.pressure_kpa(FITTED, riding_mm=1000.0) == pytest.approx(by_hand + riding)
 
 
 def test_descendants_ride_weighted_by_their_width() -> None:

@@ -11,7 +11,6 @@ from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
 from vinefab.model.tree import branch_tree
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.task import TaskOutcomes
 
 Chain = Sequence[tuple[float, float]]
 
@@ -64,17 +63,3 @@ def pillar_room() -> Map:
 @pytest.fixture
 def room_context(room: Map) -> MapContext:
     return MapContext.of(room)
-
-
-@pytest.fixture
-def same() -> Callable[[TaskOutcomes, TaskOutcomes], bool]:
-    """Tell whether outcomes are the same to the last bit."""
-
-    def compare(one: TaskOutcomes, other: TaskOutcomes) -> bool:
-        return (
-            np.array_equal(one.score, other.score)
-            and tuple(one.terms) == tuple(other.terms)
-            and all(np.array_equal(one.terms[name], other.terms[name]) for name in one.terms)
-        )
-
-    return compare

@@ -10,7 +10,6 @@ import shapely
 from shapely import box
 
 from tests.oracles.anchoring import branch_force_n, pouch_contact_mm2, tip_force_n
-from vinefab.core.errors import BadInputError
 from vinefab.growth.batch import Batch, Launches, TerrainSet, grow_on
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
@@ -249,23 +248,6 @@ def test_the_designs_own_pouch_is_used_and_film_and_seam_are_the_limit() -> None
     assert terms(Anchoring(), bare)["force_n"] == 0.0
 
 
-@pytest.mark.parametrize(
-    ("parameters", "key"),
-    [
-        ({"friction": math.nan}, "friction"),
-        ({"friction": 0.1}, "friction_low"),
-        ({"friction_high": 0.2}, "friction_high"),
-        ({"pouch_width_mm": 30.0}, "pouch_length_mm"),
-        ({"pouch_length_mm": 30.0}, "pouch_width_mm"),
-        ({"seam_n_mm": -1.0}, "seam_n_mm"),
-    ],
-)
-def test_parameters_that_contradict_are_refused(parameters: dict[str, float], key: str) -> None:
-    with pytest.raises(BadInputError) as caught:
-        Anchoring(**parameters)
-    assert caught.value.key == key
-
-
 # --- Leaves in blocks and alone --------------------------------------------------------------
 
 RECTANGLE = Pouch(shape="rectangle", length_mm=30.0, width_mm=45.0)
@@ -428,27 +410,6 @@ def test_blocks_are_scored_as_leaf_by_leaf(task: Anchoring, pouch: Pouch | None,
     assert (seen["force_n"] > 0.0) == (pouch is not None)
     if pouch is None or task.seam_n_mm < 0.1:
         assert (seen["capped"] > 0.0) == (pouch is not None)
-
-
-def test_a_growth_is_worth_the_same_alone_and_among_others() -> None:
-    pouch = {"pouch_length_mm": 20.0, "pouch_width_mm": 60.0}
-    task = Anchoring(**pouch, count_joint_angles=True, film_n_mm=0.0, seam_n_mm=0.0)
-    batch, sites = batch_of("centerline", None)
-    contexts = [site.context for site in sites]
-
-    def work(block):
-        alone = [
-            task.evaluate(block.deployment(k), contexts[block.terrain[k]])
-            for k in range(len(block))
-        ]
-        return task.evaluate_block(block, contexts), alone
-
-    for together, alone in batch.each(work, size=7):
-        for index, (score, terms) in enumerate(alone):
-            found, found_terms = together.one(index)
-            assert found == score
-            # What a pouch presses with is the design's pressure, which a deployment lacks.
-            assert {**found_terms, "force_n": 0.0} == dict(terms)
 
 
 def test_gaps_by_cells_are_those_of_all_edges(pillar_room: Map) -> None:

@@ -3,7 +3,6 @@ from collections.abc import Callable
 
 import pytest
 
-from vinefab.core.errors import BadInputError
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
@@ -93,12 +92,3 @@ def test_terms_and_score_stay_in_their_ranges(
     assert all(0.0 <= value <= 1.0 for value in terms.values())
     assert terms["area"] == pytest.approx(1.0)
     assert tiny.lowest <= score <= 1.0
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [("radius_mm", 0.0), ("weight_area", math.nan), ("most_branches", 0), ("clip", "walls")],
-)
-def test_parameters_that_make_no_sense_are_refused(key: str, value: object) -> None:
-    with pytest.raises(BadInputError, match=key.replace("weight_", "weight")[:6]):
-        Coverage(**{key: value})

@@ -9,7 +9,7 @@ import shapely
 from vinefab.maps.generators.cave import cave_map
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.map import Map
-from vinefab.tasks.areas import _hit, disc_union, free_disc_areas_mm2, seen_areas
+from vinefab.tasks.areas import disc_union, free_disc_areas_mm2, seen_areas
 from vinefab.tasks.map_context import MapContext
 
 # --- Discs -----------------------------------------------------------------------------------
@@ -168,11 +168,3 @@ def test_walls_seen_edge_on_hide_nothing_and_stop_nothing() -> None:
             expected = DISC - 0.5 * segment
             assert area(context, x, 400.0 - below) == pytest.approx(expected, rel=1e-5)
         assert area(context, 450.0, 400.0 - below) == pytest.approx(0.5 * DISC, rel=1e-5)
-
-
-def test_a_ray_along_a_wall_meets_it_between_its_ends() -> None:
-    first, along = np.array([3.0, 0.0]), np.array([2.0, 0.0])
-    for angle in (0.0, 1e-300, 1e-17, math.pi):
-        place = _hit(angle, first, along)
-        assert 3.0 <= place[0] <= 5.0
-        assert place[1] == 0.0

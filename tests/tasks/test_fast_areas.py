@@ -12,7 +12,7 @@ from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.maps.generators.cave import cave_map
-from vinefab.maps.generators.grid import GridOptions, grid_map
+from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
@@ -29,7 +29,6 @@ from vinefab.tasks.areas import (
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import PreparedMap, score_design
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.task import one_by_one
 
 # --- Strips: discs ---------------------------------------------------------------------------
 
@@ -131,33 +130,6 @@ def test_fast_scores_are_those_of_blocks_and_near_the_exact_ones(
     assert fine.evaluate(end, room_context) == fine.changed(area="exact").evaluate(
         end, room_context
     )
-
-
-@pytest.mark.parametrize("body", ["centerline", "inflated"])
-def test_blocks_score_as_single_deployments_do(body: str, same: Callable[..., bool]) -> None:
-    fan = Level(branches=3, length_mm=80.0, fan_rad=1.5)
-    plans = [
-        Design(name="a", trunk_length_mm=120.0, levels=(fan, fan), build=Build.standard(3)),
-        Design(name="b", trunk_length_mm=150.0, levels=(fan,), build=Build.standard(2)),
-        Design(name="c", trunk_length_mm=90.0, build=Build.standard(1)),
-    ]
-    options = GrowthOptions.published(body=body)
-    sites = [PreparedMap.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
-    poses = [draw_poses(site.world, 3, 5, clearance_mm=14.0) for site in sites]
-    launches = Launches.of(TerrainSet([site.terrain for site in sites]), poses)
-    batch = Batch(Plans.of(plans, options), launches, options)
-    contexts = [site.context for site in sites]
-    for size in (1, 4, 7, 100):
-        pairs = batch.each(
-            lambda b: (FAST.evaluate_block(b, contexts), one_by_one(FAST, b, contexts)), size=size
-        )
-        for together, alone in pairs:
-            assert same(together, alone)
-
-
-def test_an_unknown_way_to_measure_is_refused() -> None:
-    with pytest.raises(ValueError, match="area"):
-        Coverage(area="quick")
 
 
 def test_scores_for_reports_are_exact() -> None:
@@ -393,26 +365,3 @@ def test_lines_that_would_be_too_many_are_not_made(
     assert fine.evaluate(end, room_context) == fine.changed(area="exact").evaluate(
         end, room_context
     )
-
-
-def test_blocks_with_line_of_sight_score_as_single_deployments_do(
-    same: Callable[..., bool],
-) -> None:
-    fan = Level(branches=3, length_mm=80.0, fan_rad=1.5)
-    designs = [
-        Design(name="a", trunk_length_mm=120.0, levels=(fan, fan), build=Build.standard(3)),
-        Design(name="b", trunk_length_mm=90.0, build=Build.standard(1)),
-    ]
-    options = GrowthOptions.published()
-    sites = [PreparedMap.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
-    poses = [draw_poses(site.world, 3, 5) for site in sites]
-    launches = Launches.of(TerrainSet([site.terrain for site in sites]), poses)
-    batch = Batch(Plans.of(designs, options), launches, options)
-    contexts = [site.context for site in sites]
-    for size in (1, 5, 100):
-        pairs = batch.each(
-            lambda b: (FAST_SIGHT.evaluate_block(b, contexts), one_by_one(FAST_SIGHT, b, contexts)),
-            size=size,
-        )
-        for together, alone in pairs:
-            assert same(together, alone)

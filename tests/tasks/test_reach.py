@@ -20,7 +20,6 @@ from vinefab.tasks.areas import STRIPS_PER_RADIUS, Chains
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.reach import NEAR_MM, NEAR_SHARE, QUARTER_SEGMENTS, Reach, near_chains
-from vinefab.tasks.task import one_by_one
 
 
 def test_a_straight_body_reaches_a_stadium(
@@ -42,11 +41,6 @@ def test_solid_places_are_not_reached(
     share, terms = Reach(buffer_mm=60.0).evaluate(end, context)
     assert terms["reached_mm2"] == pytest.approx(400 * 110 - 100 * 10)
     assert share == pytest.approx(terms["reached_mm2"] / (400 * 300 - 100**2 - 5000))
-
-
-def test_a_buffer_without_width_is_refused() -> None:
-    with pytest.raises(BadInputError, match="buffer_mm"):
-        Reach(buffer_mm=0.0)
 
 
 def test_cells_stay_within_the_band_that_is_proven(pillar_room: Map) -> None:
@@ -100,34 +94,6 @@ def test_a_body_that_reaches_everything_reaches_the_free_area(
     share, terms = Reach(buffer_mm=1000.0, area="fast").evaluate(end, context)
     assert share == pytest.approx(1.0)
     assert terms["grown_mm"] == 400.0
-
-
-@pytest.mark.parametrize("body", ["centerline", "inflated"])
-def test_blocks_score_as_single_deployments_do(body: str, same: Callable[..., bool]) -> None:
-    fan = Level(branches=3, length_mm=80.0, fan_rad=1.5)
-    designs = [
-        Design(name="a", trunk_length_mm=120.0, levels=(fan, fan), build=Build.standard(3)),
-        Design(name="c", trunk_length_mm=90.0, build=Build.standard(1)),
-    ]
-    options = GrowthOptions.published(body=body)
-    sites = [PreparedMap.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
-    poses = [draw_poses(site.world, 3, 5, clearance_mm=14.0) for site in sites]
-    launches = Launches.of(TerrainSet([site.terrain for site in sites]), poses)
-    batch = Batch(Plans.of(designs, options), launches, options)
-    contexts = [site.context for site in sites]
-    for task in (Reach(area="fast"), Reach(area="fast", buffer_mm=0.1), Reach()):
-        for size in (1, 5, 100):
-            pairs = batch.each(
-                lambda b, t=task: (t.evaluate_block(b, contexts), one_by_one(t, b, contexts)),
-                size=size,
-            )
-            for together, alone in pairs:
-                assert same(together, alone)
-
-
-def test_an_unknown_way_to_measure_is_refused() -> None:
-    with pytest.raises(BadInputError, match="area"):
-        Reach(area="quick")
 
 
 def test_hundreds_of_crossing_branches_take_no_minutes() -> None:
@@ -203,31 +169,6 @@ def test_a_robot_that_stayed_inside_reaches_no_target(
         score, terms = task.evaluate(ended(fork, [None, None, None]), room_context)
         assert score == 0.0
         assert terms["farthest_mm"] == pytest.approx(room_context.diagonal_mm)
-
-
-@pytest.mark.parametrize("reached_by", ["body", "tip"])
-def test_targets_in_a_block_are_reached_as_one_by_one(reached_by: str) -> None:
-    maps = [grid_map(1), grid_map(2), cave_map(1)]
-    prepared = [PreparedMap.of(world) for world in maps]
-    levels = (Level.of(3, 120, 90, 70), Level.of(2, 60, 120))
-    designs = [
-        Design(name="tree", trunk_length_mm=150.0, levels=levels, build=Build.standard(3)),
-        Design(name="vine", trunk_length_mm=350.0, build=Build.standard(1)),
-    ]
-    options = GrowthOptions()
-    poses = [draw_poses(world, 2, 3) for world in maps]
-    launches = Launches.of(TerrainSet([p.terrain for p in prepared]), poses)
-    targets = tuple((x, y) for x in (100.0, 250.0) for y in (60.0, 200.0, 420.0))
-    task = Reach(target_mm=targets, tolerance_mm=60.0, falloff_mm=50.0, reached_by=reached_by)
-    contexts = [p.context for p in prepared]
-    blocks = Batch(Plans.of(designs, options), launches, options).each(
-        lambda block: (task.evaluate_block(block, contexts), one_by_one(task, block, contexts))
-    )
-    for at_once, each in blocks:
-        assert at_once.score.tolist() == each.score.tolist()
-        assert at_once.score.max() > 0.0
-        for name, values in each.terms.items():
-            assert at_once.terms[name].tolist() == pytest.approx(values.tolist())
 
 
 @pytest.mark.parametrize(

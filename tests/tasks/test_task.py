@@ -7,17 +7,11 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.growth.batch import Batch, Launches, TerrainSet
-from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plans
-from vinefab.maps.generators.grid import grid_map
-from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment, Stop
-from vinefab.model.design import Build, Design, Level
+from vinefab.model.design import Design
 from vinefab.tasks.coverage import Coverage
-from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.task import HeadOnPenalty, TaskOutcomes, concatenated_outcomes, one_by_one
+from vinefab.tasks.task import HeadOnPenalty, TaskOutcomes, concatenated_outcomes
 
 # --- Outcomes --------------------------------------------------------------------------------
 
@@ -61,20 +55,3 @@ def test_a_robot_that_never_came_out_did_not_stop_head_on(
     fork: Design, ended: Callable[..., Deployment], room_context: MapContext
 ) -> None:
     assert TASK.evaluate(ended(fork, [None] * 3), room_context)[1]["head_on"] == 0.0
-
-
-def test_blocks_score_as_single_deployments_do(same: Callable[..., bool]) -> None:
-    fan = Level(branches=3, length_mm=120.0, fan_rad=2.5)
-    tree = Design(name="a", trunk_length_mm=120.0, levels=(fan, fan), build=Build.standard(3))
-    options = GrowthOptions.published(head_on_half_angle_rad=0.3)
-    site = PreparedMap.of(grid_map(1))
-    launches = Launches.of(TerrainSet([site.terrain]), [draw_poses(site.world, 9, 5)])
-    batch = Batch(Plans.of([tree], options), launches, options)
-    seen = set()
-    for block in batch.each(
-        lambda b: (TASK.evaluate_block(b, [site.context]), one_by_one(TASK, b, [site.context])),
-        size=4,
-    ):
-        assert same(*block)
-        seen |= set(block[0].terms["head_on"].tolist())
-    assert len(seen) > 2

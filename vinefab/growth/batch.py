@@ -221,30 +221,12 @@ class Workspace:
         held = self._growth
         if branches + jobs >= len(held.first_point) or room > len(held.points):
             held = self._growth = Growth.empty(2 * (branches + jobs), 2 * room)
-        part = Growth(
-            points=held.points[:room],
-            first_point=held.first_point[: branches + jobs],
-            stop=held.stop[:branches],
-            grown=held.grown[:branches],
-            turn=held.turn[:branches],
-            heading=held.heading[:branches],
-            events=held.events[:branches],
-            gain=held.gain[:branches],
-            drawn=held.drawn[:branches],
-            chain_length=held.chain_length[:room],
-            chain_sense=held.chain_sense[:room],
-            chain_gain=held.chain_gain[:room],
-            chain_drawn=held.chain_drawn[:room],
-        )
-        for array in (
-            part.first_point,
-            part.stop,
-            part.grown,
-            part.turn,
-            part.heading,
-            part.events,
-        ):
-            array.fill(0)
+        size = {"first_point": branches + jobs, "points": room}
+        size |= {name: room for name in Growth._fields if name.startswith("chain_")}
+        each = held._asdict().items()
+        part = Growth(**{name: array[: size.get(name, branches)] for name, array in each})
+        for name in ("first_point", "stop", "grown", "turn", "heading", "events"):
+            getattr(part, name).fill(0)
         return part
 
 

@@ -254,10 +254,6 @@ def scores_of(
 # --- Composition ------------------------------------------------------------------------------
 
 
-COMPOSITES = ("mean", "best", "min_deviation", "single")
-"""Composites of scores in a search; ``single`` is the score of one evaluation."""
-
-
 def map_weights(counts: Sequence[int]) -> Floats | None:
     """Return weights of evaluations by which maps count alike; None where all weigh the same.
 

@@ -8,7 +8,7 @@ import pytest
 from vinefab.core.atomic import is_filled_in
 from vinefab.core.hashing import manifest_text, sha256_of
 from vinefab.core.plain_text import GENERATOR
-from vinefab.fabrication.calibration.coupon_results import results_text
+from vinefab.fabrication.calibration.coupons import results_text
 from vinefab.model.files.shipped import shipped_root
 from vinefab.model.laser import RecipeStatus, Standing, read_profile
 

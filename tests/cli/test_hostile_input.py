@@ -12,7 +12,7 @@ import pytest
 
 from vinefab.cli.commands import Terminal
 from vinefab.core.errors import BadInputError
-from vinefab.fabrication.calibration.coupon_results import read_results
+from vinefab.fabrication.calibration.coupons import read_results
 from vinefab.studies.paper_charts import blank, house_style, svg_bytes
 
 LONGEST_S = 10.0  # of one refusal, in processor time

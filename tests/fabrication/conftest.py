@@ -9,9 +9,11 @@ import shapely
 from shapely import Point
 
 from tests.oracles.body_outline import Twin
+from vinefab.fabrication.formats.laser_formats import laser_files
 from vinefab.fabrication.outline.body_outline import flat_layout
-from vinefab.fabrication.package.prepare import PackageContent
+from vinefab.fabrication.package.prepare import Prepared, package_spec
 from vinefab.model.design import Build, Collar, Design, Level, Pouch
+from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import (
     LaserProfile,
@@ -146,7 +148,7 @@ def _contour(points, bulges, *, closed):
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def finger():
     """An open finger, 40 wide and 100 long with a round tip, counter-clockwise; mouth at x = 10."""
     half = math.tan(math.pi / 8)
@@ -154,7 +156,7 @@ def finger():
     return _contour(points, [0.0, half, half, 0.0], closed=False)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def job(finger):
     """One path per operation: closed and open, lines, arcs both ways, from 5 to 300 degrees."""
     square = Contour.polyline(np.array([[5.0, 5], [145, 5], [145, 75], [5, 75]]), closed=True)
@@ -179,7 +181,7 @@ def job(finger):
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def one_path():
     """Return a function that makes a job of one contour on a large sheet."""
 
@@ -190,7 +192,7 @@ def one_path():
     return make
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def segment_of():
     """Return a function that makes an arc from centre, radius and two angles in degrees."""
 
@@ -209,7 +211,7 @@ def _quantity(value, standing=Standing.MEASURED):
     return Quantity(value=value, standing=standing, source="a test")
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def settings():
     """Settings with round numbers: 100 mm/s, two passes, all measured but the kerf."""
     return OperationSettings(
@@ -227,7 +229,7 @@ def settings():
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def profile(settings):
     """A 60 W machine with 1000 mm/s2, two plies of 0.05 mm at 1000 kg/m3, an untried recipe."""
     machine = Machine(
@@ -269,22 +271,25 @@ def profile(settings):
     return LaserProfile(machine=machine, material=material, recipe=recipe)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def design():
     """A plain vine."""
     return Design(name="plain", trunk_length_mm=100.0, build=Build.standard(1))
 
 
-@pytest.fixture
-def content(design, profile, job):
-    """A whole package's content."""
-    return PackageContent(
+@pytest.fixture(scope="session")
+def prepared(design, profile, job):
+    """A plain vine with a job drawn by hand: one path of every operation, laser files included."""
+    written = laser_files(package_spec(job, profile))
+    assert not any(written.problems.values())
+    return Prepared(
         design=design,
         profile=profile,
         job=job,
-        checks='{"schema": "vinefab/checks-1"}\n',
-        preview=b"picture",
-        report=b"<html></html>",
+        report=CheckReport(
+            design=design.name, recipe=profile.recipe.name, run=(), skipped=(), findings=()
+        ),
+        laser=written.files,
     )
 
 

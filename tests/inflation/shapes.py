@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from vinefab.inflation.mesh import StraightSide
-from vinefab.inflation.sheet import Sheet, sheet_of
+from vinefab.inflation.mesh import Sheet, StraightSide, sheet_of
 from vinefab.model.outline import Contour, Part
 
 

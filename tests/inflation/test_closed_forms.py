@@ -8,7 +8,7 @@ import pytest
 from tests.inflation import shapes
 from vinefab.inflation.joint import JointShape, inflated_joint
 from vinefab.inflation.membrane import POISSON
-from vinefab.inflation.sheet import tube_stretch
+from vinefab.inflation.mesh import tube_stretch
 
 
 def test_a_tube_is_round_and_its_wall_bears_hoop_and_half_as_much_along():

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from tests.inflation.shapes import tube
-from vinefab.inflation.free import both_sheets, free_joint
-from vinefab.inflation.joint import JointShape
+from vinefab.inflation.joint import JointShape, both_sheets, free_joint
 
 
 def step(hoop_strain):

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from vinefab.inflation.law import FANS, LEAST_LENGTH, fan_law, quick_pattern
-from vinefab.inflation.pattern import pattern_of
+from vinefab.inflation.pattern import FANS, LEAST_LENGTH, fan_law, pattern_of, quick_pattern
 from vinefab.inflation.table import flat_fan
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.shipped import DEFAULT_RECIPE

@@ -12,8 +12,12 @@ from rendered_coupon import gained_coupon, looks, misread, photo_of, true_deg
 
 import vinefab as vf
 from vinefab.core.errors import BadInputError, UnknownNameError
-from vinefab.fabrication.calibration.coupon_results import JointReading, read_results
-from vinefab.fabrication.calibration.coupons import joint_coupon, joint_tables
+from vinefab.fabrication.calibration.coupons import (
+    JointReading,
+    joint_coupon,
+    joint_tables,
+    read_results,
+)
 from vinefab.inflation.pattern import standing_of
 from vinefab.model.laser import read_profile
 from vinefab.observation.joint_angles import joint_angle_deg

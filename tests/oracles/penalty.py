@@ -40,7 +40,7 @@ from vinefab.fabrication.rules.spacing import (
     spacing,
 )
 from vinefab.fabrication.rules.tree_rules import PACKING, occupancies
-from vinefab.inflation.law import quick_pattern
+from vinefab.inflation.pattern import quick_pattern
 from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import (

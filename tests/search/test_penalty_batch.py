@@ -13,8 +13,7 @@ from vinefab.fabrication.pieces.partition import partition_of, pieces_of
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.rule import Subject
 from vinefab.fabrication.rules.tree_rules import LAP_PACKING
-from vinefab.inflation.law import quick_pattern
-from vinefab.inflation.pattern import pattern_of
+from vinefab.inflation.pattern import pattern_of, quick_pattern
 from vinefab.model.design import (
     MOST_BRANCHES,
     Build,

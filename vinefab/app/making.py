@@ -464,7 +464,7 @@ def calibrate(
     """
     from dataclasses import replace
 
-    from vinefab.fabrication.calibration.coupon_results import read_results
+    from vinefab.fabrication.calibration.coupons import read_results
     from vinefab.fabrication.calibration.fit_recipe import calibrated_recipe, fitted_recipe
     from vinefab.model.contacts import contacts_with
     from vinefab.model.laser import read_profile

@@ -193,8 +193,10 @@ def findings_file(design: Design, profile: LaserProfile, report: CheckReport, pa
     if path.suffix.lower() == ".dxf":
         # ezdxf takes long to load too.
         from vinefab.fabrication.formats.dxf_format import DXF  # noqa: PLC0415
-        from vinefab.fabrication.formats.laser_drawing import LaserFileSpec  # noqa: PLC0415
-        from vinefab.fabrication.formats.readback import file_problems  # noqa: PLC0415
+        from vinefab.fabrication.formats.laser_drawing import (  # noqa: PLC0415
+            LaserFileSpec,
+            file_problems,
+        )
 
         spec = LaserFileSpec(job=findings_drawing(design, profile, report))
         text = DXF.write(spec)

@@ -31,6 +31,7 @@ from vinefab.pages.panel import (
     Ink,
     Labels,
     Page,
+    PageView,
     Panel,
     Shape,
     boxes_around,
@@ -105,17 +106,10 @@ class Tag:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _View:
+class _View(PageView):
     """From millimetres of the flat layout to points of the page."""
 
-    low_mm: Floats
-    pt_per_mm: float
-    corner_pt: Floats
     box_pt: tuple[float, float, float, float]  # where markers and tags may lie
-
-    def points(self, places_mm: Floats) -> Floats:
-        """Return places on the page."""
-        return np.asarray((places_mm - self.low_mm) * self.pt_per_mm + self.corner_pt)
 
     def geometry(self, shape: BaseGeometry) -> BaseGeometry:
         """Return a shape on the page."""

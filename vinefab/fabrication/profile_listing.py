@@ -7,10 +7,7 @@ from pathlib import Path
 from vinefab.core.errors import UnknownNameError
 from vinefab.core.table import Table
 from vinefab.core.view import Answer, Block, Data, Fact, Facts, Result, Rows, Text
-from vinefab.fabrication.package.job_json import (
-    fluence_mj_mm2,
-    operation_energy_mj_mm,
-)
+from vinefab.fabrication.package.bom import fluence_mj_mm2, operation_energy_mj_mm
 from vinefab.model.files.shipped import existing_file, locate, names, user_names, user_root
 from vinefab.model.files.toml import read_toml
 from vinefab.model.laser import (

@@ -17,7 +17,7 @@ from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.validation import Floats
 from vinefab.inflation.joint import InflatedJoint, JointShape, inflated_joint, turned_joint
-from vinefab.inflation.solve import NotConvergedError
+from vinefab.inflation.membrane import NotConvergedError
 from vinefab.inflation.table import fan_table, simulation_fingerprint, table_file
 
 CACHE_VARIABLE = "VINEFAB_CACHE"

@@ -20,9 +20,8 @@ from vinefab.fabrication.outline.body_outline import (
     outline_parts,
 )
 from vinefab.inflation.joint import JointShape, axis_of
-from vinefab.inflation.mesh import StraightSide
-from vinefab.inflation.sheet import Sheet, sheet_of
-from vinefab.inflation.solve import Equilibrium, Tell
+from vinefab.inflation.membrane import Equilibrium, Tell
+from vinefab.inflation.mesh import Sheet, StraightSide, sheet_of
 from vinefab.model.design import Design
 from vinefab.model.outline import Contour, Part, Segment
 from vinefab.model.tree import fan_offsets_rad

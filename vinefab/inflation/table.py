@@ -15,7 +15,7 @@ import scipy  # its parts load at their first use
 from vinefab.core.hashing import fingerprint
 from vinefab.core.validation import Floats, Ints
 from vinefab.inflation import joint as joint_module
-from vinefab.inflation import membrane, mesh, sheet, solve
+from vinefab.inflation import membrane, mesh
 from vinefab.inflation.membrane import Bools
 
 MODEL = 1
@@ -59,9 +59,9 @@ def simulation_fingerprint() -> str:
         mesh.FILLET_STEP_RAD,
         mesh.FINEST,
         mesh.GRADE,
-        sheet.FINER,
-        sheet.LOAD_LENGTH,
-        solve.TOLERANCE,
+        mesh.FINER,
+        mesh.LOAD_LENGTH,
+        membrane.TOLERANCE,
         membrane.POISSON,
     )
 

@@ -9,7 +9,7 @@ import scipy  # its parts load at their first use
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.fabrication.calibration.coupon_results import JointReading
+from vinefab.fabrication.calibration.coupons import JointReading
 from vinefab.observation.centre_lines import TracedBranch, TracedTree
 from vinefab.observation.film import SeenFilm
 from vinefab.observation.observe_photo import Observation

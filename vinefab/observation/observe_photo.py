@@ -35,7 +35,7 @@ from vinefab.core.view import (
     Section,
     WrittenResult,
 )
-from vinefab.fabrication.calibration.coupon_results import JointReading
+from vinefab.fabrication.calibration.coupons import JointReading
 from vinefab.growth.options import growth_text
 from vinefab.maps.importers.svg_drawing import Node, after, read_nodes, svg_outlines, transform
 from vinefab.model.deployment import Stop

@@ -616,6 +616,28 @@ class Page:
     panels: Sequence[Panel] = ()  # what it was put together from
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PageView:
+    """From millimetres of a plan to points of a page."""
+
+    low_mm: Floats
+    pt_per_mm: float
+    corner_pt: Floats
+
+    @classmethod
+    def into(cls, box_mm: Box, box_pt: Box) -> "PageView":
+        """Return the view that shows a box of the plan in the middle of a box of the page."""
+        low, high = np.array(box_mm[:2]), np.array(box_mm[2:])
+        size, room = np.maximum(high - low, 1e-3), np.array(box_pt[2:]) - np.array(box_pt[:2])
+        scale = float((room / size).min())
+        corner = np.array(box_pt[:2]) + (room - size * scale) / 2.0
+        return PageView(low_mm=low, pt_per_mm=scale, corner_pt=corner)
+
+    def points(self, places_mm: Floats) -> Floats:
+        """Return places on the page."""
+        return np.asarray((places_mm - self.low_mm) * self.pt_per_mm + self.corner_pt)
+
+
 def paper(wide_pt: float, high_pt: float) -> Panel:
     """Return an empty sheet whose units are points from its lower left corner."""
     box = (0.0, 0.0, wide_pt, high_pt)

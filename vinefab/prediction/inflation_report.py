@@ -26,7 +26,8 @@ from vinefab.core.view import (
     Value,
 )
 from vinefab.fabrication.outline.body_outline import FlatLayout, body_outline, flat_layout
-from vinefab.inflation.free import FreeJoint, free_joint
+from vinefab.inflation.joint import FreeJoint, free_joint
+from vinefab.inflation.mesh import tube_stretch
 from vinefab.inflation.pattern import (
     ASSUMED_PRESSURE_KPA,
     MOST_STRAIN,
@@ -37,7 +38,6 @@ from vinefab.inflation.pattern import (
     stretch_of,
 )
 from vinefab.inflation.robot import ACROSS, InflatedRobot, inflated_robot, with_short_tail
-from vinefab.inflation.sheet import tube_stretch
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Material, Standing
 from vinefab.pages.page_files import page_svg

@@ -28,13 +28,14 @@ from vinefab.core.view import (
     bracketed,
 )
 from vinefab.fabrication.package.bom import bill_of_materials
-from vinefab.fabrication.package.package_page import assumption_section, pressure_section
 from vinefab.fabrication.package.prepare import (
     Prepared,
+    assumption_section,
     design_facts,
     making_facts,
     making_sections,
     prepare,
+    pressure_section,
     recipe_cautions,
 )
 from vinefab.fabrication.rules.catalog import RULES

@@ -16,9 +16,8 @@ from vinefab.core.errors import BadInputError, ReadBackError
 from vinefab.core.hashing import sha256_of
 from vinefab.fabrication.checking import corridors_in
 from vinefab.fabrication.formats.dxf_format import DXF
-from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
+from vinefab.fabrication.formats.laser_drawing import LaserFileSpec, file_problems
 from vinefab.fabrication.formats.laser_formats import ensure_read_back
-from vinefab.fabrication.formats.readback import file_problems
 from vinefab.fabrication.rules.catalog import run_rig_checks
 from vinefab.fabrication.rules.rule import MapCorridors, RigFacts, RigPartFacts, RigSubject
 from vinefab.model.design import Design

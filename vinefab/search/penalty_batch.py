@@ -42,7 +42,7 @@ from vinefab.fabrication.rules.tree_rules import (
     WIDTH_RATIO,
     widest_cut_mm,
 )
-from vinefab.inflation.law import (
+from vinefab.inflation.pattern import (
     FANS,
     LEAST_LENGTH,
     MOST_CHILDREN,
@@ -50,8 +50,8 @@ from vinefab.inflation.law import (
     FanLaw,
     level_law,
     quick_pattern,
+    stretch_at,
 )
-from vinefab.inflation.pattern import stretch_at
 from vinefab.model.design import MOST_BRANCHES, MOST_LEVELS, Build, Design
 from vinefab.model.laser import LaserProfile, Material
 from vinefab.physics.tube import inflated_diameter_mm, lumen_area_mm2
@@ -268,7 +268,7 @@ class PenaltyRules:
     falls steadily as branches part, also while they still cross, and a hopeless tree stays below
     about 100. A design without penalty has no error from these rules. Fillets count with their
     designed radius, so that a few designs whose fillets the outline reduces are penalized
-    needlessly. Fans count as their pattern by `vinefab.inflation.law.quick_pattern`.
+    needlessly. Fans count as their pattern by `vinefab.inflation.pattern.quick_pattern`.
     """
 
     profile: LaserProfile

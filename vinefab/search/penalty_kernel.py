@@ -2,8 +2,8 @@
 
 It computes the penalty of many designs with even fans without building a tree or an array for any
 of them. The tests compare it with a readable twin (``tests/oracles/penalty.py``); the pattern of a
-compensated design is that of `vinefab.inflation.law`. Like `vinefab.growth.kernel` it imports no
-module of vinefab but `core.compiling`.
+compensated design is `vinefab.inflation.pattern.quick_pattern`. Like `vinefab.growth.kernel` it
+imports no module of vinefab but `core.compiling`.
 """
 
 import math
@@ -109,8 +109,8 @@ def _cut_fans(designs, d, tables, limits, scratch):
     """Write the flat angles and lengths of each level's children, gaps and passages.
 
     They are the planned ones where nothing is compensated, else those of
-    `vinefab.inflation.law.quick_pattern`. Returns by how much fans are narrower than any that was
-    simulated, and by how much too far inflated siblings lie on each other.
+    `vinefab.inflation.pattern.quick_pattern`. Returns by how much fans are narrower than any that
+    was simulated, and by how much too far inflated siblings lie on each other.
     """
     row, build, beyond = designs.first[d], designs.build[d], 0.0
     scratch.passage[0] = 1.0

@@ -7,8 +7,7 @@ import pytest
 
 import vinefab as vf
 from vinefab.core.errors import BadInputError
-from vinefab.fabrication.calibration.coupon_results import read_results
-from vinefab.fabrication.calibration.coupons import JOINT_KPA, joint_designs
+from vinefab.fabrication.calibration.coupons import JOINT_KPA, joint_designs, read_results
 from vinefab.fabrication.calibration.fit_recipe import children_out
 from vinefab.growth.options import GrowthOptions, growth_text, measured_values
 from vinefab.model.contacts import read_contacts

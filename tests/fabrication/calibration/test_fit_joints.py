@@ -13,13 +13,12 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.fabrication.calibration.coupon_results import read_results
-from vinefab.fabrication.calibration.coupons import joint_designs
-from vinefab.fabrication.calibration.fit_joints import fit_closing, fit_modulus
+from vinefab.fabrication.calibration.coupons import joint_designs, read_results
+from vinefab.fabrication.calibration.estimate import fit_closing, fit_modulus
 from vinefab.fabrication.calibration.fit_recipe import calibrated_recipe, fitted_recipe
+from vinefab.inflation.mesh import tube_stretch
 from vinefab.inflation.pattern import pattern_of
 from vinefab.inflation.robot import inflated_robot
-from vinefab.inflation.sheet import tube_stretch
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.laser import Quantity, Standing, profile_of, read_profile
 

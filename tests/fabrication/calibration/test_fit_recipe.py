@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.fabrication.calibration.coupon_results import read_results
+from vinefab.fabrication.calibration.coupons import read_results
 from vinefab.fabrication.calibration.fit_recipe import fitted_recipe
 from vinefab.model.laser import Quantity, RecipeStatus, Standing, read_profile
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vinefab.fabrication.calibration.coupon_results import GROWTH_PATHS, read_results
+from vinefab.fabrication.calibration.coupons import GROWTH_PATHS, read_results
 from vinefab.fabrication.calibration.estimate import (
     GROWTH_CONSTANTS,
     GrownPath,

@@ -16,8 +16,7 @@ import shapely
 from vinefab.core.plain_text import OWN_MARK
 from vinefab.fabrication.formats import dxf_format as dxf
 from vinefab.fabrication.formats.dxf_format import DXF_R12, dxf_text, read_dxf
-from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
-from vinefab.fabrication.formats.readback import drawing_differences
+from vinefab.fabrication.formats.laser_drawing import LaserFileSpec, drawing_differences
 from vinefab.model.job import Job, Operation
 from vinefab.model.outline import Contour, Segment
 

@@ -7,11 +7,11 @@ from vinefab.fabrication.formats.laser_drawing import (
     PRESETS,
     LaserFileSpec,
     Style,
+    file_problems,
     operations_by_style,
     operations_left_out,
     styled_paths,
 )
-from vinefab.fabrication.formats.readback import file_problems
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.model.job import Job, Operation
 

@@ -16,14 +16,19 @@ from vinefab.core.errors import BadInputError, ReadBackError
 from vinefab.core.registry import Registry
 from vinefab.fabrication.calibration.coupons import coupon_pieces, coupon_sheets, energy_matrix
 from vinefab.fabrication.formats import laser_formats
-from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, LaserFileSpec, LaserFormat
+from vinefab.fabrication.formats.laser_drawing import (
+    DEFAULT,
+    PRESETS,
+    LaserFileSpec,
+    LaserFormat,
+    file_problems,
+)
 from vinefab.fabrication.formats.laser_formats import (
     LASER_FORMATS,
     ensure_read_back,
     format_problem,
     laser_files,
 )
-from vinefab.fabrication.formats.readback import file_problems
 from vinefab.fabrication.formats.svg_format import SVG, read_svg
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import SheetOptions

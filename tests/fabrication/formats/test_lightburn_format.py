@@ -10,13 +10,12 @@ import shapely
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import OWN_MARK
-from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
+from vinefab.fabrication.formats.laser_drawing import LaserFileSpec, file_problems
 from vinefab.fabrication.formats.lightburn_format import (
     LIGHTBURN,
     PALETTE,
     lightburn_text,
 )
-from vinefab.fabrication.formats.readback import file_problems
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Sealer
 

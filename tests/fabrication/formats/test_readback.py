@@ -10,8 +10,12 @@ from hypothesis import strategies as st
 
 from vinefab.core.errors import UnreadableFileError
 from vinefab.fabrication.formats.dxf_format import DXF, DXF_POLYLINE, dxf_text, read_dxf
-from vinefab.fabrication.formats.laser_drawing import LaserFileSpec, LaserFormat
-from vinefab.fabrication.formats.readback import drawing_differences, file_problems
+from vinefab.fabrication.formats.laser_drawing import (
+    LaserFileSpec,
+    LaserFormat,
+    drawing_differences,
+    file_problems,
+)
 from vinefab.fabrication.formats.svg_format import (
     SVG,
     SVG_TOLERANCE_MM,

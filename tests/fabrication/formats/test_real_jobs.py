@@ -8,7 +8,6 @@ from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, LaserFil
 from vinefab.fabrication.formats.laser_formats import laser_files
 from vinefab.fabrication.formats.svg_format import svg_text
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.package.prepare import PackageContent, package_files
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import locate, names
 from vinefab.model.job import Job
@@ -45,22 +44,6 @@ def test_the_offsets_that_were_applied_stand_in_every_file(shipped: Job) -> None
     for data in laser_files(LaserFileSpec(job=shipped)).files.values():
         assert "weldcut_offset_mm" in data.decode()
         assert offset in data.decode()
-
-
-def test_a_shipped_design_makes_a_whole_package() -> None:
-    design, profile = Design.read(locate("design", "three_level_tree")), read_profile(RECIPE)
-    content = PackageContent(
-        design=design,
-        profile=profile,
-        job=laser_job(design, profile),
-        checks="{}",
-        preview=b"",
-        report=b"",
-        colours=PRESETS[profile.machine.colours],
-    )
-    files = package_files(content)
-    assert len(files) == 14
-    assert "design.toml" in files
 
 
 def test_a_fact_cannot_hide_who_wrote_the_file(job: Job) -> None:

@@ -18,8 +18,8 @@ from vinefab.fabrication.package.assembly_drawing import (
     mounting_drawing,
     piece_colours,
 )
-from vinefab.fabrication.package.package_page import least_rectangle_mm, pieces_section
 from vinefab.fabrication.package.piece_joining import joining_order
+from vinefab.fabrication.package.prepare import least_rectangle_mm, pieces_section
 from vinefab.model.design import PieceSettings
 from vinefab.model.laser import read_profile
 from vinefab.model.outline import Contour

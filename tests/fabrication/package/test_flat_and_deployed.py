@@ -5,10 +5,8 @@ import json
 import pytest
 
 from vinefab.fabrication.formats.laser_drawing import PRESETS
-from vinefab.fabrication.package.job_json import job_text
-from vinefab.fabrication.package.package_page import pattern_section
-from vinefab.fabrication.package.prepare import prepare
-from vinefab.fabrication.package.readme_text import readme_text
+from vinefab.fabrication.package.package_texts import job_text, readme_text
+from vinefab.fabrication.package.prepare import pattern_section, prepare
 from vinefab.fabrication.package.sheet_pictures import pattern_plan
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import Build, Design, Level

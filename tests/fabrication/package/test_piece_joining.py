@@ -8,13 +8,13 @@ import pytest
 
 from vinefab.fabrication.formats.laser_drawing import DEFAULT
 from vinefab.fabrication.package.bom import bom_text, joint_lines
+from vinefab.fabrication.package.package_texts import readme_text
 from vinefab.fabrication.package.piece_joining import (
     MINUTES_PER_JOINT,
     STRIP_HANDLE_MM,
     joining_order,
     open_ends,
 )
-from vinefab.fabrication.package.readme_text import readme_text
 from vinefab.model.design import PieceSettings
 from vinefab.model.laser import LapBond, LapMethod, Quantity, Standing, read_profile
 from vinefab.model.tree import Partition, Piece

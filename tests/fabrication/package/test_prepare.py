@@ -1,5 +1,4 @@
 import csv
-import hashlib
 import io
 import json
 import re
@@ -16,24 +15,21 @@ from vinefab.core.plain_text import OWN_MARK
 from vinefab.core.registry import Registry
 from vinefab.fabrication.formats import laser_formats
 from vinefab.fabrication.formats.dxf_format import DXF
-from vinefab.fabrication.formats.laser_drawing import PRESETS, LaserFileSpec
+from vinefab.fabrication.formats.laser_drawing import PRESETS, LaserFileSpec, file_problems
 from vinefab.fabrication.formats.laser_formats import formats_for, laser_files
-from vinefab.fabrication.formats.readback import file_problems
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.fabrication.package.job_json import fluence_mj_mm2, job_text, operation_energy_mj_mm
+from vinefab.fabrication.package.bom import bom_text, fluence_mj_mm2, operation_energy_mj_mm
+from vinefab.fabrication.package.package_texts import job_text, readme_text
 from vinefab.fabrication.package.prepare import (
-    PackageContent,
     Prepared,
     package,
-    package_files,
     page_blocks,
     prepare,
     zip_bytes,
 )
 from vinefab.model.design import Build, Design
-from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import (
     LaserProfile,
@@ -46,12 +42,14 @@ from vinefab.model.laser import (
 NAMES = [
     "README.txt",
     "design.toml",
+    "design_2.toml",
     "job.json",
     "outline.dxf",
     "outline_polyline.dxf",
     "outline.svg",
     "outline.lbrn2",
     "preview.png",
+    "animation.svg",
     "checks.json",
     "report.html",
     "bom.csv",
@@ -59,21 +57,23 @@ NAMES = [
     "assembly.pdf",
     "MANIFEST.sha256",
 ]
-GIVEN = ("preview.png", "checks.json", "report.html")
 
 
-def test_a_package_holds_the_agreed_files_in_order(content: PackageContent) -> None:
-    files = package_files(content)
+@pytest.fixture(scope="module")
+def files(prepared: Prepared) -> dict[str, bytes]:
+    other = prepared.design.changed(name="other")
+    return package(replace(prepared, others=(other,), beside=(prepared.report,)))
+
+
+def test_a_package_holds_the_agreed_files_in_order_and_says_whose_they_are(files) -> None:
     assert list(files) == NAMES
-    assert files["preview.png"] == content.preview
-    assert files["report.html"] == content.report
-    assert files["checks.json"].decode() == content.checks
+    for name, data in files.items():
+        assert OWN_MARK in data[:8192] or OWN_MARK in data[-8192:], name
 
 
-def test_the_package_can_be_made_again_from_its_own_design(content, tmp_path) -> None:
-    other = content.design.changed(name="other")
-    files = package_files(replace(content, others=(other,)))
-    for name, design in (("design.toml", content.design), ("design_2.toml", other)):
+def test_the_package_can_be_made_again_from_its_own_design(files, prepared, tmp_path) -> None:
+    other = prepared.design.changed(name="other")
+    for name, design in (("design.toml", prepared.design), ("design_2.toml", other)):
         (tmp_path / name).write_bytes(files[name])
         assert Design.read(tmp_path / name) == design
     readme = " ".join(files["README.txt"].decode().split())
@@ -81,30 +81,10 @@ def test_the_package_can_be_made_again_from_its_own_design(content, tmp_path) ->
     assert "vinefab fabricate design.toml --recipe your_recipe.toml" in readme
 
 
-def test_every_file_that_it_makes_is_known_as_ours(content: PackageContent) -> None:
-    for name, data in package_files(content).items():
-        if name not in GIVEN:
-            assert OWN_MARK in data[:8192] or OWN_MARK in data[-8192:], name
-
-
-def test_the_same_content_gives_the_same_bytes(content: PackageContent) -> None:
-    one, two = package_files(content), package_files(content)
-    assert zip_bytes(one, "plain") == zip_bytes(two, "plain")
-
-
-def test_the_manifest_names_every_other_file(content: PackageContent) -> None:
-    files = package_files(content)
-    lines = [line for line in files["MANIFEST.sha256"].decode().splitlines() if line[:1] != "#"]
-    found = {line[66:]: line[:64] for line in lines}
-    expected = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-    del expected["MANIFEST.sha256"]
-    assert found == expected
-
-
 def test_sha256sum_accepts_the_manifest_and_sees_a_change(
-    content: PackageContent, tmp_path: Path, program: Callable[[str, str], str]
+    files, tmp_path: Path, program: Callable[[str, str], str]
 ) -> None:
-    for name, data in package_files(content).items():
+    for name, data in files.items():
         (tmp_path / name).write_bytes(data)
     command = [program("sha256sum", "coreutils"), "--strict", "-c", "MANIFEST.sha256"]
     done = check_in(tmp_path, command)
@@ -115,14 +95,13 @@ def test_sha256sum_accepts_the_manifest_and_sees_a_change(
     assert done.returncode == 1
 
 
-def test_the_zip_unpacks_to_the_same_files_in_one_folder(content: PackageContent) -> None:
-    files = package_files(content)
+def test_the_zip_unpacks_to_the_same_files_in_one_folder_whenever_it_is_made(files) -> None:
     data = zip_bytes(files, "plain")
+    assert data == zip_bytes(files, "plain")
     assert OWN_MARK in data[-8192:]
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         assert archive.testzip() is None
-        assert archive.namelist() == [f"plain/{name}" for name in NAMES]
-        assert {name: archive.read(f"plain/{name}") for name in files} == files
+        assert {name: archive.read(f"plain/{name}") for name in NAMES} == files
         entries = archive.infolist()
     assert {entry.date_time for entry in entries} == {(1980, 1, 1, 0, 0, 0)}
     assert {entry.external_attr >> 16 for entry in entries} == {0o100644}
@@ -145,16 +124,15 @@ def test_laser_files_of_another_job_missing_or_broken_are_found_out(job: Job) ->
     assert "not an SVG" in file_problems(SVG, b"<svg", spec)[0]
 
 
-def test_a_package_with_a_wrong_file_is_never_made(
-    content: PackageContent, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_package_with_a_wrong_file_is_never_made(monkeypatch: pytest.MonkeyPatch) -> None:
     def wrong(spec: LaserFileSpec) -> str:
-        return SVG.write(spec).replace("20.000 20.000 0 0 0", "21.000 21.000 0 0 0")
+        return SVG.write(spec).replace(" A ", " A 9", 1)
 
     broken = {**laser_formats.LASER_FORMATS, "svg": replace(SVG, write=wrong)}
     monkeypatch.setattr(laser_formats, "LASER_FORMATS", Registry("laser format", broken))
+    made = prepare(Design.read("plain_vine"), read_profile("co2_60w__stretchlon_200"))
     with pytest.raises(ReadBackError, match=r"outline\.svg"):
-        package_files(content)
+        package(made)
 
 
 def test_line_energy_and_fluence_are_worked_out(
@@ -182,8 +160,8 @@ def test_job_json_holds_the_bond_of_laps_for_robots_in_pieces_only(
     assert json.loads(job_text(design, cut, profile, colours))["recipe"]["lap"] is None
 
 
-def test_job_json_holds_every_setting_with_its_standing(content: PackageContent) -> None:
-    read = json.loads(package_files(content)["job.json"])
+def test_job_json_holds_every_setting_with_its_standing(files) -> None:
+    read = json.loads(files["job.json"])
     assert read["schema"] == "vinefab/job-1"
     assert read["units"] == "mm"
     assert read["facts"]["offset_mm"] == 0.65
@@ -210,9 +188,9 @@ def test_job_json_holds_every_setting_with_its_standing(content: PackageContent)
 
 
 def test_the_readme_warns_of_an_untried_recipe_and_keeps_standings(
-    content: PackageContent,
+    prepared: Prepared,
 ) -> None:
-    text = words(content)
+    text = words(prepared)
     assert "UNVERIFIED RECIPE" in text
     assert "kerf of 0.3 mm (assumed) and a seam of 0.4 mm (measured)" in text
     assert "Kerf, offset and beam compensation 0" in text
@@ -227,14 +205,14 @@ def test_the_readme_warns_of_an_untried_recipe_and_keeps_standings(
 
 
 def test_the_readme_names_no_offset_of_an_operation_that_the_files_do_not_hold(
-    content: PackageContent,
+    prepared: Prepared,
 ) -> None:
-    one = tuple(path for path in content.job.paths if path.operation is not Operation.WELD)
-    text = words(replace(content, job=replace(content.job, paths=one)))
+    one = tuple(path for path in prepared.job.paths if path.operation is not Operation.WELD)
+    text = words(replace(prepared, job=replace(prepared.job, paths=one)))
     assert "The weldcut paths are offset for a kerf of 0.3 mm (assumed) and a seam of" in text
     assert "The weld paths" not in text
-    two = tuple(path for path in content.job.paths if path.operation is not Operation.WELDCUT)
-    text = words(replace(content, job=replace(content.job, paths=two)))
+    two = tuple(path for path in prepared.job.paths if path.operation is not Operation.WELDCUT)
+    text = words(replace(prepared, job=replace(prepared.job, paths=two)))
     assert "The weldcut paths" not in text
     assert "The weld paths are offset for a seam of 0.4 mm (measured)." in text
     assert "The cut paths are offset for that seam and a kerf of 0.3 mm (assumed)." in text
@@ -268,53 +246,51 @@ def test_a_sheet_is_one_list_of_its_passes(process: str) -> None:
     assert numbers == [str(number + 1) for number in range(len(numbers))]
 
 
-def test_the_readme_says_so_when_the_recipe_was_tested(content: PackageContent) -> None:
-    recipe = content.profile.recipe.changed(status=RecipeStatus.BURST_TESTED)
-    profile = replace(content.profile, recipe=recipe)
-    text = words(replace(content, profile=profile))
+def test_the_readme_says_so_when_the_recipe_was_tested(prepared: Prepared) -> None:
+    recipe = prepared.profile.recipe.changed(status=RecipeStatus.BURST_TESTED)
+    profile = replace(prepared.profile, recipe=recipe)
+    text = words(replace(prepared, profile=profile))
     assert "UNVERIFIED" not in text
     assert "burst-tested" in text
 
 
-def test_the_readme_warns_where_colours_are_not_enough(content: PackageContent) -> None:
-    text = words(replace(content, colours=PRESETS["shop_single"]))
+def test_the_readme_warns_where_colours_are_not_enough(prepared: Prepared) -> None:
+    machine = prepared.profile.machine.changed(colours="shop_single")
+    text = words(replace(prepared, profile=replace(prepared.profile, machine=machine)))
     assert "weldcut and cut have the same layer and colour" in text
     assert "does not write: mark, weld, reg, doc" in text
 
 
-def test_titles_are_text_in_readme_and_bill(content: PackageContent) -> None:
-    profile = content.profile
+def test_titles_are_text_in_readme_and_bill(prepared: Prepared) -> None:
+    profile = prepared.profile
     titled = replace(profile, material=profile.material.changed(title="=1+1\x1b[2J\0\n0\nLINE"))
-    files = package_files(replace(content, profile=titled))
-    readme, bill = files["README.txt"].decode(), files["bom.csv"].decode()
+    readme = readme_text(prepared.design, prepared.job, titled, PRESETS["default"])
+    bill = bom_text(prepared.job, titled)
     assert all(letter.isprintable() or letter == "\n" for letter in readme)
     assert "\n0\n" not in readme
     cells = [cell for row in csv.reader(io.StringIO(bill)) for cell in row]
     assert not [cell for cell in cells if cell.startswith(tuple("=+-@\t\r"))]
 
 
-def test_the_readme_warns_of_a_robot_larger_than_the_bed(content: PackageContent) -> None:
-    assert "beyond the bed" not in words(content)
-    small = Job(name="s", sheet_width_mm=144.9, sheet_height_mm=80, paths=content.job.paths)
-    assert "beyond the bed" in words(replace(content, job=small))
+def test_the_readme_warns_of_a_robot_larger_than_the_bed(prepared: Prepared) -> None:
+    assert "beyond the bed" not in words(prepared)
+    small = Job(name="s", sheet_width_mm=144.9, sheet_height_mm=80, paths=prepared.job.paths)
+    assert "beyond the bed" in words(replace(prepared, job=small))
 
 
-def test_the_readme_says_how_often_paths_are_run(content: PackageContent) -> None:
-    assert "2 passes, air" in words(content)  # the fixture's recipe, for everything
-    files = package_files(content)
-    for job in (content.job, replace(content.job, paths=content.job.paths[3:4])):
-        drawn = laser_files(LaserFileSpec(job=job)).files["outline.dxf"].decode()
-        assert drawn.count("\nAcDbPolyline\n") == len(job.paths)
-    assert "outline.lbrn2" in files
+def test_the_readme_says_how_often_paths_are_run(prepared: Prepared) -> None:
+    assert "2 passes, air" in words(prepared)  # the fixture's recipe, for everything
+    drawn = prepared.laser["outline.dxf"].decode()
+    assert drawn.count("\nAcDbPolyline\n") == len(prepared.job.paths)
 
 
-def test_the_readme_says_where_the_film_of_tiles_lies(content: PackageContent) -> None:
+def test_the_readme_says_where_the_film_of_tiles_lies(prepared: Prepared) -> None:
     facts = [
         {"tile": 1, "window_x_mm": -190.2, "window_y_mm": -100.4, "aligned_to_tile": None},
         {"tile": 2, "window_x_mm": 290.0, "window_y_mm": -20.0, "aligned_to_tile": 1},
     ]
-    tiles = tuple(replace(content.job, facts=fact) for fact in facts)
-    text = words(replace(content, job=replace(content.job, tiles=tiles)))
+    tiles = tuple(replace(prepared.job, facts=fact) for fact in facts)
+    text = words(replace(prepared, job=replace(prepared.job, tiles=tiles)))
     assert "its lower left corner is 190 mm right of the bed's lower" in text
     assert "left corner and 100 mm above it" in text
     assert "its lower left corner is 290 mm left of the bed's" in text
@@ -325,12 +301,10 @@ def test_the_readme_says_where_the_film_of_tiles_lies(content: PackageContent) -
 
 
 def test_the_page_is_no_good_news_while_no_coupon_confirmed_the_recipe(
-    design: Design, profile: LaserProfile
+    prepared: Prepared,
 ) -> None:
-    calm = CheckReport(
-        design=design.name, recipe=profile.recipe.name, run=(), skipped=(), findings=()
-    )
-    prepared = Prepared(design=design, profile=profile, job=laser_job(design, profile), report=calm)
+    profile = prepared.profile
+    prepared = replace(prepared, job=laser_job(prepared.design, prepared.profile))
     answer, notes, *_ = page_blocks(prepared)
     assert answer.tone == "caution"
     assert answer.text.endswith("; laser recipe unverified")
@@ -353,8 +327,10 @@ def check_in(folder: Path, command: list[str]) -> subprocess.CompletedProcess[st
     )
 
 
-def words(content: PackageContent) -> str:
-    return " ".join(package_files(content)["README.txt"].decode().split())
+def words(prepared: Prepared) -> str:
+    profile = prepared.profile
+    colours = PRESETS[profile.machine.colours]
+    return " ".join(readme_text(prepared.design, prepared.job, profile, colours).split())
 
 
 def test_the_readme_of_tiles_names_the_layer_that_verifies_their_place() -> None:

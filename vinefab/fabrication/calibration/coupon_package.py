@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from vinefab.core.plain_text import json_text
-from vinefab.fabrication.calibration.coupon_results import SLACK_KPA, results_text
 from vinefab.fabrication.calibration.coupons import (
     JOINT_KPA,
     JOINT_ROW_MM,
     LAP_MM,
+    SLACK_KPA,
     SQUARE_MM,
     Coupon,
     Matrix,
@@ -17,14 +17,15 @@ from vinefab.fabrication.calibration.coupons import (
     energy_matrix,
     joint_pieces,
     joint_tables,
+    results_text,
 )
 from vinefab.fabrication.formats.dxf_format import DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import LaserFiles, ensure_read_back, laser_files
 from vinefab.fabrication.job.passes import sealed_by_hand
-from vinefab.fabrication.outline.body_outline import WHOLE_ROBOT, body_outline
+from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.fabrication.package.package_texts import filled_document
 from vinefab.fabrication.package.prepare import package_spec
-from vinefab.fabrication.package.readme_text import filled_document
 from vinefab.fabrication.package.sheet_pictures import job_plan
 from vinefab.fabrication.rules.catalog import checks_text, run_checks
 from vinefab.fabrication.rules.rule import Subject
@@ -154,8 +155,8 @@ def _checked(
     for piece in pieces:
         if piece.design is None:
             continue
-        if piece.ends is WHOLE_ROBOT:
-            subjects.append(Subject.of(piece.design, profile))
+        if piece.job is not None:
+            subjects.append(Subject.on_sheet(piece.design, profile, piece.job))
             reports.append(run_checks(subjects[-1], only=SHAPE_RULES))
         else:
             outline = body_outline(piece.design, ends=piece.ends)

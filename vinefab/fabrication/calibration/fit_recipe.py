@@ -23,19 +23,19 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.validation import number as checked_number
 from vinefab.core.view import Block, Data, Notes, WrittenResult
-from vinefab.fabrication.calibration.coupon_results import Reading, Results
-from vinefab.fabrication.calibration.coupons import SQUARE_MM, joint_designs
+from vinefab.fabrication.calibration.coupons import SQUARE_MM, Reading, Results, joint_designs
 from vinefab.fabrication.calibration.estimate import (
     GROWTH_CONSTANTS,
     Equation,
     Estimate,
     GrownPath,
     ReadingScatter,
+    fit_closing,
     fit_growth,
+    fit_modulus,
     mean_estimate,
     solve_equations,
 )
-from vinefab.fabrication.calibration.fit_joints import fit_closing, fit_modulus
 from vinefab.fabrication.job.passes import in_one_pass, weldcut_offset_mm
 from vinefab.model.contacts import MeasuredShare
 from vinefab.model.files.shipped import locate

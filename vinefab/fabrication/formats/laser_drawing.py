@@ -1,4 +1,4 @@
-"""What all laser formats share: layers and colours, paths as drawn and as read, `LaserFormat`.
+"""What all laser formats share: layers, colours, `LaserFormat`, and the comparison with the job.
 
 A colour preset never changes the geometry of a path. It may leave an operation out, for programs
 that cut whatever a file holds.
@@ -9,17 +9,24 @@ LightBurn's two tool layers, which it never cuts.
 """
 
 import json
+import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import groupby
 from types import MappingProxyType
+from typing import NamedTuple
 
-from vinefab.core.errors import BadInputError
-from vinefab.core.plain_text import GENERATOR, one_line, plain
+import numpy as np
+
+from vinefab.core.errors import BadInputError, VinefabError
+from vinefab.core.plain_text import GENERATOR, counted, one_line, plain
 from vinefab.core.registry import Registry
+from vinefab.core.validation import Floats
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
-from vinefab.model.outline import FLATTEN_MM, Contour
+from vinefab.model.outline import FLATTEN_MM, Contour, following
 
 HAIRLINE_MM = 0.01
 LARGEST_TOLERANCE_MM = 0.01
@@ -187,6 +194,7 @@ def _as_line(value: object) -> str:
     return one_line(json.dumps(value, default=plain, ensure_ascii=False))
 
 
+@lru_cache(maxsize=4096)
 def flattened_contour(contour: Contour) -> Contour:
     """Return a contour with chords for arcs, within `FLATTEN_MM` of them."""
     return Contour.polyline(contour.flattened_mm(FLATTEN_MM), closed=contour.closed)
@@ -249,8 +257,8 @@ class LaserFileSpec:
 class LaserFormat:
     """A kind of laser file: written, read back and compared with its job.
 
-    `vinefab.fabrication.formats.readback` compares what `read` returns with the job, the same way
-    for every format; the other fields say how the format represents a job.
+    `drawing_differences` compares what `read` returns with the job, the same way for every format;
+    the other fields say how the format represents a job.
 
     Raises
     ------
@@ -289,3 +297,210 @@ class LaserFormat:
     def file_name(self, stem: str = "outline") -> str:
         """Return the name of a sheet's file."""
         return f"{stem}{self.suffix}"
+
+
+def file_problems(
+    laser_format: LaserFormat, data: bytes | None, spec: LaserFileSpec
+) -> tuple[str, ...]:
+    """Read a file back and return a sentence for every difference from its spec.
+
+    Parameters
+    ----------
+    data
+        Content of the file; None for a file that is missing.
+    """
+    if data is None:
+        return ("the file is missing",)
+    try:
+        drawing = laser_format.read(data.decode("utf-8"))
+    except (VinefabError, UnicodeDecodeError) as error:
+        return (str(error),)
+    return drawing_differences(laser_format, drawing, spec)
+
+
+def drawing_differences(
+    laser_format: LaserFormat, drawing: ReadDrawing, spec: LaserFileSpec
+) -> tuple[str, ...]:
+    """Return every difference between a file as read and its spec.
+
+    Compared are the unit, the sheet, the layers and their order, colours, machine settings, and
+    path by path: closed or open, number of vertices and arcs, every vertex and the middle of every
+    segment against the form that the format can hold; box, area and length against the job itself.
+    """
+    problems = [f"the file holds {oddity}" for oddity in drawing.oddities]
+    settings = laser_format.settings(spec)
+    if list(drawing.settings) != list(settings):
+        layers = ", ".join(drawing.settings), ", ".join(settings)
+        problems.append("the settings are for {}, not {}".format(*layers))
+    for layer, values in settings.items():
+        read = drawing.settings.get(layer, {})
+        problems += [
+            f"layer {layer}: {name} is {read.get(name)}, not {value}"
+            for name, value in values.items()
+            if read.get(name) != value
+        ]
+    expected: dict[str, list[StyledPath]] = {}
+    for styled in laser_format.paths(spec):
+        expected.setdefault(styled.style.layer, []).append(styled)
+    problems += _frame_problems(laser_format, drawing, spec, expected)
+    for layer, in_job in expected.items():
+        in_file = [path for path in drawing.paths if path.layer == layer]
+        if len(in_job) != len(in_file):
+            problems.append(f"layer {layer}: {counted(len(in_file), 'path')}, not {len(in_job)}")
+            continue
+        for number, words in enumerate(_path_problems(laser_format, in_job, in_file), start=1):
+            problems += [f"layer {layer}, path {number}: {one}" for one in words]
+    return tuple(problems)
+
+
+def _frame_problems(
+    laser_format: LaserFormat,
+    drawing: ReadDrawing,
+    spec: LaserFileSpec,
+    expected: Mapping[str, list[StyledPath]],
+) -> Iterator[str]:
+    """Yield what is wrong with unit, sheet, layers, and the colours of these."""
+    if drawing.unit != "mm":
+        yield f"the unit is {drawing.unit}, not mm"
+    sheet, near_mm = (spec.job.sheet_width_mm, spec.job.sheet_height_mm), laser_format.tolerance_mm
+    if drawing.sheet and not np.allclose(drawing.sheet, sheet, rtol=0.0, atol=near_mm):
+        yield f"the sheet is {_listed(drawing.sheet)}, not {_listed(sheet)}"
+    if not expected:
+        yield "there is nothing to draw: the job has no path that this preset writes"
+    in_file = [layer for layer, _ in groupby(path.layer for path in drawing.paths) if layer]
+    if in_file != list(expected):
+        yield f"the layers are {', '.join(in_file)}, not {', '.join(expected)}"
+    if drawing.layer_colours is None:
+        return
+    for layer, paths in expected.items():
+        found, colour = drawing.layer_colours.get(layer), laser_format.colour(paths[-1].style)
+        if found != colour:
+            yield f"layer {layer} has colour {found}, not {colour}"
+
+
+def _path_problems(
+    laser_format: LaserFormat, in_job: Sequence[StyledPath], in_file: Sequence[DrawnPath]
+) -> list[list[str]]:
+    """Return what is wrong with each path of a layer; sizes are compared with the job's.
+
+    A point that is off by the tolerance moves an area by at most the tolerance along the whole
+    path, and a segment's length by at most twice the tolerance (vertices that split a long arc
+    count too). Chords are shorter than their arc by a third of the sagitta per radian.
+    """
+    problems: list[list[str]] = [[] for _ in in_job]
+    models, drawn = [one.path.contour for one in in_job], [path.contour for path in in_file]
+    meant = [laser_format.contour(model) for model in models]
+    alike = []
+    for number, (words, styled, path) in enumerate(zip(problems, in_job, in_file, strict=True)):
+        read, expected, colour = drawn[number], meant[number], laser_format.colour(styled.style)
+        if path.colour != colour:
+            words.append(f"colour {path.colour}, not {colour}")
+        if read.closed != models[number].closed:
+            ends = ("closed", "open") if read.closed else ("open", "closed")
+            words.append("{}, not {}".format(*ends))
+        if read.arc_count != expected.arc_count:
+            words.append(f"{counted(read.arc_count, 'arc')}, not {expected.arc_count}")
+        if len(read.points_mm) != len(expected.points_mm):
+            words.append(f"{len(read.points_mm)} vertices, not {len(expected.points_mm)}")
+        elif read.closed == expected.closed:
+            alike.append(number)
+    near_mm = laser_format.tolerance_mm
+    if alike:
+        one, two = (_Segments([many[number] for number in alike]) for many in (drawn, meant))
+        apart = np.hstack([one.start - two.start, one.middle - two.middle])
+        away_mm = np.maximum.reduceat(np.abs(apart).max(axis=1), one.first)
+        for at in np.flatnonzero(away_mm > near_mm):
+            problems[alike[at]].append(
+                f"a point is {away_mm[at]:.4g} mm away from where it should be"
+            )
+    found, wanted = _Segments(drawn).sizes(), _Segments(models).sizes()
+    slack_mm = 2.0 * near_mm * (np.array(list(map(len, models))) + wanted.turn_rad)
+    slack_mm += 0.5 * laser_format.sagitta_mm * wanted.turn_rad
+    near_mm += laser_format.sagitta_mm
+    for at in np.flatnonzero((np.abs(found.box_mm - wanted.box_mm) > near_mm).any(axis=1)):
+        boxes = _listed(found.box_mm[at]), _listed(wanted.box_mm[at])
+        problems[at].append("the box is {}, not {}".format(*boxes))
+    areas = found.area_mm2, wanted.area_mm2
+    for at in np.flatnonzero(np.abs(np.subtract(*areas)) > near_mm * wanted.length_mm):
+        problems[at].append(
+            "the area is {:.3f} mm2, not {:.3f} mm2".format(*(a[at] for a in areas))
+        )
+    lengths = found.length_mm, wanted.length_mm
+    for at in np.flatnonzero(np.abs(np.subtract(*lengths)) > slack_mm):
+        off = (length[at] for length in lengths)
+        problems[at].append("the length is {:.4f} mm, not {:.4f} mm".format(*off))
+    return problems
+
+
+class _Sizes(NamedTuple):
+    """Exact sizes of several contours, one row each."""
+
+    box_mm: Floats
+    area_mm2: Floats
+    length_mm: Floats
+    turn_rad: Floats  # of all arcs of a contour together
+
+
+class _Segments:
+    """All segments of several contours as arrays, one row for each vertex.
+
+    The last row of an open contour leads back to its start: it bounds the area alone.
+    """
+
+    def __init__(self, contours: Sequence[Contour]) -> None:
+        counts = np.array([len(contour.points_mm) for contour in contours])
+        self.first = np.cumsum(counts) - counts
+        self.start = np.concatenate([contour.points_mm for contour in contours])
+        self.end, last = following(self.start), self.first + counts - 1
+        self.end[last] = self.start[self.first]
+        ends = (np.zeros(0 if contour.closed else 1) for contour in contours)
+        bulges = [contour.bulges for contour in contours]
+        self.bulge = np.concatenate(
+            [part for pair in zip(bulges, ends, strict=True) for part in pair]
+        )
+        self._back = last[[not contour.closed for contour in contours]]
+        self._owner = np.repeat(np.arange(len(counts)), counts)
+
+    @property
+    def middle(self) -> Floats:
+        """The middle of every segment, on the arc where it is one."""
+        (x, y), half = (self.end - self.start).T, self.bulge / 2.0
+        middle: Floats = (self.start + self.end) / 2.0 + np.column_stack([y * half, -x * half])
+        return middle
+
+    def sizes(self) -> _Sizes:
+        """Return the sizes of the contours, as `Contour` has them."""
+        turn = 4.0 * np.arctan(self.bulge)
+        (x, y), (to_x, to_y) = self.start.T, self.end.T
+        length, area = np.hypot(to_x - x, to_y - y), (x * to_y - to_x * y) / 2.0
+        low, high = (ufunc.reduceat(self.start, self.first) for ufunc in (np.minimum, np.maximum))
+        arc = np.flatnonzero(self.bulge)
+        chord, bent, bulge = length[arc], turn[arc], self.bulge[arc]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            cap = chord**2 * (bent - np.sin(bent)) / (8.0 * np.sin(bent / 2.0) ** 2)
+        # The closed form subtracts nearly equal numbers where an arc hardly turns: its series.
+        series = chord**2 * bent / 12.0 * (1.0 + bent**2 / 30.0)
+        area[arc] += np.where(np.abs(bent) < 1e-3, series, cap)
+        radius = chord * (1.0 + bulge**2) / (4.0 * np.abs(bulge))
+        length[arc], length[self._back] = radius * np.abs(bent), 0.0
+        # An arc may be farthest along an axis between its ends.
+        along = (1.0 - bulge**2) / (4.0 * bulge)
+        center = (self.start[arc] + self.end[arc]) / 2.0
+        center += along[:, None] * np.column_stack([(y - to_y)[arc], (to_x - x)[arc]])
+        begin = np.arctan2(*(self.start[arc] - center).T[::-1])
+        for quarter in range(4):
+            angle = quarter * math.pi / 2.0
+            gone = np.remainder(np.where(bent > 0.0, angle - begin, begin - angle), math.tau)
+            on = np.flatnonzero(gone < np.abs(bent))
+            way = np.array([math.cos(angle), math.sin(angle)])
+            farthest = center[on] + radius[on, None] * way
+            np.minimum.at(low, self._owner[arc[on]], farthest)
+            np.maximum.at(high, self._owner[arc[on]], farthest)
+        area, length, turns = (
+            np.add.reduceat(one, self.first) for one in (area, length, np.abs(turn))
+        )
+        return _Sizes(np.hstack([low, high]), area, length, turns)
+
+
+def _listed(values: Iterable[float]) -> str:
+    return " x ".join(f"{value:.4f}" for value in values)

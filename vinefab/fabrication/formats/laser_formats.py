@@ -2,7 +2,7 @@
 
 A new format is one module with a `LaserFormat`, and one line in `LASER_FORMATS` or an entry point
 of the group ``vinefab.laser_formats``. It is then written with every package and coupon, and its
-files pass the same comparison (`vinefab.fabrication.formats.readback`) as all others.
+files pass the same comparison (`vinefab.fabrication.formats.laser_drawing`) as all others.
 """
 
 from collections.abc import Collection, Mapping
@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from vinefab.core.errors import ReadBackError
 from vinefab.core.registry import Registry
 from vinefab.fabrication.formats.dxf_format import DXF, DXF_POLYLINE, DXF_R12
-from vinefab.fabrication.formats.laser_drawing import LaserFileSpec, LaserFormat
+from vinefab.fabrication.formats.laser_drawing import LaserFileSpec, LaserFormat, file_problems
 from vinefab.fabrication.formats.lightburn_format import LIGHTBURN
-from vinefab.fabrication.formats.readback import file_problems
 from vinefab.fabrication.formats.svg_format import SVG
 
 R12_FORMAT = "dxf_r12"

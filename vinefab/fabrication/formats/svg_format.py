@@ -3,6 +3,7 @@
 import math
 import re
 import xml.etree.ElementTree as ET
+from functools import lru_cache
 from itertools import pairwise
 
 import svgwrite
@@ -67,6 +68,7 @@ def svg_text(job: Job, colours: Colours = DEFAULT, *, hairline_mm: float = HAIRL
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
 
 
+@lru_cache(maxsize=4096)
 def svg_contour(contour: Contour) -> Contour:
     """Return a contour as SVG can hold it: arcs of at most 90 degrees.
 

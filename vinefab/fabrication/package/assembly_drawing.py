@@ -17,10 +17,8 @@ from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.outline.body_outline import FlatLayout, body_outline, flat_layout
 from vinefab.fabrication.package.piece_joining import (
-    FACES_PT,
     MINUTES_PER_JOINT,
     JoiningStep,
-    draw_faces,
     face_words,
     joining_order,
     needs_strips,
@@ -41,6 +39,7 @@ from vinefab.pages.panel import (
     Ink,
     Labels,
     Page,
+    PageView,
     Panel,
     Shape,
     boxes_around,
@@ -125,7 +124,7 @@ def assembly_drawing(
     exploded = _Exploded.of(robot)
     notes = _notes(robot)
     list_pt = _LINE_PT * (max(map(len, notes)) + 1) + 8.0
-    list_pt += FACES_PT
+    list_pt += _FACES_PT
     low_pt = list_pt + _LOW_PT
     high_pt = low_pt + exploded.high_pt + _HEAD_PT
     middle = _WIDE_PT / 2.0
@@ -147,28 +146,21 @@ def mounting_drawing(design: Design) -> Page:
     x0, y0, x1, y1 = contour.box_mm
     scale = min((_WIDE_PT - 2.0 * _EDGE_PT) / (x1 - x0), _MOST_PT / (y1 - y0), 2.0 * _PT_PER_MM)
     plan_pt = (y1 - y0) * scale + 2.0 * _RIM_PT
-    high_pt = FACES_PT + plan_pt + _HEAD_PT + _TITLE_PT
+    high_pt = _FACES_PT + plan_pt + _HEAD_PT + _TITLE_PT
     panel = paper(_WIDE_PT, high_pt)
     _write_head(panel, high_pt, design, "sizes and mounting", f"{SIZES}.")
-    low_pt, top_pt = FACES_PT + _TITLE_PT, high_pt - _HEAD_PT
+    low_pt, top_pt = _FACES_PT + _TITLE_PT, high_pt - _HEAD_PT
     right_pt = _WIDE_PT - _EDGE_PT
-    page = _View.into(contour.box_mm, (_EDGE_PT, low_pt + _RIM_PT, right_pt, top_pt - _RIM_PT))
+    page = PageView.into(contour.box_mm, (_EDGE_PT, low_pt + _RIM_PT, right_pt, top_pt - _RIM_PT))
     points = page.points(contour.flattened_mm(_FLATTEN_PT / page.pt_per_mm))
     colour = LEVEL_COLOURS[0]
     ink = Ink(fill=colour, fill_alpha=0.3, line=colour, width_pt=0.8)
     panel.add(Shape([points], ink, closed=True), 3.0)
     labels = Labels(page_pt=(_EDGE_PT, low_pt, right_pt, top_pt), lines_pt=[_coarse(points)])
     _write_sizes(panel, layout, np.zeros((len(layout.tree), 2)), page, labels)
-    panel.scale_bar((_EDGE_PT, FACES_PT + 4.0), page.pt_per_mm, 90.0)
+    panel.scale_bar((_EDGE_PT, _FACES_PT + 4.0), page.pt_per_mm, 90.0)
     _draw_faces(panel, design)
     return page_of_paper(panel)
-
-
-def _draw_faces(panel: Panel, design: Design) -> None:
-    """Draw along the lower edge of a page which face ends outside."""
-    title = f"{face_words(design.build)} (build.mounting = {design.build.mounting})"
-    _draw_title(panel, (_EDGE_PT, FACES_PT - 22.0), "Faces", title)
-    draw_faces(panel, design.build, (_EDGE_PT, _WIDE_PT - _EDGE_PT), FACES_PT - 78.0)
 
 
 def exploded_picture(
@@ -238,28 +230,6 @@ def piece_colours(partition: Partition) -> dict[str, str]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _View:
-    """From millimetres of the flat layout to points of the page."""
-
-    low_mm: Floats
-    pt_per_mm: float
-    corner_pt: Floats
-
-    @classmethod
-    def into(cls, box_mm: Box, box_pt: Box) -> "_View":
-        """Return the view that shows a box of the layout in the middle of a box of the page."""
-        low, high = np.array(box_mm[:2]), np.array(box_mm[2:])
-        size, room = np.maximum(high - low, 1e-3), np.array(box_pt[2:]) - np.array(box_pt[:2])
-        scale = float((room / size).min())
-        corner = np.array(box_pt[:2]) + (room - size * scale) / 2.0
-        return cls(low_mm=low, pt_per_mm=scale, corner_pt=corner)
-
-    def points(self, places_mm: Floats) -> Floats:
-        """Return places on the page."""
-        return np.asarray((places_mm - self.low_mm) * self.pt_per_mm + self.corner_pt)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Exploded:
     """The exploded view with its place on the page."""
 
@@ -326,7 +296,7 @@ def _draw_exploded(panel: Panel, exploded: _Exploded, below_pt: float) -> None:
         _WIDE_PT - _EDGE_PT - _RIM_PT,
         top - _TITLE_PT - _RIM_PT,
     )
-    page = _View.into(exploded.box_mm, box)
+    page = PageView.into(exploded.box_mm, box)
     for piece in robot.partition.pieces:
         _draw_piece(panel, robot, piece.label, page, view.moves_mm[piece.label])
     labels = Labels(
@@ -349,13 +319,13 @@ def _draw_exploded(panel: Panel, exploded: _Exploded, below_pt: float) -> None:
     _draw_key(panel, robot, (_EDGE_PT, below_pt + 8.0), page.pt_per_mm)
 
 
-def _points(robot: _Robot, label: str, page: _View) -> Floats:
+def _points(robot: _Robot, label: str, page: PageView) -> Floats:
     """Return the outline of a piece as points of the flat layout, fine enough for the page."""
     return robot.outlines[label].flattened_mm(_FLATTEN_PT / page.pt_per_mm)
 
 
 def _draw_piece(
-    panel: Panel, robot: _Robot, label: str, page: _View, move_mm: Floats, alpha: float = 0.3
+    panel: Panel, robot: _Robot, label: str, page: PageView, move_mm: Floats, alpha: float = 0.3
 ) -> None:
     colour = robot.colours[label]
     points = page.points(_points(robot, label, page) + move_mm)
@@ -367,7 +337,7 @@ def _draw_lead(
     panel: Panel,
     robot: _Robot,
     step: JoiningStep,
-    page: _View,
+    page: PageView,
     view: ExplodedView,
     labels: Labels,
 ) -> None:
@@ -412,7 +382,7 @@ def _write_piece(  # noqa: PLR0913  where it is drawn
     panel: Panel,
     robot: _Robot,
     label: str,
-    page: _View,
+    page: PageView,
     move_mm: Floats,
     labels: Labels,
     *,
@@ -432,7 +402,7 @@ def _write_piece(  # noqa: PLR0913  where it is drawn
 
 
 def _write_sizes(
-    panel: Panel, layout: FlatLayout, moves_mm: Floats, page: _View, labels: Labels
+    panel: Panel, layout: FlatLayout, moves_mm: Floats, page: PageView, labels: Labels
 ) -> None:
     """Write length and width next to every branch, each moved with its piece."""
     count = len(layout.tree)
@@ -471,7 +441,7 @@ def _write_sizes(
 
 
 def _write_joint(
-    panel: Panel, step: JoiningStep, page: _View, view: ExplodedView, labels: Labels
+    panel: Panel, step: JoiningStep, page: PageView, view: ExplodedView, labels: Labels
 ) -> None:
     """Write the joint's label next to its plug and next to its socket."""
     name = step.sleeve.label
@@ -554,7 +524,7 @@ def _draw_together(panel: Panel, robot: _Robot, box_pt: Box) -> None:
     """Draw the robot with its laps; outer pieces lie on inner ones and show them through."""
     x0, y0, x1, y1 = box_pt
     _draw_title(panel, (x0, y1 - 14.0), "Put together", "where pieces cross, it does not lie flat")
-    page = _View.into(
+    page = PageView.into(
         _box(robot.outlines, None),
         (x0 + _RIM_PT, y0 + 2.0 * _RIM_PT, x1 - _RIM_PT, y1 - _TITLE_PT - _RIM_PT),
     )
@@ -576,7 +546,7 @@ def _draw_together(panel: Panel, robot: _Robot, box_pt: Box) -> None:
     panel.written((x + 18.0, y0 + 10.0), "joint: plug in socket", _TEXT_PT, colour=SOFT)
 
 
-def _draw_band(panel: Panel, robot: _Robot, step: JoiningStep, page: _View) -> BaseGeometry:
+def _draw_band(panel: Panel, robot: _Robot, step: JoiningStep, page: PageView) -> BaseGeometry:
     """Draw a joint as a line across its branch, in the middle of the lap, and return its place."""
     sleeve = step.sleeve
     heading = float(robot.layout.heading_rad[sleeve.branch])
@@ -758,3 +728,58 @@ def _step_words(step: JoiningStep) -> str:
         f" {sleeve.inner}: plug and socket {sleeve.label}, branch {step.branch},"
         f" {sleeve.width_mm:.1f} mm wide, {sleeve.lap_mm:g} mm deep"
     )
+
+
+# --- faces of the film
+
+_FACES_PT = 132.0
+"""Height of the drawing."""
+
+_FACE_TEXT_PT = 8.0
+_PLY_PT = 2.4
+"""Distance of the two faces of a ply in the drawing."""
+
+
+# A ply from one end of the mouth around the tip to the other, the tube's outer face to the left.
+_AS_CUT = [(0.0, 18.0), (120.0, 18.0), (132.0, 9.0), (132.0, -9.0), (120.0, -18.0), (0.0, -18.0)]
+_BELOW = [(92.0, -20.0), (126.0, -20.0), (126.0, -9.0)]
+_MOUNTED = [*_BELOW, (20.0, -9.0), (12.0, 0.0), (20.0, 9.0), *((x, -y) for x, y in _BELOW[::-1])]
+_TIP = [(92.0, -20.0), (176.0, -20.0), (186.0, -13.0), (176.0, -6.0)]
+_GROWING = [*_TIP, (42.0, -6.0), (34.0, 0.0), (42.0, 6.0), *((x, -y) for x, y in _TIP[::-1])]
+
+
+def _draw_faces(panel: Panel, design: Design) -> None:
+    """Draw along the lower edge of a page a tube lengthwise, each face in its colour."""
+    build, y, left = design.build, _FACES_PT - 78.0, _EDGE_PT
+    title = f"{face_words(build)} (build.mounting = {build.mounting})"
+    _draw_title(panel, (left, _FACES_PT - 22.0), "Faces", title)
+    is_turned = build.mounting == "turned"
+    as_cut, turned = (INK, ALERT), (ALERT, INK)  # outer face of the tube, inner face
+    flat = ("as cut, mouth to the left", _AS_CUT, as_cut)
+    inside_out = [("turned inside out", _AS_CUT, turned)] if is_turned else []
+    mounted = turned if is_turned else as_cut
+    stages = [
+        flat,
+        *inside_out,
+        ("mounted, tail over the base", _MOUNTED, mounted),
+        ("growing", _GROWING, mounted),
+    ]
+    wide = (_WIDE_PT - 2.0 * _EDGE_PT) / len(stages)
+    for number, (words, path, colours) in enumerate(stages):
+        x = left + number * wide
+        panel.written((x, y + 36.0), words, _FACE_TEXT_PT, colour=SOFT)
+        if path is not _AS_CUT:
+            for side in (-1.0, 1.0):  # the base: a pipe out of a vessel
+                pipe = np.array([(0.0, 30.0), (0.0, 14.0), (40.0, 14.0)]) * (1.0, side)
+                panel.line(pipe + np.array([x + 80.0, y]), Ink(line=SOFT, width_pt=2.2))
+        # Both faces of the ply next to its middle: the left one, the right one.
+        line = shapely.LineString(np.array(path) + np.array([x, y]))
+        for side, colour in zip((1.0, -1.0), colours, strict=True):
+            face = shapely.get_coordinates(line.offset_curve(side * _PLY_PT / 2.0))
+            panel.line(face, Ink(line=colour, width_pt=1.6))
+    for row, (words, colour) in enumerate(
+        (("face outside as cut", INK), ("face inside as cut", ALERT))
+    ):
+        at = left + 190.0 * row
+        panel.line([(at, y - 41.0), (at + 14.0, y - 41.0)], Ink(line=colour, width_pt=1.5))
+        panel.written((at + 18.0, y - 44.0), words, _FACE_TEXT_PT, colour=colour)

@@ -17,7 +17,14 @@ from vinefab.fabrication.package.piece_joining import (
 )
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
+from vinefab.model.laser import (
+    LaserProfile,
+    Machine,
+    Material,
+    OperationSettings,
+    Quantity,
+    Standing,
+)
 from vinefab.model.outline import Contour, Segment
 from vinefab.model.tree import Partition
 
@@ -188,6 +195,26 @@ def weakest(quantities: Iterable[Quantity]) -> Standing:
     """Return the standing of a number calculated from others."""
     assumed = any(quantity.standing is Standing.ASSUMED for quantity in quantities)
     return Standing.ASSUMED if assumed else Standing.COMPUTED
+
+
+def operation_energy_mj_mm(machine: Machine, settings: OperationSettings) -> Quantity:
+    """Return the energy per length of path, all passes: power over speed."""
+    used = machine.power_w, settings.power_percent, settings.speed_mm_s
+    return Quantity(
+        value=settings.line_energy_mj_mm(machine),
+        standing=weakest(used),
+        source="power / speed x passes",
+    )
+
+
+def fluence_mj_mm2(machine: Machine, settings: OperationSettings) -> Quantity:
+    """Return the energy per area under the beam: line energy over spot diameter."""
+    line = operation_energy_mj_mm(machine, settings)
+    return Quantity(
+        value=line.value / settings.spot_mm.value,
+        standing=weakest((line, settings.spot_mm)),
+        source="line energy / spot",
+    )
 
 
 def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:

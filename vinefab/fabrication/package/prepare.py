@@ -2,15 +2,18 @@
 
 import io
 import zipfile
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+
+import numpy as np
+import shapely
 
 from vinefab.core.hashing import MANIFEST_NAME, ROOMY_GENERATOR, manifest_text, sha256_of
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Section, Text, Tone
-from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, Colours, LaserFileSpec
+from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Picture, Rows, Section, Text, Tone
+from vinefab.fabrication.formats.laser_drawing import PRESETS, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import (
     R12_FORMAT,
     ensure_read_back,
@@ -21,7 +24,7 @@ from vinefab.fabrication.formats.laser_formats import (
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import ONE, SheetOptions
 from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.package.assembly_drawing import assembly_files
+from vinefab.fabrication.package.assembly_drawing import assembly_files, exploded_picture
 from vinefab.fabrication.package.bom import (
     BomLine,
     bill_of_materials,
@@ -29,18 +32,19 @@ from vinefab.fabrication.package.bom import (
     joint_lines,
     robot_count,
 )
-from vinefab.fabrication.package.job_json import job_text
-from vinefab.fabrication.package.package_page import (
-    assumption_section,
-    bom_section,
-    check_section,
-    pattern_section,
-    pieces_section,
-    pressure_section,
-    sheet_section,
+from vinefab.fabrication.package.package_texts import job_text, readme_text
+from vinefab.fabrication.package.piece_joining import (
+    MINUTES_PER_JOINT,
+    joining_order,
+    order_reasons,
+    pieces_words,
 )
-from vinefab.fabrication.package.readme_text import readme_text
-from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
+from vinefab.fabrication.package.sheet_pictures import (
+    findings_plan,
+    job_animation,
+    job_plan,
+    pattern_plan,
+)
 from vinefab.fabrication.pieces.exploded import piece_lumens
 from vinefab.fabrication.pieces.partition import in_pieces, pieces_of
 from vinefab.fabrication.rules.as_built import READBACK
@@ -53,16 +57,25 @@ from vinefab.fabrication.rules.catalog import (
     run_checks,
 )
 from vinefab.fabrication.rules.rule import Subject
-from vinefab.inflation.pattern import Pattern, cut_design, pattern_of
+from vinefab.inflation.pattern import Pattern, cut_design, pattern_blocks, pattern_of
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design, design_text
-from vinefab.model.finding import CheckReport, RuleSkipped, Severity
+from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
 from vinefab.model.job import Job
-from vinefab.model.laser import LaserProfile, RecipeStatus
+from vinefab.model.laser import (
+    NO_SHRINKAGE,
+    LaserProfile,
+    Quantity,
+    RecipeStatus,
+    Standing,
+    quantities,
+)
 from vinefab.model.outline import Contour
 from vinefab.model.tree import Partition, branch_tree
 from vinefab.pages.html import page
-from vinefab.pages.page_files import page_png
+from vinefab.pages.page_files import page_png, page_svg
+from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, seam_load_n_mm
+from vinefab.physics.tube import inflated_diameter_mm
 
 ANIMATION_NAME = "animation.svg"
 
@@ -207,27 +220,8 @@ def package_spec(job: Job, profile: LaserProfile) -> LaserFileSpec:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PackageContent:
-    """The parts of a package that differ from design to design."""
-
-    design: Design
-    profile: LaserProfile
-    job: Job
-    checks: str  # text of checks.json (`vinefab.fabrication.rules.catalog.checks_text`)
-    preview: bytes  # the sheet, PNG
-    report: bytes  # the report, HTML
-    animation: bytes = b""  # the laser's path in motion, SVG; empty for none
-    colours: Colours = DEFAULT
-    # laser files that were read back without a problem; None to write them here
-    laser: Mapping[str, bytes] | None = None
-    partition: Partition | None = None  # the pieces that it is cut in; None for one flat outline
-    others: tuple[Design, ...] = ()  # the other designs on the sheet
-    pattern: Pattern | None = None  # how it deploys; None if not simulated, cut as designed
-
-
 def package(prepared: Prepared) -> dict[str, bytes]:
-    """Return every file of the fabrication package, by name.
+    """Return every file of the fabrication package, by name; a forbidden design has no laser files.
 
     Raises
     ------
@@ -235,57 +229,29 @@ def package(prepared: Prepared) -> dict[str, bytes]:
         If a laser file, read back, differs from the job.
     """
     ensure_read_back(prepared.readback)
-    content = PackageContent(
-        design=prepared.design,
-        profile=prepared.profile,
-        job=prepared.job,
-        checks=checks_text(prepared.report, prepared.beside),
-        preview=page_png(job_plan(prepared.job, prepared.report.findings)),
-        report=page(f"{prepared.design.name}: fabrication", page_blocks(prepared)).encode(),
-        animation=job_animation(prepared.job, prepared.profile),
-        colours=PRESETS[prepared.profile.machine.colours],
-        laser=prepared.laser or None,
-        partition=prepared.partition,
-        others=prepared.others,
-        pattern=prepared.pattern,
-    )
-    return package_files(content)
-
-
-def package_files(content: PackageContent) -> dict[str, bytes]:
-    """Return the files of a package by name, every laser file read back."""
-    job, profile, colours = content.job, content.profile, content.colours
-    design, partition, pattern = content.design, content.partition, content.pattern
-    cut, shape = pattern.flat if pattern else design, pattern or pattern_of(design, profile)
+    design, profile, job = prepared.design, prepared.profile, prepared.job
+    colours, partition, cut = PRESETS[profile.machine.colours], prepared.partition, prepared.cut
+    pattern = prepared.pattern or pattern_of(design, profile)
     joints, outlines = tuple[BomLine, ...](), dict[str, Contour]()
     if partition is not None:
         joints = joint_lines(cut, partition, profile, robots=robot_count(job))
         outlines = piece_lumens(cut, partition)
-    more = {f"design_{number}.toml": one for number, one in enumerate(content.others, start=2)}
+    more = {f"design_{k}.toml": one for k, one in enumerate(prepared.others, start=2)}
+    designs = {"design.toml": design, **more}
     files = {
-        "README.txt": readme_text(design, job, profile, colours, partition, shape).encode(),
-        **{
-            name: design_text(one).encode() for name, one in {"design.toml": design, **more}.items()
-        },
-        "job.json": job_text(design, job, profile, colours, shape).encode(),
-        **(_laser(content) if content.laser is None else content.laser),
-        "preview.png": content.preview,
-        **({ANIMATION_NAME: content.animation} if content.animation else {}),
-        "checks.json": content.checks.encode(),
-        "report.html": content.report,
+        "README.txt": readme_text(design, job, profile, colours, partition, pattern).encode(),
+        **{name: design_text(one).encode() for name, one in designs.items()},
+        PACKAGE_MARK: job_text(design, job, profile, colours, pattern).encode(),
+        **prepared.laser,
+        "preview.png": page_png(job_plan(job, prepared.report.findings)),
+        ANIMATION_NAME: job_animation(job, profile),
+        "checks.json": checks_text(prepared.report, prepared.beside).encode(),
+        "report.html": page(f"{design.name}: fabrication", page_blocks(prepared)).encode(),
         "bom.csv": bom_text(job, profile, joints).encode(),
         **assembly_files(cut, partition, outlines, profile),
     }
     digests = {name: sha256_of(data) for name, data in files.items()}
-    files[MANIFEST_NAME] = manifest_text(digests).encode()
-    return files
-
-
-def _laser(content: PackageContent) -> Mapping[str, bytes]:
-    spec = replace(package_spec(content.job, content.profile), colours=content.colours)
-    written = laser_files(spec)
-    ensure_read_back(written.problems)
-    return written.files
+    return {**files, MANIFEST_NAME: manifest_text(digests).encode()}
 
 
 def zip_bytes(files: Mapping[str, bytes], folder: str) -> bytes:
@@ -333,45 +299,37 @@ def recipe_cautions(profile: LaserProfile) -> tuple[str, ...]:
 
 def making_sections(prepared: Prepared) -> tuple[Section, ...]:
     """Return the sections on manufacturing: sheet, pieces, rules, flat and deployed, materials."""
-    job, joints = prepared.job, tuple[BomLine, ...]()
-    if prepared.partition is not None:
-        joints = joint_lines(
-            prepared.cut, prepared.partition, prepared.profile, robots=robot_count(job)
-        )
+    job, profile, cut = prepared.job, prepared.profile, prepared.cut
     designs = (prepared.design, *prepared.others)
     reports = (prepared.report, *prepared.beside)
+    joints, pieces = tuple[BomLine, ...](), tuple[Section, ...]()
+    if (partition := prepared.partition) is not None:
+        joints = joint_lines(cut, partition, profile, robots=robot_count(job))
+        outlines = piece_lumens(cut, partition)
+        sheets: dict[str, list[int]] = {}
+        for number, sheet in enumerate(job.sheets, start=1):
+            labels = sheet.facts["pieces"]
+            for label in dict.fromkeys(labels) if isinstance(labels, list) else ():
+                sheets.setdefault(label, []).append(number)
+        pieces = (pieces_section(cut, partition, outlines, profile, sheets=sheets),)
 
     def outline_mm(design: Design) -> Floats:
-        return body_outline(cut_design(design, prepared.profile)).contour.flattened_mm()
+        return body_outline(cut_design(design, profile)).contour.flattened_mm()
 
     return (
-        sheet_section(job, [finding for report in reports for finding in report.findings]),
-        *_piece_sections(prepared),
+        _sheet_section(job, [finding for report in reports for finding in report.findings]),
+        *pieces,
         *(
-            check_section(
+            _check_section(
                 report,
                 partial(outline_mm, design),
-                title=f"Design rules: {design.name}" if prepared.others else "Design rules",
+                f"Design rules: {design.name}" if prepared.others else "Design rules",
             )
             for design, report in zip(designs, reports, strict=True)
         ),
-        pattern_section(prepared.pattern or pattern_of(prepared.design, prepared.profile)),
-        bom_section((*bill_of_materials(job, prepared.profile), *joints), robot_count(job)),
+        pattern_section(prepared.pattern or pattern_of(prepared.design, profile)),
+        _bom_section((*bill_of_materials(job, profile), *joints), robot_count(job)),
     )
-
-
-def _piece_sections(prepared: Prepared) -> tuple[Section, ...]:
-    """Return the section on the pieces of a robot, if it is cut in any."""
-    design, partition, job = prepared.cut, prepared.partition, prepared.job
-    if partition is None:
-        return ()
-    outlines = piece_lumens(design, partition)
-    sheets: dict[str, list[int]] = {}
-    for number, sheet in enumerate(job.sheets, start=1):
-        labels = sheet.facts["pieces"]
-        for label in dict.fromkeys(labels) if isinstance(labels, list) else ():
-            sheets.setdefault(label, []).append(number)
-    return (pieces_section(design, partition, outlines, prepared.profile, sheets=sheets),)
 
 
 def making_facts(prepared: Prepared) -> tuple[Fact, ...]:
@@ -419,4 +377,283 @@ def design_facts(prepared: Prepared) -> tuple[Fact, ...]:
         Fact("working pressure", f"{design.build.pressure_kpa:g} kPa (design)"),
         Fact("machine", profile.machine.title),
         Fact("recipe", f"{profile.recipe.name}: {profile.recipe.status.value}"),
+    )
+
+
+def _sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
+    """Return the sheet for the laser: picture and the changes to the paths."""
+
+    def words(value: object) -> str:
+        if isinstance(value, list | tuple):
+            return ", ".join(map(words, value))
+        return f"{value:.3f}" if isinstance(value, float) else str(value)
+
+    # Pieces and joints have a separate section.
+    facts = {name: fact for name, fact in job.facts.items() if name not in ("pieces", "joints")}
+    rows = tuple((name.replace("_", " "), words(value)) for name, value in facts.items())
+    picture = Picture(
+        image=lambda: page_svg(job_plan(job, tuple(findings))),
+        caption="The sheet: seam and kerf offsets are in the paths; leave the machine's kerf at 0.",
+    )
+    caption = "What the paths hold (computed)"
+    return Section(
+        title="The sheets for the laser" if len(job.sheets) > 1 else "The sheet for the laser",
+        pictures=(picture,),
+        tables=(Rows(caption=caption, headings=("", ""), rows=rows, folded=True),),
+    )
+
+
+def _check_section(report: CheckReport, outline_mm: Callable[[], Floats], title: str) -> Section:
+    """Return every finding, at its place in the outline, and every rule that was run or skipped."""
+    ran = ", ".join(f"{run.rule} ({run.checked})" for run in report.run)
+    paragraphs = [
+        *(() if report.findings else ("No findings.",)),
+        *(f"Stale waiver {name}: it matches no finding." for name in report.stale_waivers),
+        f"Rules run, with the number of items that each checked: {ran}.",
+    ]
+    tables, pictures = list[Rows](), list[Picture]()
+    if report.findings:
+        what = "what is wrong", "by how much", "for a waiver"
+        headings = ("no.", "rule", "weight", "branches", *what)
+        rows = tuple(
+            (
+                str(number),
+                finding.rule,
+                f"waived: {finding.reason}" if finding.waived else finding.severity.value,
+                ", ".join(finding.branches),
+                f"{finding.title}: {finding.message}" if finding.title else finding.message,
+                finding.measures,
+                finding.fingerprint,
+            )
+            for number, finding in enumerate(report.findings, start=1)
+        )
+        tables.append(Rows(caption="Findings", headings=headings, rows=rows))
+    if skipped := tuple((rule.rule, rule.reason) for rule in report.skipped):
+        tables.append(Rows(caption="Rules skipped", headings=("rule", "why"), rows=skipped))
+    if any(finding.marker_wkt for finding in report.findings):
+        caption = (
+            "Findings at their places in the flat outline; numbers as in the table. "
+            "Findings about the whole robot have no place."
+        )
+        picture = Picture(
+            image=lambda: page_svg(findings_plan(outline_mm(), report.findings)), caption=caption
+        )
+        pictures.append(picture)
+    return Section(
+        title=title,
+        paragraphs=tuple(paragraphs),
+        pictures=tuple(pictures),
+        tables=tuple(tables),
+        folded=True,
+    )
+
+
+def pattern_section(pattern: Pattern) -> Section:
+    """Return the flat pattern that is cut and the shape that it deploys as, side by side."""
+    blocks = tuple(pattern_blocks(pattern))
+    made = "makes up for it: its angles and lengths are those that deploy as designed"
+    if pattern.design.build.compensation == "none":
+        made = "is cut as designed all the same, and deploys as another shape"
+    words = (
+        "Two welded sheets do not keep their flat angles when they inflate, and soft film grows "
+        f"longer. The pattern {made}. The simulation knows no contact of siblings, no "
+        "stiffness of film and weld, and no gravity.",
+        *(one.rstrip(".") + "." for one in pattern.problems),
+    )
+    picture = Picture(
+        image=lambda: page_svg(pattern_plan(pattern)),
+        caption="The flat outline that is cut, and the shape that it deploys as: joints are "
+        f"simulated one by one, tubes straight ({pattern.standing}); vinefab inflate simulates "
+        "the whole robot.",
+    )
+    return Section(
+        title="Flat and deployed",
+        paragraphs=words,
+        pictures=(picture,),
+        # Its numbers stand in the JSON of `vinefab inflate`.
+        tables=tuple(replace(one, key="") for one in blocks if isinstance(one, Rows)),
+        folded=True,
+    )
+
+
+def pressure_section(design: Design, profile: LaserProfile) -> Section:
+    """Return the pressure that each level stands, with the standing of its source."""
+    film, build = profile.material, design.build
+    allowed = seam_load_n_mm(film.seam)
+    rows = []
+    for level, width_mm in enumerate(build.widths_mm, start=1):
+        strain = hoop_strain(
+            build.pressure_kpa, width_mm, film.ply_mm.value, film.modulus_mpa.value
+        )
+        cells = (
+            f"{width_mm:.2f}",
+            f"{inflated_diameter_mm(width_mm):.2f}",
+            f"{burst_pressure_kpa(width_mm, allowed):.1f}",
+            f"{100 * strain:.0f} %",
+        )
+        rows.append((str(level), *cells))
+    table = Rows(
+        caption=f"At the working pressure of {build.pressure_kpa:g} kPa; what seams stand rests on "
+        f"one test: {film.seam.words()}. Strain rests on a modulus of "
+        f"{film.modulus_mpa.value:g} MPa ({film.modulus_mpa.standing})",
+        headings=(
+            "level",
+            "lay-flat mm",
+            "inflated mm",
+            "seam stands kPa",
+            "hoop strain",
+        ),
+        rows=tuple(rows),
+    )
+    return Section(title="Pressure", tables=(table,), folded=True)
+
+
+MOST_BRANCHES_NAMED = 12
+"""Branches of a piece that a table names; of more it gives the number."""
+
+
+def pieces_section(
+    design: Design,
+    partition: Partition,
+    outlines: Mapping[str, Contour],
+    profile: LaserProfile,
+    *,
+    sheets: Mapping[str, Sequence[int]],
+) -> Section:
+    """Return the pieces of a robot and its joints, with the exploded view.
+
+    Parameters
+    ----------
+    outlines
+        Outline of every piece, by its label, in the coordinates of the whole robot's flat layout.
+    sheets
+        Numbers of the sheets that hold each piece, by its label; several for several robots.
+    """
+    picture = Picture(
+        image=lambda: page_svg(exploded_picture(design, partition, outlines, profile)),
+        caption="The pieces apart, each as it lies in the robot; numbers give the order of joining "
+        "(computed). The package has it as assembly.svg and assembly.pdf, with the robot put "
+        "together and one lap.",
+    )
+    ids, pieces = branch_tree(design).ids, []
+    for piece in partition.pieces:
+        names = ", ".join(ids[branch] for branch in piece.branches[:MOST_BRANCHES_NAMED])
+        more = len(piece.branches) - MOST_BRANCHES_NAMED
+        long_mm, wide_mm = least_rectangle_mm(outlines[piece.label])
+        pieces.append(
+            (
+                piece.label,
+                f"{names} and {more} more" if more > 0 else names,
+                str(len(piece.branches)),
+                ", ".join(map(str, sheets[piece.label])),
+                f"{long_mm:.0f} x {wide_mm:.0f}",
+            )
+        )
+    piece_table = Rows(
+        caption="Pieces; the size is that of the least rectangle around the outline (computed)",
+        headings=("piece", "branches that end on it", "number", "sheet", "size, mm"),
+        rows=tuple(pieces),
+        folded=True,
+    )
+    least = "No fewer are possible" if partition.proven_least else "Fewer may be possible"
+    minutes = MINUTES_PER_JOINT * len(partition.sleeves)
+    rows = tuple(
+        (
+            str(step.number),
+            step.sleeve.label,
+            step.branch,
+            f"{step.sleeve.plug_on} into {step.sleeve.socket_on}",
+            f"{step.sleeve.width_mm:.2f}",
+            f"{step.sleeve.lap_mm:g}",
+            f"{step.sleeve.outer_from_mm:.1f}",
+        )
+        for step in joining_order(design, partition)
+    )
+    return Section(
+        title="Pieces",
+        paragraphs=(
+            f"{pieces_words(partition)}. {least}. Joining takes about {minutes:g} minutes"
+            f" ({MINUTES_PER_JOINT:g} a joint, assumed). {order_reasons(profile)}",
+        ),
+        pictures=(picture,),
+        tables=(
+            piece_table,
+            Rows(
+                caption="Joints, in the order of joining (widths and places computed, depth "
+                "assumed)",
+                headings=(
+                    "step",
+                    "joint",
+                    "branch",
+                    "plug into socket",
+                    "lay-flat width, mm",
+                    "depth, mm",
+                    "lap begins at, mm",
+                ),
+                rows=rows,
+                folded=True,
+            ),
+        ),
+    )
+
+
+def least_rectangle_mm(contour: Contour) -> tuple[float, float]:
+    """Return the longer and the shorter side of the least rectangle around a contour, turned."""
+    points = contour.flattened_mm(0.05)
+    x0, y0, x1, y1 = contour.box_mm
+    rectangle = shapely.minimum_rotated_rectangle(shapely.MultiPoint(points))
+    corners = shapely.get_coordinates(rectangle)
+    if len(corners) != 5:  # all on one line
+        return max(x1 - x0, y1 - y0), min(x1 - x0, y1 - y0)
+    one, two = np.hypot(*np.diff(corners[:3], axis=0).T).tolist()
+    return max(one, two), min(one, two)
+
+
+def _bom_section(lines: Sequence[BomLine], robots: int) -> Section:
+    """Return the bill of materials of a sheet with so many robots."""
+    rows = tuple(
+        (line.item, f"{line.value:.4g}", line.unit, line.standing.value, line.basis)
+        for line in lines
+    )
+    headings = ("item", "amount", "unit", "standing", "basis")
+    caption = "One robot" if robots == 1 else f"The whole sheet: {counted(robots, 'robot')}"
+    table = Rows(caption=caption, headings=headings, rows=rows)
+    return Section(title="Bill of materials", tables=(table,), folded=True)
+
+
+def assumption_section(
+    profile: LaserProfile, models: Sequence[tuple[str, Quantity]] = ()
+) -> Section:
+    """Return every number behind the report with its standing, the least trusted first."""
+    owned = {"machine": profile.machine, "material": profile.material}
+    numbers = [
+        *models,
+        *(
+            (f"{owner}.{name}", value)
+            for owner, noun in (owned | dict(profile.recipe.by_operation)).items()
+            for name, value in quantities(noun).items()
+            if value is not NO_SHRINKAGE
+        ),
+    ]
+    order = [Standing.ASSUMED, Standing.PUBLISHED, Standing.PAPER, Standing.COMPUTED]
+    rank = {standing: place for place, standing in enumerate(order)}
+    numbers.sort(key=lambda row: rank.get(row[1].standing, len(order)))
+    rows = tuple(
+        (name, number.words(), number.standing.value, number.source) for name, number in numbers
+    )
+    table = Rows(
+        caption=f"Recipe {profile.recipe.name}, status {profile.recipe.status.value}",
+        headings=("number", "value", "standing", "source"),
+        rows=rows,
+    )
+    return Section(
+        title="What this rests on",
+        paragraphs=(
+            "Assumed numbers are placeholders: measure them with the coupons on your own machine "
+            "and film before you trust anything that rests on them. Standings: measured, by you; "
+            "paper, in the paper that the robots come from; published, elsewhere; computed, from "
+            "such numbers; assumed, by vinefab. Predictions are simulated.",
+        ),
+        tables=(table,),
+        folded=True,
     )

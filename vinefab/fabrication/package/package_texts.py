@@ -1,10 +1,11 @@
-"""README.txt of a fabrication package: the steps of the person at the laser.
+"""Texts of a fabrication package: README.txt, the operator's steps, and job.json, every setting.
 
-The words stand in ``templates/README.txt.j2`` and ``joining.txt.j2``, in a markup that
+The README's words stand in ``templates/README.txt.j2`` and ``joining.txt.j2``, in a markup that
 `plain_document` lays out; here is what they are filled with.
 """
 
 import math
+from collections.abc import Mapping
 from functools import cache
 from itertools import groupby
 from textwrap import fill
@@ -12,8 +13,9 @@ from types import SimpleNamespace
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from vinefab.core.plain_text import GENERATOR, counted, one_line
-from vinefab.core.view import Rows, Value
+from vinefab.core.plain_text import GENERATOR, counted, json_text, one_line
+from vinefab.core.view import Data, document
+from vinefab.fabrication.formats.dxf_format import DXF
 from vinefab.fabrication.formats.laser_drawing import (
     Colours,
     StyledPath,
@@ -23,15 +25,31 @@ from vinefab.fabrication.formats.laser_drawing import (
     styled_paths,
 )
 from vinefab.fabrication.formats.laser_formats import LASER_FORMATS, sheet_folder, tile_stem
+from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.job.passes import WEB_MM, cut_offset_mm, weld_offset_mm
 from vinefab.fabrication.job.tiling import HOLES, PIN_HOLE, TARGET, VERIFY
 from vinefab.fabrication.package import piece_joining
-from vinefab.fabrication.package.bom import film_piece_mm, robot_count
+from vinefab.fabrication.package.bom import (
+    film_piece_mm,
+    fluence_mj_mm2,
+    operation_energy_mj_mm,
+    robot_count,
+)
 from vinefab.fabrication.package.piece_joining import face_words
-from vinefab.inflation.pattern import Pattern, pattern_table
+from vinefab.inflation.pattern import Pattern, pattern_blocks, pattern_table
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
-from vinefab.model.laser import LaserProfile, SealerSettings
+from vinefab.model.laser import (
+    NO_SHRINKAGE,
+    LapBond,
+    LaserProfile,
+    Machine,
+    Material,
+    OperationSettings,
+    Quantity,
+    SealerSettings,
+    quantities,
+)
 from vinefab.model.tree import Partition
 from vinefab.physics.seam import lap_load_n_mm
 
@@ -66,6 +84,7 @@ def readme_text(
     weld = profile.recipe.by_operation.get(Operation.WELD)
     by_hand = Operation.WELD in sealed and weld is not None and not weld.by_laser
     runs = [_run(job, number, profile, colours) for number in range(len(job.runs))]
+    table = None if pattern is None else pattern_table(pattern)
     filled = {
         "Operation": Operation,
         "design": design,
@@ -106,7 +125,8 @@ def readme_text(
         "facts": ([*lines, f"{', '.join(lists)}: in job.json"] if lists else lines),
         "partition": partition if partition and partition.sleeves else None,
         "standing": "" if pattern is None else pattern.standing,
-        "pattern": [] if pattern is None else _branches(pattern_table(pattern)),
+        # rows by the keys that they have in JSON
+        "pattern": [dict(zip(table.keys, row, strict=True)) for row in table.rows] if table else [],
         "test_share": piece_joining.TEST_SHARE,
     }
     if partition and partition.sleeves:
@@ -125,11 +145,6 @@ def readme_text(
     return filled_document("README.txt.j2", **filled)
 
 
-def _branches(table: Rows) -> list[dict[str, Value]]:
-    """Return the rows of a table by the keys that they have in JSON."""
-    return [dict(zip(table.keys, row, strict=True)) for row in table.rows]
-
-
 _COLOUR_NAMES = {"#000000": "black", "#0000FF": "blue", "#FF00FF": "magenta", "#FF0000": "red"}
 
 
@@ -146,7 +161,15 @@ def _run(job: Job, number: int, profile: LaserProfile, colours: Colours) -> Simp
     styled = styled_paths(run, colours)
     boxes = [one.path.contour.box_mm for one in styled]
     low_x, low_y, high_x, high_y = zip(*boxes, strict=True)
-    machined = [one for one in styled if one.path.operation.is_machined]
+    # A tile is verified first, holes come after marks.
+    first = {VERIFY: 0, "": 1, HOLES: 2}
+    machined = sorted(
+        (one for one in styled if one.path.operation.is_machined),
+        key=lambda one: (
+            list(Operation).index(one.path.operation),
+            first.get(one.path.variant, 1),
+        ),
+    )
     return SimpleNamespace(
         title=title,
         stem=stem,
@@ -155,17 +178,9 @@ def _run(job: Job, number: int, profile: LaserProfile, colours: Colours) -> Simp
         known=_known_length(run),
         layers=[
             _layer(list(group), profile)
-            for _, group in groupby(
-                sorted(machined, key=_rank), key=lambda one: (one.path.operation, one.style.layer)
-            )
+            for _, group in groupby(machined, key=lambda one: (one.path.operation, one.style.layer))
         ],
     )
-
-
-def _rank(one: StyledPath) -> tuple[int, int]:
-    """Return the place of a path's layer: a tile is verified first, holes come after marks."""
-    first = {VERIFY: 0, "": 1, HOLES: 2}
-    return list(Operation).index(one.path.operation), first.get(one.path.variant, 1)
 
 
 def _layer(styled: list[StyledPath], profile: LaserProfile) -> SimpleNamespace:
@@ -264,46 +279,181 @@ def plain_document(markup: str) -> str:
     1. one thing
     2. two
     """
-    blocks: list[list[str]] = []
-    for is_blank, lines in groupby(markup.splitlines(), key=lambda line: not line.strip()):
-        if not is_blank:
-            blocks.append(_block(list(lines)))
-    return "\n\n".join("\n".join(block) for block in blocks) + "\n"
-
-
-def _block(lines: list[str]) -> list[str]:
-    """Lay out lines without a blank one between them."""
-    parts: list[str] = []
-    for line in lines:
-        if not parts or line.startswith((*_LEADS, "# ", "## ", "> ")):
-            parts.append(line)
-        else:
-            parts[-1] += f" {line}"
-    laid_out, numbered, lettered = list[str](), 0, 0
-    wide = len(str(sum(part.startswith("+ ") for part in parts)))
-    for part in parts:
-        mark, _, text = part.partition(" ")
-        text = one_line(text)
-        if mark in ("#", "##"):
-            laid_out += [text, ("=" if mark == "#" else "-") * len(text)]
+    blocks = []
+    for is_blank, block in groupby(markup.splitlines(), key=lambda line: not line.strip()):
+        if is_blank:
             continue
-        lead = {"-": "- ", "!!": "!! ", ">": ""}.get(mark)
-        if mark == "+":
-            numbered += 1
-            lead = f"{numbered:>{wide}}. "
-        elif mark == "*":
-            lead = f"{chr(ord('a') + lettered)}. "
-            lettered += 1
-        elif lead is None:
-            lead, text = "", one_line(part)
-        laid_out.append(
-            fill(
-                text,
-                width=_WIDTH,
-                initial_indent=lead,
-                subsequent_indent=" " * len(lead),
-                break_on_hyphens=False,
-                break_long_words=False,
+        parts: list[str] = []
+        for line in block:
+            if not parts or line.startswith((*_LEADS, "# ", "## ", "> ")):
+                parts.append(line)
+            else:
+                parts[-1] += f" {line}"
+        laid_out, numbered, lettered = list[str](), 0, 0
+        wide = len(str(sum(part.startswith("+ ") for part in parts)))
+        for part in parts:
+            mark, _, text = part.partition(" ")
+            text = one_line(text)
+            if mark in ("#", "##"):
+                laid_out += [text, ("=" if mark == "#" else "-") * len(text)]
+                continue
+            lead = {"-": "- ", "!!": "!! ", ">": ""}.get(mark)
+            if mark == "+":
+                numbered += 1
+                lead = f"{numbered:>{wide}}. "
+            elif mark == "*":
+                lead = f"{chr(ord('a') + lettered)}. "
+                lettered += 1
+            elif lead is None:
+                lead, text = "", one_line(part)
+            laid_out.append(
+                fill(
+                    text,
+                    width=_WIDTH,
+                    initial_indent=lead,
+                    subsequent_indent=" " * len(lead),
+                    break_on_hyphens=False,
+                    break_long_words=False,
+                )
             )
-        )
-    return laid_out
+        blocks.append("\n".join(laid_out))
+    return "\n\n".join(blocks) + "\n"
+
+
+_SCHEMA = "vinefab/job-1"
+
+
+def job_text(
+    design: Design,
+    job: Job,
+    profile: LaserProfile,
+    colours: Colours,
+    pattern: Pattern | None = None,
+) -> str:
+    """Return the paths to be made, with their settings, in their order.
+
+    Every number of the profile keeps its standing and source; line energy and fluence are computed.
+    """
+    recipe, build, pieces = profile.recipe, design.build, ("pieces", "joints")
+    pouch, collar = build.pouch, build.collar
+    content: dict[str, object] = {
+        "design": {
+            "name": design.name,
+            "trunk_length_mm": design.trunk_length_mm,
+            "levels": [
+                {
+                    "branches": level.branches,
+                    "length_mm": level.length_mm,
+                    "angle_deg": level.angle_deg,
+                    "growth_percent": level.growth_percent,
+                }
+                for level in design.levels
+            ],
+            "build": {
+                "widths_mm": list(build.widths_mm),
+                "end_widths_mm": list(build.end_widths_mm),
+                "fillet_mm": list(build.fillet_mm),
+                "tail_mm": build.tail_mm,
+                "pressure_kpa": build.pressure_kpa,
+                "mounting": build.mounting,
+                "faces": face_words(build),
+                "pouch": pouch and pouch.model_dump(),
+                "collar": collar and {**collar.model_dump(), "flat_width_mm": collar.flat_width_mm},
+            },
+        }
+    }
+    if pattern:
+        content["pattern"] = document([Data({"standing": "simulated"}), *pattern_blocks(pattern)])
+    content |= {
+        "units": "mm",
+        "sheet_mm": [job.sheet_width_mm, job.sheet_height_mm],
+        "offsets": "applied to the paths; the machine's own kerf stays at 0",
+        "facts": {key: fact for key, fact in job.facts.items() if key not in pieces},
+        "colours": colours.name,
+        "machine": _record(profile.machine),
+        "material": _record(profile.material),
+        "recipe": {
+            "name": recipe.name,
+            "title": recipe.title,
+            "status": str(recipe.status),
+            "source": recipe.source,
+            "coupons": {key: one.content for key, one in quantities(recipe.coupons).items()},
+            "windows": [window.words() for window in recipe.coupons.windows],
+            **({"lap": recipe.lap and _record(recipe.lap)} if job.sheets else {}),
+        },
+        "operations": [
+            _operation(operation, job, profile, colours)
+            for operation in Operation
+            if job.along(operation)
+        ],
+        "paths": _paths(job, colours),
+        "tiles": [
+            {
+                "files": [one.file_name(tile_stem(number)) for one in (DXF, SVG)],
+                "facts": dict(tile.facts),
+                "paths": _paths(tile, colours),
+            }
+            for number, tile in enumerate(job.tiles, start=1)
+        ],
+    }
+    if job.sheets:
+        content |= {key: job.facts[key] for key in pieces}
+        content["sheets"] = [
+            {
+                "files": [f"{sheet_folder(number)}/{one.file_name()}" for one in (DXF, SVG)],
+                "sheet_mm": [sheet.sheet_width_mm, sheet.sheet_height_mm],
+                "facts": dict(sheet.facts),
+                "paths": _paths(sheet, colours),
+            }
+            for number, sheet in enumerate(job.sheets, start=1)
+        ]
+    return json_text(_SCHEMA, content)
+
+
+def _operation(
+    operation: Operation, job: Job, profile: LaserProfile, colours: Colours
+) -> dict[str, object]:
+    style = colours.styles.get(operation)
+    content: dict[str, object] = {
+        "operation": str(operation),
+        "layer": style.layer if style else None,
+        "colour": style.rgb if style else None,
+        "colour_index": style.aci if style else None,
+        "written": style is not None,
+        "paths": len(job.along(operation)),
+        "length_mm": job.length_mm(operation),
+    }
+    if operation.is_machined:
+        settings = profile.settings(operation)
+        content["settings"] = record = {**_record(settings)}
+        if settings.by_laser:
+            energy = operation_energy_mj_mm(profile.machine, settings)
+            record["line_energy_mj_mm"] = energy.content
+            record["fluence_mj_mm2"] = fluence_mj_mm2(profile.machine, settings).content
+    return content
+
+
+def _paths(job: Job, colours: Colours) -> list[dict[str, object]]:
+    return [
+        {
+            "order": order,
+            "operation": str(styled.path.operation),
+            "layer": styled.style.layer,
+            "label": styled.path.label,
+            "closed": styled.path.contour.closed,
+            "segments": len(styled.path.contour),
+            "arcs": styled.path.contour.arc_count,
+            "length_mm": styled.path.contour.length_mm,
+            "box_mm": list(styled.path.contour.box_mm),
+        }
+        for order, styled in enumerate(styled_paths(job, colours), start=1)
+    ]
+
+
+def _record(noun: Machine | Material | OperationSettings | LapBond) -> Mapping[str, object]:
+    values = noun.record() if isinstance(noun, OperationSettings) else dict(noun)
+    return {
+        name: value.content if isinstance(value, Quantity) else value
+        for name, value in values.items()
+        if name != "schema_" and value is not NO_SHRINKAGE
+    }

@@ -4,13 +4,14 @@ import json
 import os
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
+from dataclasses import asdict, dataclass, fields, replace
+from functools import cache, lru_cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from vinefab.core.atomic import write_bytes
 from vinefab.core.errors import BadInputError, VinefabError
@@ -18,7 +19,12 @@ from vinefab.core.hashing import fingerprint
 from vinefab.core.validation import Floats
 from vinefab.inflation.joint import InflatedJoint, JointShape, inflated_joint, turned_joint
 from vinefab.inflation.membrane import NotConvergedError
-from vinefab.inflation.table import fan_table, simulation_fingerprint, table_file
+from vinefab.inflation.table import (
+    JointFigures,
+    fan_table,
+    simulation_fingerprint,
+    table_file,
+)
 
 CACHE_VARIABLE = "VINEFAB_CACHE"
 """Environment variable that names the folder of vinefab's cache."""
@@ -113,20 +119,10 @@ class UnknownJointError(UnreachableJointError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FlatJoint:
-    """A joint as it must be cut, and its deployed shape (simulated).
-
-    Lengths are in widths of the joint's trunk; tuples have an entry for each child.
-    """
+class FlatJoint(JointFigures):
+    """A joint as it must be cut, and its deployed shape (simulated)."""
 
     flat: JointShape  # as it is cut
-    deployed_deg: tuple[float, ...]  # angles under pressure
-    # Flat length that each child needs beyond its deployed length.
-    pull_backs: tuple[float, ...]
-    side_offsets: tuple[float, ...]  # of each child's deployed axis, to its left
-    sensitivity: float  # largest change of a deployed angle over that of all flat ones
-    crotch_load: float  # largest load of the weld over that of the trunk's straight seam
-    passage: float  # largest ball from the trunk into any child, over the child's tube
     source: str = "simulated"  # or "table"
     # How far a direct simulation on other triangles may deploy from this.
     within_deg: float = MESH_DEG
@@ -226,14 +222,12 @@ def _by_table(way: str, joint: JointShape) -> FlatJoint | None:
     if fan is None:
         return None
     bound = file.compensation if compensated else file.deployment
+    figures = {one.name: getattr(fan, one.name) for one in fields(JointFigures)}
+    if compensated:
+        figures["deployed_deg"] = joint.angles_deg
     return FlatJoint(
+        **figures,
         flat=joint.with_angles(fan.flat_deg) if compensated else joint,
-        deployed_deg=joint.angles_deg if compensated else fan.deployed_deg,
-        pull_backs=fan.pull_backs,
-        side_offsets=fan.side_offsets,
-        sensitivity=fan.sensitivity,
-        crotch_load=fan.crotch_load,
-        passage=fan.passage,
         source="table",
         within_deg=round(bound.largest_deg, 1),
     )
@@ -272,9 +266,9 @@ def _from_cache(way: str, joint: JointShape) -> FlatJoint | None:
     record = cached(way, joint)
     nearest: FlatJoint | None = None
     if record is not None:
-        with suppress(LookupError, TypeError, ValueError):
-            nearest, why = _from_record(record["found"]), record.get("why")
-            if nearest is not None and why is None:
+        with suppress(LookupError, ValueError):
+            nearest = _joint_record().validate_python(record["found"])
+            if nearest is not None and record.get("why") is None:
                 return nearest
         if record.get("why"):
             raise UnreachableJointError(joint, nearest, str(record["why"]))
@@ -297,16 +291,9 @@ def _by_cache(
     return found
 
 
-def _from_record(found: dict[str, Any] | None) -> FlatJoint | None:
-    if found is None:
-        return None
-    lists = {key: tuple(value) for key, value in found.items() if isinstance(value, list)}
-    flat = found["flat"]
-    angles, widths, fillets = (tuple(flat[key]) for key in ("angles_deg", "widths", "fillets"))
-    joint = JointShape(
-        angles_deg=angles, widths=widths, fillets=fillets, hoop_strain=flat["hoop_strain"]
-    )
-    return FlatJoint(**(found | lists | {"flat": joint}))
+@cache
+def _joint_record() -> "TypeAdapter[FlatJoint | None]":
+    return TypeAdapter(FlatJoint | None)
 
 
 def simulated_deployed_joint(flat: JointShape) -> FlatJoint:
@@ -341,7 +328,13 @@ def _solved(wanted: JointShape, start_deg: Floats) -> FlatJoint:
     flat, best_off, step = start_deg, np.inf, np.zeros_like(goal)
     for _ in range(MOST_SIMULATIONS):
         try:
-            found = _simulated(wanted.with_angles(tuple(flat.tolist())), best)
+            aim, found = wanted.with_angles(tuple(flat.tolist())), None
+            if best is not None:
+                turn_deg = np.abs(np.subtract(aim.angles_deg, best.joint.angles_deg)).max()
+                if turn_deg <= _FURTHEST_FOLLOWED_DEG:
+                    with suppress(BadInputError, NotConvergedError):
+                        found = turned_joint(best, aim.angles_deg)
+            found = found or inflated_joint(aim)
         except VinefabError as error:
             nearest = None if best is None else FlatJoint.of(best)
             raise UnreachableJointError(wanted, nearest, str(error)) from error
@@ -373,16 +366,6 @@ def _solved(wanted: JointShape, start_deg: Floats) -> FlatJoint:
         return nearest
     angles = ", ".join(f"{angle:.1f}" for angle in nearest.deployed_deg)
     raise UnreachableJointError(wanted, nearest, f"the nearest are {angles} degrees")
-
-
-def _simulated(flat: JointShape, near: InflatedJoint | None) -> InflatedJoint:
-    """Return a joint under pressure, on the triangles of one that is near."""
-    if near is not None:
-        turn = np.abs(np.subtract(flat.angles_deg, near.joint.angles_deg)).max()
-        if turn <= _FURTHEST_FOLLOWED_DEG:
-            with suppress(BadInputError, NotConvergedError):
-                return turned_joint(near, flat.angles_deg)
-    return inflated_joint(flat)
 
 
 def is_even(joint: JointShape) -> bool:

@@ -252,7 +252,19 @@ class InflatedJoint:
 
         The first and the last lie between the trunk's side and a child.
         """
-        return _gap_loads(self)
+        mesh = self.sheet.mesh
+        load = self.sheet.seam_loads(self.equilibrium)
+        trunk, *children = mesh.sides
+        straight = [side[len(side) // 4 : 3 * len(side) // 4 + 1] for side in trunk]
+        usual = float(np.nanmean(load[np.concatenate(straight)]))
+        # Walking around, a gap lies between the last straight side and the next.
+        starts = [trunk[0][-1], *(side[1][0] for side in children)]
+        ends = [*(side[0][0] for side in children), trunk[1][-1]]
+        worst = []
+        for start, end in zip(starts, ends, strict=True):
+            count = int(end - start) % len(mesh.seam) + 1
+            worst.append(np.nanmax(load[(start + np.arange(count)) % len(mesh.seam)]) / usual)
+        return np.array(worst)
 
     @property
     def crotch_load(self) -> float:
@@ -263,7 +275,42 @@ class InflatedJoint:
     @property
     def passages(self) -> Floats:
         """Largest ball from the trunk into each child, over the child's tube, at most 1."""
-        return _passages(self)
+        mesh, positions = self.sheet.mesh, self.equilibrium.positions
+        seam = positions[mesh.seam, :2]
+        (x0, y0), (x1, y1) = seam.min(axis=0), seam.max(axis=0)
+        step = 1.0 / _GRID
+        x, y = np.arange(x0, x1 + step, step), np.arange(y0, y1 + step, step)
+        grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+        # The film as a cloud of points, finer than the grid.
+        corners = positions[mesh.triangles]
+        shares = [(a, b, 4 - a - b) for a in range(5) for b in range(5 - a)]
+        cloud = np.concatenate([np.tensordot(np.array(s) / 4.0, corners, (0, 1)) for s in shares])
+        within = _covered(corners[:, :, :2], (x, y))
+        level = np.column_stack([grid[within], np.zeros(np.count_nonzero(within))])
+        room = np.zeros(grid.shape[:2])
+        room[within] = scipy.spatial.cKDTree(cloud, balanced_tree=False).query(level)[0]
+
+        def at(sides: tuple[Ints, Ints]) -> tuple[int, int]:
+            right, left = sides
+            middle = (positions[right, :2] + positions[left, :2])[len(right) // 2] / 2.0
+            return round((middle[0] - x0) / step), round((middle[1] - y0) / step)
+
+        trunk, *children = [at(sides) for sides in mesh.sides]
+        passages = []
+        for child in children:
+            own = float(
+                room[max(child[0] - 2, 0) : child[0] + 3, max(child[1] - 2, 0) : child[1] + 3].max()
+            )
+            low, high = 0.0, own
+            for _ in range(12):
+                tried = (low + high) / 2.0
+                label, _ = scipy.ndimage.label(room >= tried)
+                near = label[child[0] - 2 : child[0] + 3, child[1] - 2 : child[1] + 3]
+                home = label[trunk[0] - 2 : trunk[0] + 3, trunk[1] - 2 : trunk[1] + 3]
+                joined = np.intersect1d(near[near > 0], home[home > 0])
+                low, high = (tried, high) if len(joined) else (low, tried)
+            passages.append(min(1.0, high / own))
+        return np.array(passages)
 
     def sensitivity(self) -> Floats:
         """Return d deployed / d flat: row i, column j for child i by the flat angle of child j.
@@ -271,7 +318,43 @@ class InflatedJoint:
         From the factorized Hessian at the equilibrium: the flat triangles follow the outline of a
         slightly turned child, and the equilibrium follows to first order.
         """
-        return _sensitivity(self)
+        joint, sheet = self.joint, self.sheet
+
+        def outline(angles_deg: tuple[float, ...]) -> JointOutline:
+            return _outline_like(self, joint.with_angles(angles_deg))
+
+        here, columns = outline(joint.angles_deg), []
+        for child_number in range(len(joint.angles_deg)):
+            turns, measured = [], []
+            for way in (1.0, -1.0):
+                angles = list(joint.angles_deg)
+                angles[child_number] += way * math.degrees(_TURN_RAD)
+                try:
+                    there = outline(tuple(angles))
+                    followed_mesh = followed(
+                        sheet.mesh, here.contour, there.contour, there.straights
+                    )
+                except BadInputError:  # an arc begins or ends right here: the other way tells
+                    continue
+                turned = Membrane(
+                    followed_mesh.points,
+                    sheet.mesh.triangles,
+                    sheet.membrane.free,
+                    hoop_strain=joint.hoop_strain,
+                )
+                positions = self.equilibrium.positions.copy()
+                pull = turned.gradient(positions)
+                positions[turned.free] -= self.equilibrium.stiffness.solve(pull)
+                turns.append(way * math.degrees(_TURN_RAD))
+                measured.append(_measured(sheet.mesh, positions, joint.hoop_strain)[0])
+            if not turns:
+                allowed = "angles at which the outline changes smoothly"
+                raise BadInputError("angles_deg", joint.angles_deg, allowed)
+            if len(turns) < 2:
+                turns.append(0.0)
+                measured.append(self.angles_deg)
+            columns.append((measured[0] - measured[1]) / (turns[0] - turns[1]))
+        return np.column_stack(columns)
 
 
 def inflated_joint(
@@ -429,125 +512,31 @@ def _measured(
     return np.array(angles), np.array(backs), np.array(offsets)
 
 
-def _gap_loads(found: InflatedJoint) -> Floats:
-    """Return the largest weld load in each gap, over that of a straight seam."""
-    mesh = found.sheet.mesh
-    load = found.sheet.seam_loads(found.equilibrium)
-    trunk, *children = mesh.sides
-    straight = [side[len(side) // 4 : 3 * len(side) // 4 + 1] for side in trunk]
-    usual = float(np.nanmean(load[np.concatenate(straight)]))
-    # Walking around, a gap lies between the last straight side and the next.
-    starts = [trunk[0][-1], *(side[1][0] for side in children)]
-    ends = [*(side[0][0] for side in children), trunk[1][-1]]
-    worst = []
-    for start, end in zip(starts, ends, strict=True):
-        count = int(end - start) % len(mesh.seam) + 1
-        worst.append(np.nanmax(load[(start + np.arange(count)) % len(mesh.seam)]) / usual)
-    return np.array(worst)
-
-
-def _passages(found: InflatedJoint) -> Floats:
-    """Return the widest way into each child, over that of its straight tube."""
-    mesh, positions = found.sheet.mesh, found.equilibrium.positions
-    seam = positions[mesh.seam, :2]
-    (x0, y0), (x1, y1) = seam.min(axis=0), seam.max(axis=0)
-    step = 1.0 / _GRID
-    x, y = np.arange(x0, x1 + step, step), np.arange(y0, y1 + step, step)
-    grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
-    # The film as a cloud of points, finer than the grid.
-    corners = positions[mesh.triangles]
-    shares = [(a, b, 4 - a - b) for a in range(5) for b in range(5 - a)]
-    cloud = np.concatenate([np.tensordot(np.array(s) / 4.0, corners, (0, 1)) for s in shares])
-    flat = np.column_stack([grid.reshape(-1, 2), np.zeros(grid.shape[0] * grid.shape[1])])
-    room = np.asarray(scipy.spatial.cKDTree(cloud).query(flat)[0], dtype=np.float64)
-    within = _covered(corners[:, :, :2], (x, y))
-    room = np.where(within, room.reshape(grid.shape[:2]), 0.0)
-
-    def at(sides: tuple[Ints, Ints]) -> tuple[int, int]:
-        right, left = sides
-        middle = (positions[right, :2] + positions[left, :2])[len(right) // 2] / 2.0
-        return round((middle[0] - x0) / step), round((middle[1] - y0) / step)
-
-    trunk, *children = [at(sides) for sides in mesh.sides]
-    passages = []
-    for child in children:
-        own = float(
-            room[max(child[0] - 2, 0) : child[0] + 3, max(child[1] - 2, 0) : child[1] + 3].max()
-        )
-        low, high = 0.0, own
-        for _ in range(12):
-            tried = (low + high) / 2.0
-            label, _ = scipy.ndimage.label(room >= tried)
-            near = label[child[0] - 2 : child[0] + 3, child[1] - 2 : child[1] + 3]
-            home = label[trunk[0] - 2 : trunk[0] + 3, trunk[1] - 2 : trunk[1] + 3]
-            joined = np.intersect1d(near[near > 0], home[home > 0])
-            low, high = (tried, high) if len(joined) else (low, tried)
-        passages.append(min(1.0, high / own))
-    return np.array(passages)
-
-
 def _covered(triangles: Floats, axes: tuple[Floats, Floats]) -> Bools:
     """Return whether points of a grid lie under triangles, shape (m, 3, 2)."""
     x, y = axes
     covered = np.zeros((len(x), len(y)), dtype=np.bool_)
-    for corners in triangles:
-        (left, low), (right, high) = corners.min(axis=0), corners.max(axis=0)
-        i = slice(int(np.searchsorted(x, left)), int(np.searchsorted(x, right, "right")))
-        j = slice(int(np.searchsorted(y, low)), int(np.searchsorted(y, high, "right")))
-        if i.start >= i.stop or j.start >= j.stop:
-            continue
-        px, py = x[i, None], y[None, j]
+    (left, low), (right, high) = triangles.min(axis=1).T, triangles.max(axis=1).T
+    first = np.searchsorted(x, left), np.searchsorted(y, low)
+    count = (
+        np.searchsorted(x, right, "right") - first[0],
+        np.searchsorted(y, high, "right") - first[1],
+    )
+    corners = triangles.transpose(1, 2, 0)
+    # The points in the box of each triangle, those at one place of all boxes at a time.
+    for step in np.ndindex(int(count[0].max()), int(count[1].max())):
+        some = np.flatnonzero((count[0] > step[0]) & (count[1] > step[1]))
+        i, j = first[0][some] + step[0], first[1][some] + step[1]
         signs = [
-            (b[0] - a[0]) * (py - a[1]) - (b[1] - a[1]) * (px - a[0])
-            for a, b in ((corners[k], corners[(k + 1) % 3]) for k in range(3))
+            (b[0] - a[0]) * (y[j] - a[1]) - (b[1] - a[1]) * (x[i] - a[0])
+            for a, b in ((corners[k][:, some], corners[(k + 1) % 3][:, some]) for k in range(3))
         ]
-        same = (np.minimum(np.minimum(*signs[:2]), signs[2]) >= 0.0) | (
-            np.maximum(np.maximum(*signs[:2]), signs[2]) <= 0.0
-        )
-        covered[i, j] |= same
+        on = (np.min(signs, axis=0) >= 0.0) | (np.max(signs, axis=0) <= 0.0)
+        covered[i[on], j[on]] = True
     return covered
 
 
-# --- Sensitivity ----------------------------------------------------------------------------------
-
-
-def _sensitivity(found: InflatedJoint) -> Floats:
-    joint, sheet = found.joint, found.sheet
-
-    def outline(angles_deg: tuple[float, ...]) -> JointOutline:
-        return _outline_like(found, joint.with_angles(angles_deg))
-
-    here, columns = outline(joint.angles_deg), []
-    for child_number in range(len(joint.angles_deg)):
-        turns, measured = [], []
-        for way in (1.0, -1.0):
-            angles = list(joint.angles_deg)
-            angles[child_number] += way * math.degrees(_TURN_RAD)
-            try:
-                there = outline(tuple(angles))
-                followed_mesh = followed(sheet.mesh, here.contour, there.contour, there.straights)
-            except BadInputError:  # an arc begins or ends right here: the other way tells
-                continue
-            turned = Membrane(
-                followed_mesh.points,
-                sheet.mesh.triangles,
-                sheet.membrane.free,
-                hoop_strain=joint.hoop_strain,
-            )
-            positions = found.equilibrium.positions.copy()
-            pull = turned.gradient(positions)
-            positions[turned.free] -= found.equilibrium.stiffness.solve(pull)
-            turns.append(way * math.degrees(_TURN_RAD))
-            measured.append(_measured(sheet.mesh, positions, joint.hoop_strain)[0])
-        if not turns:
-            allowed = "angles at which the outline changes smoothly"
-            raise BadInputError("angles_deg", joint.angles_deg, allowed)
-        if len(turns) < 2:
-            turns.append(0.0)
-            measured.append(found.angles_deg)
-        columns.append((measured[0] - measured[1]) / (turns[0] - turns[1]))
-    return np.column_stack(columns)
-
+# --- Free in space --------------------------------------------------------------------------------
 
 _FREE_TRUNK_STUB = 2.5
 """Length of the trunk's stub, in its width: more than in the plane, as the trunk leans too."""
@@ -574,7 +563,12 @@ class FreeJoint:
 
 
 def free_joint(joint: JointShape, *, across: int = ACROSS, tell: Tell | None = None) -> FreeJoint:
-    """Return a joint under pressure, free to bow out of its plane.
+    """Return a joint under pressure, free to bow out of its plane; for studies.
+
+    Everything that is cut, and every table, takes the seam to stay in its plane, as it does between
+    a floor and a lid. Free in space, joints of stiff film bow out of it: the sheets have more film
+    than the bent seam needs, and a child that leans takes up some of it. The energy that this frees
+    is that of lifting a branch.
 
     Parameters
     ----------

@@ -9,8 +9,9 @@ the material is left, the hoop strain p W / (pi E t).
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from typing import cast
 
 import numpy as np
@@ -93,9 +94,12 @@ class Membrane:
         positions
             Corners in space, shape (n, 3).
         """
-        x = self._corners(positions)
-        strain = self._strain(*self._stretch(x))
-        return float(self.area @ _density(strain, self.poisson)) * self.stiffness - _volume(x)
+        x, nu = self._corners(positions), self.poisson
+        first, second, _ = _principal(self._strain(*self._stretch(x)))
+        taut = (first**2 + second**2 + 2.0 * nu * first * second) / (2.0 * (1.0 - nu**2))
+        wrinkled = np.maximum(first, 0.0) ** 2 / 2.0
+        density = np.where((second + nu * first > 0.0) & (first > 0.0), taut, wrinkled)
+        return float(self.area @ density) * self.stiffness - _volume(x)
 
     def volume(self, positions: Floats) -> float:
         """Return the volume between the upper sheet and the plane of the seam, over W^3."""
@@ -103,8 +107,7 @@ class Membrane:
 
     def gradient(self, positions: Floats) -> Floats:
         """Return the derivative of the energy with respect to the free coordinates, shape (k,)."""
-        full = self.forces(positions)
-        return full[self.free]
+        return self.forces(positions)[self.free]
 
     def forces(self, positions: Floats) -> Floats:
         """Return the derivative of the energy with respect to all coordinates, shape (n, 3).
@@ -113,8 +116,11 @@ class Membrane:
         """
         x = self._corners(positions)
         f1, f2 = self._stretch(x)
-        stress = self._stress(f1, f2)
-        gradient = self._film_gradient(f1, f2, stress) - _volume_gradient(x)
+        xx, yy, xy = self._stress(f1, f2)
+        along, across = xx * f1 + xy * f2, xy * f1 + yy * f2
+        second = along * self._g1[0] + across * self._g1[1]
+        third = along * self._g2[0] + across * self._g2[1]
+        gradient = np.stack([-second - third, second, third]) - _volume_gradient(x)
         flat = self.triangles.T
         total = np.empty((len(positions), 3))
         for axis in range(3):
@@ -125,18 +131,12 @@ class Membrane:
 
     def hessian(self, positions: Floats) -> "scipy.sparse.csc_array":
         """Return the second derivatives by the free coordinates, symmetric, shape (k, k)."""
-        return self.scatter.matrix(self._curvature(positions))
-
-    def _curvature(self, positions: Floats) -> Floats:
-        """Return the upper entries of each triangle's second derivatives, shape (45, m)."""
         x = self._corners(positions)
         f1, f2 = self._stretch(x)
-        strain = self._strain(f1, f2)
         weight = self.area * self.stiffness
-        stress, moduli = _moduli(strain, self.poisson)
-        stress, moduli = stress * weight, moduli * weight
-        blocks = _film_blocks(f1, f2, (self._g1, self._g2), stress, moduli)
-        return _less_volume(_upper(blocks), x)
+        stress, moduli = _moduli(self._strain(f1, f2), self.poisson)
+        upper = _film_curvature(f1, f2, (self._g1, self._g2), stress * weight, moduli * weight)
+        return self.scatter.matrix(_less_volume(upper, x))
 
     def states(self, positions: Floats) -> Ints:
         """Return the state of each triangle, shape (m,): 0 slack, 1 wrinkled, 2 taut."""
@@ -175,13 +175,6 @@ class Membrane:
         stress: Floats = _stress(self._strain(f1, f2), self.poisson) * weight
         return stress
 
-    def _film_gradient(self, f1: Floats, f2: Floats, stress: Floats) -> Floats:
-        xx, yy, xy = stress
-        along, across = xx * f1 + xy * f2, xy * f1 + yy * f2
-        second = along * self._g1[0] + across * self._g1[1]
-        third = along * self._g2[0] + across * self._g2[1]
-        return np.stack([-second - third, second, third])
-
 
 # --- The film law ---------------------------------------------------------------------------------
 
@@ -191,14 +184,6 @@ def _principal(strain: Floats) -> tuple[Floats, Floats, Floats]:
     xx, yy, xy = strain
     middle, radius = (xx + yy) / 2.0, np.hypot((xx - yy) / 2.0, xy)
     return middle + radius, middle - radius, radius
-
-
-def _density(strain: Floats, nu: float) -> Floats:
-    """Return the energy per volume of film of modulus 1."""
-    first, second, _ = _principal(strain)
-    taut = (first**2 + second**2 + 2.0 * nu * first * second) / (2.0 * (1.0 - nu**2))
-    wrinkled = np.maximum(first, 0.0) ** 2 / 2.0
-    return np.where((second + nu * first > 0.0) & (first > 0.0), taut, wrinkled)
 
 
 def _stress(strain: Floats, nu: float) -> Floats:
@@ -256,10 +241,14 @@ def _moduli(strain: Floats, nu: float) -> tuple[Floats, Floats]:
     return stress, moduli
 
 
-def _film_blocks(
+_PLACE = {entry: place for place, entry in enumerate(combinations_with_replacement(range(9), 2))}
+"""Where an entry of a triangle's matrix stands among those on and above the diagonal."""
+
+
+def _film_curvature(
     f1: Floats, f2: Floats, gradients: tuple[Floats, Floats], stress: Floats, moduli: Floats
-) -> list[Floats]:
-    """Return the blocks 11, 12 and 22 of corners 1 and 2 against each other, (3, 3, m) each."""
+) -> Floats:
+    """Return the entries of each triangle's matrix of second derivatives, shape (45, m)."""
     c00, c01, c02, c11, c12, c22 = moduli
     outer11 = f1[:, None] * f1[None]
     outer12 = f1[:, None] * f2[None]
@@ -277,21 +266,7 @@ def _film_blocks(
         for axis in range(3):
             block[axis, axis] += tension
         blocks.append(block)
-    return blocks
-
-
-def _upper_entries() -> Iterator[tuple[int, int]]:
-    for row in range(9):
-        for column in range(row, 9):
-            yield row, column
-
-
-_PLACE = {entry: place for place, entry in enumerate(_upper_entries())}
-"""Where an entry of a triangle's matrix stands among those on and above the diagonal."""
-
-
-def _upper(blocks: list[Floats]) -> Floats:
-    """Return the entries of 9 x 9 matrices; moving all corners alike changes nothing."""
+    # Moving all corners alike changes nothing.
     b11, b12, b22 = blocks
     b01, b02 = -b11 - b12.transpose(1, 0, 2), -b12 - b22
     b00 = -b01.transpose(1, 0, 2) - b02.transpose(1, 0, 2)
@@ -354,8 +329,6 @@ class _Scatter:
             rows.append(np.maximum(one, two)[kept])
             columns.append(np.minimum(one, two)[kept])
             entries.append(place * count + kept)
-            if row == column:
-                continue
         keys = np.concatenate(columns) * unknowns + np.concatenate(rows)
         lower, inverse = np.unique(keys, return_inverse=True)
         entry = np.concatenate(entries)
@@ -454,15 +427,17 @@ class _Order:
 
     def __init__(self, matrix: "scipy.sparse.csc_array") -> None:
         count = matrix.shape[0]
-        # SuperLU tells its order of minimum degree with its factors alone; values are all the same
-        # to that order, and a heavy diagonal keeps the pivots on it.
+        # SuperLU tells its order of minimum degree with factors alone, here with incomplete ones:
+        # values are all the same to that order, and a heavy diagonal keeps the pivots on it.
         plain = scipy.sparse.csc_array(
             (np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape
         )
-        found = scipy.sparse.linalg.splu(
+        found = scipy.sparse.linalg.spilu(
             scipy.sparse.csc_array(
                 plain + scipy.sparse.diags_array(np.full(count, 1e3), format="csc")
             ),
+            drop_tol=1.0,
+            fill_factor=1.0,
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True, "Equil": False},
@@ -507,7 +482,7 @@ def at_rest(
     NotConvergedError
         If no equilibrium is found.
     """
-    tell = tell or _tell_nobody
+    tell = tell or (lambda _share, _words: None)
     order = _Order(membrane.hessian(start))
     try:
         return _minimum(membrane, start, order, (tell, most_steps))
@@ -524,21 +499,21 @@ def at_rest(
     return found
 
 
-def _tell_nobody(_share: float, _words: str) -> None:
-    pass
-
-
 def _minimum(
     membrane: Membrane, start: Floats, order: _Order, way: tuple[Tell, int], before: int = 0
 ) -> Equilibrium:
     tell, most_steps = way
     positions, energy = start, membrane.energy(start)
-    weight, free = _corner_areas(membrane), membrane.free
+    free, corners = membrane.free, membrane.triangles.ravel()
+    # The flat area around the corner of each free coordinate.
+    area = np.bincount(corners, np.repeat(membrane.area, 3) / 3.0, len(membrane.points))
+    weight = np.asarray(np.repeat(area, 3).reshape(-1, 3)[free], dtype=np.float64)
     shift = _FIRST_SHIFT
     gradient = membrane.gradient(positions)
     for step in range(before, before + most_steps):
         residual = float(np.abs(gradient).max())
-        tell(_share(residual), f"Newton step {step}, largest force {residual:.1e} p W^2")
+        digits = math.log10(max(residual, TOLERANCE)) / math.log10(TOLERANCE)
+        tell(min(max(digits, 0.0), 1.0), f"Newton step {step}, largest force {residual:.1e} p W^2")
         matrix = membrane.hessian(positions)
         if residual <= TOLERANCE:
             factor = Factor(matrix, order)
@@ -577,21 +552,6 @@ def _minimum(
         positions, energy = tried, tried_energy
         gradient = membrane.gradient(positions)
     raise NotConvergedError(float(np.abs(gradient).max()), before + most_steps)
-
-
-def _share(residual: float) -> float:
-    """Return the share of the way done, by the digits of the residual."""
-    done = -math.log10(max(residual, TOLERANCE)) / -math.log10(TOLERANCE)
-    return min(max(done, 0.0), 1.0)
-
-
-def _corner_areas(membrane: Membrane) -> Floats:
-    """Return the flat area around the corner of each free coordinate, shape (k,)."""
-    corners = membrane.triangles.ravel()
-    weights = np.repeat(membrane.area, 3) / 3.0
-    area = np.asarray(np.bincount(corners, weights, len(membrane.points)), dtype=np.float64)
-    spread: Floats = np.repeat(area, 3).reshape(-1, 3)[membrane.free]
-    return spread
 
 
 def _descent(

@@ -9,6 +9,8 @@ outline are dropped.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import scipy  # its parts load at their first use
@@ -82,7 +84,11 @@ class SheetMesh:
     @property
     def least_angle_deg(self) -> float:
         """The sharpest angle of a triangle."""
-        return float(np.degrees(_angles(self.points, self.triangles).min()))
+        one, two, three = self.points[self.triangles].transpose(1, 2, 0)
+        a, b, c = (np.hypot(*side) for side in (two - three, three - one, one - two))
+        ways = ((a, b, c), (b, c, a), (c, a, b))
+        cos = [(b**2 + c**2 - a**2) / (2 * b * c) for a, b, c in ways]
+        return float(np.degrees(np.arccos(np.clip(cos, -1.0, 1.0)).min()))
 
     @property
     def is_unfolded(self) -> bool:
@@ -120,13 +126,9 @@ def mesh_of(
     rows = [_rows(straight, across) for straight in straights]
     bounds, marks = _bounds(curve, straights, rows, across)
     sizes = _Sizes(curve, spacing)
+    ends = zip(bounds, np.append(bounds[1:], bounds[0] + curve.length), strict=True)
     places = np.concatenate(
-        [
-            _places(low, high, marks.get(number), sizes)
-            for number, (low, high) in enumerate(
-                zip(bounds, _following(bounds, curve), strict=True)
-            )
-        ]
+        [_places(low, high, marks.get(number), sizes) for number, (low, high) in enumerate(ends)]
     )
     inner = [straight.points(*row.inner) for straight, row in zip(straights, rows, strict=True)]
     fixed = np.concatenate([np.zeros((0, 2)), *inner])
@@ -190,6 +192,19 @@ def followed(
     share = (mesh.places - old.starts[number]) / old.lengths[number]
     places = new.starts[number] + share * new.lengths[number]
     moved = new.at(places) - mesh.points[mesh.seam]
+    inner, by_seam, factor = _smoothing(mesh)
+    points = mesh.points.copy()
+    points[mesh.seam] += moved
+    points[inner] += factor.solve(-by_seam @ moved)
+    return replace(mesh, points=points, places=places, straights=straights)
+
+
+@lru_cache(maxsize=4)
+def _smoothing(mesh: SheetMesh) -> "tuple[Ints, scipy.sparse.csr_array, Any]":
+    """Return the inner points, and the two parts of their Laplacian: by the seam, and factorized.
+
+    Sensitivities follow the outline of one mesh many times.
+    """
     count = len(mesh.points)
     sides = np.concatenate([mesh.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
     links = scipy.sparse.coo_array((np.ones(len(sides)), sides.T), shape=(count, count)).tocsr()
@@ -197,11 +212,8 @@ def followed(
     laplacian = scipy.sparse.diags_array(links.sum(axis=1)) - links
     inner = np.setdiff1d(np.arange(count), mesh.seam)
     rows = scipy.sparse.csr_array(laplacian)[inner]
-    pull = -rows[:, mesh.seam] @ moved
-    points = mesh.points.copy()
-    points[mesh.seam] += moved
-    points[inner] += scipy.sparse.linalg.splu(scipy.sparse.csc_array(rows[:, inner])).solve(pull)
-    return replace(mesh, points=points, places=places, straights=straights)
+    factor = scipy.sparse.linalg.splu(scipy.sparse.csc_array(rows[:, inner]))
+    return inner, rows[:, mesh.seam], factor
 
 
 # --- The outline as one curve ---------------------------------------------------------------------
@@ -263,7 +275,6 @@ class _Row:
     """The rows of points of one straight stretch."""
 
     steps: int  # along it
-    step: float
     inner: tuple[Floats, Floats]  # place along the axis, share of the half width
 
 
@@ -279,7 +290,7 @@ def _rows(straight: StraightSide, across: int) -> _Row:
         along.append(places)
         share.append(np.full(len(places), 2.0 * row / across - 1.0))
     inner = np.concatenate(along), np.concatenate(share)
-    return _Row(steps=steps, step=length / steps, inner=inner)
+    return _Row(steps=steps, inner=inner)
 
 
 def _bounds(
@@ -315,10 +326,6 @@ def _around(one: Floats, two: Floats | float, length: float) -> Floats:
     off = np.abs(one - two)
     nearer: Floats = np.minimum(off, length - off)
     return nearer
-
-
-def _following(bounds: Floats, curve: _Curve) -> Floats:
-    return np.append(bounds[1:], bounds[0] + curve.length)
 
 
 class _Sizes:
@@ -519,23 +526,6 @@ def _inside_triangles(points: Floats, seam: int) -> Ints:
     kept[doubtful] = _within(corners[doubtful].mean(axis=1), points[:seam])
     within: Ints = triangles[kept]
     return within
-
-
-def _angles(points: Floats, triangles: Ints) -> Floats:
-    corners = points[triangles]
-    sides = np.stack(
-        [np.hypot(*(corners[:, (k + 1) % 3] - corners[:, (k + 2) % 3]).T) for k in range(3)]
-    )
-    a, b, c = sides
-    cos = np.stack(
-        [
-            (b**2 + c**2 - a**2) / (2 * b * c),
-            (c**2 + a**2 - b**2) / (2 * c * a),
-            (a**2 + b**2 - c**2) / (2 * a * b),
-        ]
-    )
-    angles: Floats = np.arccos(np.clip(cos, -1.0, 1.0))
-    return angles
 
 
 def _sides(

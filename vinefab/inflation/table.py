@@ -204,19 +204,23 @@ def _trend(x: Floats) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fan:
-    """An even fan by the table: flat and deployed angles of all children, and figures.
+class JointFigures:
+    """A joint as deployed (simulated): lengths in widths of the trunk, an entry for each child."""
 
-    Lengths are in widths of the trunk.
-    """
+    deployed_deg: tuple[float, ...]  # angles under pressure
+    # Flat length that each child needs beyond its deployed length.
+    pull_backs: tuple[float, ...]
+    side_offsets: tuple[float, ...]  # of each child's deployed axis, to its left
+    sensitivity: float  # largest change of a deployed angle over that of all flat ones
+    crotch_load: float  # largest load of the weld over that of the trunk's straight seam
+    passage: float  # largest ball from the trunk into any child, over the child's tube
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fan(JointFigures):
+    """An even fan by the table."""
 
     flat_deg: tuple[float, ...]
-    deployed_deg: tuple[float, ...]
-    pull_backs: tuple[float, ...]
-    side_offsets: tuple[float, ...]
-    sensitivity: float
-    crotch_load: float
-    passage: float
 
 
 class FanTable:

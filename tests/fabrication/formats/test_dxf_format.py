@@ -139,10 +139,6 @@ def test_ezdxf_finds_nothing_to_complain_about(job: Job) -> None:
     assert auditor.fixes == []
 
 
-def test_the_same_job_gives_the_same_entities(job: Job) -> None:
-    assert read_plain(dxf_text(job)).polylines == read_plain(dxf_text(job)).polylines
-
-
 def test_the_clock_is_not_in_the_file_and_the_switch_for_that_is_put_back(
     job: Job, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -167,11 +163,6 @@ def test_the_polyline_variant_has_chords_within_a_hundredth_of_a_millimetre(
     sagitta = 37.0 - np.hypot(*(middles - (200.0, 300.0)).T)
     assert 0.002 < sagitta.max() <= 0.01 + 1e-9
     assert np.allclose(np.hypot(*(vertices[:, :2] - (200.0, 300.0)).T), 37.0, atol=1e-9)
-
-
-def test_a_closed_polyline_does_not_repeat_its_start(job: Job) -> None:
-    for polyline in read_plain(dxf_text(job, polyline=True)).polylines:
-        assert polyline.vertices[0] != polyline.vertices[-1]
 
 
 def test_ogr_sees_the_layers_lengths_and_boxes(

@@ -1,18 +1,14 @@
 import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
-from vinefab.fabrication.formats.dxf_format import DXF
 from vinefab.fabrication.formats.laser_drawing import (
     DEFAULT,
     PRESETS,
-    LaserFileSpec,
     Style,
-    file_problems,
     operations_by_style,
     operations_left_out,
     styled_paths,
 )
-from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.model.job import Job, Operation
 
 AS_SPECIFIED = {
@@ -31,23 +27,11 @@ def test_default_colours_are_the_specified_ones() -> None:
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_every_preset_survives_being_written_and_read(name: str, job: Job) -> None:
-    spec = LaserFileSpec(job=job, colours=PRESETS[name])
-    for one in (DXF, SVG):
-        assert file_problems(one, one.write(spec).encode(), spec) == ()
-
-
-@pytest.mark.parametrize("name", PRESETS)
 def test_a_preset_changes_no_geometry(name: str, job: Job) -> None:
     drawn = styled_paths(job, PRESETS[name])
     assert [styled.path for styled in drawn] == [
         path for path in job.paths if path.operation in PRESETS[name].styles
     ]
-
-
-@pytest.mark.parametrize("name", PRESETS)
-def test_every_preset_writes_what_cuts(name: str) -> None:
-    assert {Operation.WELDCUT, Operation.CUT} <= set(PRESETS[name].styles)
 
 
 def test_the_mouth_is_not_cut_with_the_colour_that_seals(job: Job) -> None:

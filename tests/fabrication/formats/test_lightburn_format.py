@@ -91,12 +91,6 @@ def test_seams_for_a_sealer_lie_on_a_tool_layer(job: Job, profile: LaserProfile)
     assert project_problems(text, job, profile) != ()
 
 
-def test_no_two_shapes_share_their_vertices(job: Job, profile: LaserProfile) -> None:
-    shapes = tree(lightburn_text(job, profile)).findall("Shape")
-    assert len({shape.get("VertID") for shape in shapes}) == len(shapes)
-    assert len({shape.get("PrimID") for shape in shapes}) == len(shapes)
-
-
 def test_the_same_job_gives_the_same_bytes_and_is_known_as_ours(
     job: Job, profile: LaserProfile
 ) -> None:

@@ -14,9 +14,7 @@ from vinefab.core.errors import ReadBackError
 from vinefab.core.plain_text import OWN_MARK
 from vinefab.core.registry import Registry
 from vinefab.fabrication.formats import laser_formats
-from vinefab.fabrication.formats.dxf_format import DXF
-from vinefab.fabrication.formats.laser_drawing import PRESETS, LaserFileSpec, file_problems
-from vinefab.fabrication.formats.laser_formats import formats_for, laser_files
+from vinefab.fabrication.formats.laser_drawing import PRESETS, LaserFileSpec
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import SheetOptions
@@ -105,23 +103,6 @@ def test_the_zip_unpacks_to_the_same_files_in_one_folder_whenever_it_is_made(fil
         entries = archive.infolist()
     assert {entry.date_time for entry in entries} == {(1980, 1, 1, 0, 0, 0)}
     assert {entry.external_attr >> 16 for entry in entries} == {0o100644}
-
-
-@pytest.mark.parametrize("name", PRESETS)
-def test_laser_files_are_right_in_every_preset(name: str, job: Job) -> None:
-    problems = laser_files(LaserFileSpec(job=job, colours=PRESETS[name])).problems
-    assert problems == {"outline.dxf": (), "outline_polyline.dxf": (), "outline.svg": ()}
-
-
-def test_laser_files_of_another_job_missing_or_broken_are_found_out(job: Job) -> None:
-    spec = LaserFileSpec(job=job)
-    files = laser_files(spec).files
-    other = Job(name="other", sheet_width_mm=150, sheet_height_mm=80, paths=job.paths[1:])
-    for one in formats_for(spec).values():
-        assert file_problems(one, files[one.file_name()], LaserFileSpec(job=other))
-        assert file_problems(one, None, spec) == ("the file is missing",)
-    assert "utf-8" in file_problems(DXF, b"\xff\xfe", spec)[0]
-    assert "not an SVG" in file_problems(SVG, b"<svg", spec)[0]
 
 
 def test_a_package_with_a_wrong_file_is_never_made(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,8 +20,8 @@ from vinefab.fabrication.calibration.coupons import (
     results_text,
 )
 from vinefab.fabrication.formats.dxf_format import DXF_POLYLINE
-from vinefab.fabrication.formats.laser_drawing import DEFAULT, LaserFileSpec
-from vinefab.fabrication.formats.laser_formats import LaserFiles, ensure_read_back, laser_files
+from vinefab.fabrication.formats.laser_drawing import DEFAULT
+from vinefab.fabrication.formats.laser_formats import ensure_read_back, laser_files
 from vinefab.fabrication.job.passes import sealed_by_hand
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.package.package_texts import filled_document
@@ -97,7 +97,11 @@ def make_coupons(profile: LaserProfile) -> CouponSet:
     pieces, joints = coupon_pieces(profile), joint_pieces(profile)
     sheets = coupon_sheets(pieces, profile)
     sheets += coupon_sheets(joints, profile, "joints", JOINT_ROW_MM)
-    matrix = _matrix(profile)
+    makes_seams = any(
+        settings.by_laser and name.startswith("weld")
+        for name, settings in profile.recipe.by_operation.items()
+    )
+    matrix = energy_matrix(profile) if makes_seams else None
     specs = [package_spec(sheet, profile) for sheet in sheets]
     specs += [
         replace(package_spec(job, profile), colours=DEFAULT)
@@ -106,7 +110,10 @@ def make_coupons(profile: LaserProfile) -> CouponSet:
     laser: dict[str, bytes] = {}
     problems: dict[str, tuple[str, ...]] = {}
     for spec in specs:
-        written = _written(spec)
+        # Without arcs the drawing of chords is the same as the DXF.
+        is_straight = not any(path.contour.arc_count for path in spec.job.paths)
+        without = (DXF_POLYLINE,) if is_straight else ()
+        written = laser_files(spec, stem=spec.job.name, without=without)
         laser |= written.files
         problems |= written.problems
     ensure_read_back(problems)
@@ -120,29 +127,24 @@ def coupon_files(coupons: CouponSet) -> dict[str, bytes]:
     pictures = {
         f"{job.name}.png": page_png(job_plan(job, coupons.report.findings)) for job in coupons.jobs
     }
+    settings = {
+        "recipe": profile.recipe.name,
+        "jobs": [
+            {"name": job.name, "paths": len(job.paths), "facts": dict(job.facts)}
+            for job in coupons.jobs
+        ],
+        "energies_mj_mm": list(matrix.energies_mj_mm) if matrix else [],
+        "energies_out_of_reach_mj_mm": list(matrix.out_of_reach_mj_mm) if matrix else [],
+    }
     return {
         "README.txt": coupon_readme(profile, coupons.sheets, matrix).encode(),
-        COUPON_MARK: _settings_text(coupons).encode(),
+        COUPON_MARK: json_text(_SCHEMA, settings).encode(),
         **coupons.laser,
         **pictures,
         "checks.json": checks_text(coupons.report).encode(),
         RESULTS_NAME: results_text(profile, matrix).encode(),
         **{f"{name}.geojson": table.json_text().encode() for name, table in joint_tables().items()},
     }
-
-
-def _matrix(profile: LaserProfile) -> Matrix | None:
-    operations = profile.recipe.by_operation.items()
-    if not any(settings.by_laser for name, settings in operations if name.startswith("weld")):
-        return None
-    return energy_matrix(profile)
-
-
-def _written(spec: LaserFileSpec) -> LaserFiles:
-    """Return a job's laser files under its own name, read back."""
-    # Without arcs the drawing of chords is the same as the DXF.
-    without = () if any(path.contour.arc_count for path in spec.job.paths) else (DXF_POLYLINE,)
-    return laser_files(spec, stem=spec.job.name, without=without)
 
 
 def _checked(
@@ -184,20 +186,4 @@ def _checked(
         skipped=tuple(skipped.values()),
         findings=tuple(findings),
         stale_waivers=(),
-    )
-
-
-def _settings_text(coupons: CouponSet) -> str:
-    matrix = coupons.matrix
-    return json_text(
-        _SCHEMA,
-        {
-            "recipe": coupons.profile.recipe.name,
-            "jobs": [
-                {"name": job.name, "paths": len(job.paths), "facts": dict(job.facts)}
-                for job in coupons.jobs
-            ],
-            "energies_mj_mm": list(matrix.energies_mj_mm) if matrix else [],
-            "energies_out_of_reach_mj_mm": list(matrix.out_of_reach_mj_mm) if matrix else [],
-        },
     )

@@ -7,6 +7,7 @@ drawn, without compensation. A label next to it names the measurement.
 
 import csv
 import io
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -433,8 +434,15 @@ def energy_matrix(profile: LaserProfile) -> Matrix:
     line, in which the seam is judged.
     """
     operation = sealing_operation(profile)
-    settings = profile.settings(operation)
-    reached = [energy for energy in energies_mj_mm() if _in_reach(energy, settings, profile)]
+    settings, machine = profile.settings(operation), profile.machine
+    ramp_mm = (LINE_MM - ZONE_MM) / 2
+    comes_up_to = math.sqrt(2.0 * machine.acceleration_mm_s2.value * ramp_mm)
+    top_mm_s = min(comes_up_to, machine.speed_max_mm_s.value)
+    reached = [
+        energy
+        for energy in energies_mj_mm()
+        if line_settings(energy, 0.0, settings, profile).speed_mm_s.value <= top_mm_s
+    ]
     jobs = tuple(_job(focus_mm, reached, operation, profile) for focus_mm in FOCUS_MM if reached)
     return Matrix(
         jobs=jobs,
@@ -480,14 +488,6 @@ def _computed(value: float, source: str) -> Quantity:
     return Quantity(value=value, standing=Standing.COMPUTED, source=source)
 
 
-def _in_reach(energy_mj_mm: float, settings: OperationSettings, profile: LaserProfile) -> bool:
-    machine = profile.machine
-    speed = line_settings(energy_mj_mm, 0.0, settings, profile).speed_mm_s.value
-    ramp_mm = (LINE_MM - ZONE_MM) / 2
-    comes_up_to = math.sqrt(2.0 * machine.acceleration_mm_s2.value * ramp_mm)
-    return speed <= min(comes_up_to, machine.speed_max_mm_s.value)
-
-
 def _job(
     focus_mm: float, energies: Sequence[float], operation: Operation, profile: LaserProfile
 ) -> Job:
@@ -509,22 +509,15 @@ def _job(
                 settings=line_settings(energy, focus_mm, settings, profile),
             )
         )
-    paths += _zone(start + (LINE_MM - ZONE_MM) / 2, (low - _TICK_MM, top), profile)
+    if Operation.MARK in profile.recipe.by_operation:
+        # Ticks above and below the lines, between which the seam is judged.
+        left = start + (LINE_MM - ZONE_MM) / 2
+        ends = ((low - _TICK_MM, -1.0), (top, 1.0))
+        for x, (y, towards) in itertools.product((left, left + ZONE_MM), ends):
+            tick = np.array([(x, y), (x, y + towards * _TICK_MM)])
+            paths.append(_line(Operation.MARK, tick, "zone"))
     facts = {**_coupon_facts(profile), "focus_offset_mm": focus_mm}
     return sheet_job(f"matrix_focus_{focus_mm:02.0f}", paths, profile, facts)
-
-
-def _zone(left_mm: float, ends_mm: tuple[float, float], profile: LaserProfile) -> list[LaserPath]:
-    """Return ticks above and below the lines, between which the seam is judged."""
-    if Operation.MARK not in profile.recipe.by_operation:
-        return []
-    found = []
-    for x in (left_mm, left_mm + ZONE_MM):
-        for y, towards in zip(ends_mm, (-1.0, 1.0), strict=True):
-            tick = np.array([(x, y), (x, y + towards * _TICK_MM)])
-            contour = Contour.polyline(tick, closed=False)
-            found.append(LaserPath(operation=Operation.MARK, contour=contour, label="zone"))
-    return found
 
 
 _COLUMNS = ("measure", "setting", "value", "unit", "uncertainty", "note")

@@ -7,6 +7,7 @@ e = 1 / (1 - shrinkage) - 1. The sheet around a hole is taken not to shrink, nor
 (assumed).
 """
 
+import itertools
 import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -273,11 +274,26 @@ def energy_windows(results: Results, profile: LaserProfile) -> tuple[EnergyWindo
         for operation in _MAKES
         if (settings := profile.recipe.by_operation.get(operation)) and settings.by_laser
     ]
-    return tuple(
-        _window(operation, focus, sorted(found), profile)
-        for operation in by_laser
-        for focus, found in sorted(lines.items())
-    )
+    windows = []
+    for operation, (focus, found) in itertools.product(by_laser, sorted(lines.items())):
+        best, run, right = list[float](), list[float](), _MAKES[operation]
+        for energy in sorted({energy for energy, _ in found}):
+            good = all(word == right for at, word in found if at == energy)
+            run = [*run, energy] if good else []
+            best = max(best, run, key=len)
+        count = sum(word == right for _, word in found)
+        source = (
+            f"energy matrix: {count} of {counted(len(found), 'line')}, power of"
+            f" {profile.machine.name}"
+        )
+        least, most = (
+            Quantity(value=best[end], standing=Standing.MEASURED, source=source) if best else None
+            for end in (0, -1)
+        )
+        windows.append(
+            EnergyWindow(operation=operation, focus_mm=focus, least_mj_mm=least, most_mj_mm=most)
+        )
+    return tuple(windows)
 
 
 def window_lines(windows: Sequence[EnergyWindow], profile: LaserProfile) -> list[str]:
@@ -289,27 +305,6 @@ def window_lines(windows: Sequence[EnergyWindow], profile: LaserProfile) -> list
         focus = settings.focus_offset_mm.value
         lines.append(f"the recipe runs {operation} at {energy:.1f} mJ/mm, focus {focus:g} mm")
     return lines
-
-
-def _window(
-    operation: Operation, focus: float, lines: list[tuple[float, str]], profile: LaserProfile
-) -> EnergyWindow:
-    right = _MAKES[operation]
-    best: list[float] = []
-    run: list[float] = []
-    for energy in sorted({energy for energy, _ in lines}):
-        good = all(word == right for at, word in lines if at == energy)
-        run = [*run, energy] if good else []
-        best = max(best, run, key=len)
-    count = sum(word == right for _, word in lines)
-    source = (
-        f"energy matrix: {count} of {counted(len(lines), 'line')}, power of {profile.machine.name}"
-    )
-    least, most = (
-        Quantity(value=energy, standing=Standing.MEASURED, source=source) if best else None
-        for energy in ((best[0], best[-1]) if best else (0.0, 0.0))
-    )
-    return EnergyWindow(operation=operation, focus_mm=focus, least_mj_mm=least, most_mj_mm=most)
 
 
 BALLOONS_TESTED = 3
@@ -406,13 +401,6 @@ def children_out(results: Results) -> tuple[MeasuredShare, ...]:
     return tuple(shares)
 
 
-def _shares(results: Results, parts: _Parts) -> tuple[MeasuredShare, ...]:
-    """Return the children that came out, as a separate group."""
-    with parts.group("children out"):
-        return children_out(results)
-    return ()
-
-
 _LEAST = "at least one reading; two of kerf_piece and one of seam are enough to begin"
 
 
@@ -469,10 +457,13 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
     method = None
     with parts.group("laps"):
         bond = _lap_method(results, profile)
-        numbers |= _laps(results)
+        laps, found = _laps(results)
+        numbers |= laps
         method = bond
-        remarks += _lap_lines(results)
-    shares = _shares(results, parts)
+        remarks += found
+    shares: tuple[MeasuredShare, ...] = ()
+    with parts.group("children out"):
+        shares = children_out(results)
     remarks += [f"came out: {share.text} (measured)" for share in shares]
     if parts.refused and not numbers and not windows and not shares:
         errors = list(parts.refused.values())
@@ -519,13 +510,13 @@ def _burst(results: Results) -> dict[str, Estimate]:
     }
 
 
-def _laps(results: Results) -> dict[str, Estimate]:
-    """Return the load that laps bear per millimetre of rim, and the width of their bond band.
+def _laps(results: Results) -> tuple[dict[str, Estimate], list[str]]:
+    """Return the load that laps bear per millimetre of rim, the width of their band, and remarks.
 
     A coupon that failed elsewhere says only that its lap bears more. Where no lap failed, the mean
     load that they bore is a lower bound of their strength; where some did, it says nothing new.
     """
-    found = {}
+    found, remarks = dict[str, Estimate](), list[str]()
     bands, failed, bore = (results.of(f"lap_{kind}") for kind in ("band", "burst", "survived"))
     if bands:
         widths = [_positive(reading, "mm", "a width") for reading in bands]
@@ -534,7 +525,15 @@ def _laps(results: Results) -> dict[str, Estimate]:
         found["lap.strength_n_per_mm"] = mean_estimate(*_lap_loads(failed), "lap_burst")
     elif bore:
         found["lap.survived_n_per_mm"] = _average(*_lap_loads(bore))
-    return found
+    if bore:
+        loads, _ = _lap_loads(bore)
+        most = f"{max(loads):.3g} N/mm at most"
+        remarks.append(
+            f"{counted(len(bore), 'lap')} did not fail ({most}): left out of the strength"
+            if failed
+            else f"no lap failed ({most}): a lower bound, above which rule VF-J03 warns"
+        )
+    return found, remarks
 
 
 def _lap_loads(readings: Sequence[Reading]) -> tuple[list[float], list[float | None]]:
@@ -576,19 +575,6 @@ def _lap_method(results: Results, profile: LaserProfile) -> LapMethod | None:
         allowed = f"rows lap_burst or lap_survived too: recipe {profile.recipe.name} {bond}"
         raise bands[0].wrong(str(method), allowed)
     return method if bands or tested else None
-
-
-def _lap_lines(results: Results) -> list[str]:
-    """Return the results of coupons whose laps did not fail, as lines for the user."""
-    failed, bore = results.of("lap_burst"), results.of("lap_survived")
-    if not bore:
-        return []
-    loads, _ = _lap_loads(bore)
-    most = f"{max(loads):.3g} N/mm at most"
-    if failed:
-        laps = counted(len(bore), "lap")
-        return [f"{laps} did not fail ({most}): left out of the strength"]
-    return [f"no lap failed ({most}): a lower bound, above which rule VF-J03 warns"]
 
 
 def _positive(reading: Reading, unit: str, meaning: str) -> float:
@@ -776,7 +762,18 @@ def calibrated_recipe(
             windows.append(window.changed(**named).content)
         _table(document, "coupons")["windows"] = windows
     if calibration.lap_method is not None:
-        _bond(document["lap"], calibration)
+        # The bond of the laps tested; no load of another bond or of less standing is left.
+        lap = document["lap"]
+        changed = lap.get("method", "") != calibration.lap_method
+        lap["method"] = str(calibration.lap_method)
+        measured = lap.get("strength_n_per_mm", {}).get("standing") == Standing.MEASURED
+        if "lap.strength_n_per_mm" in calibration.fitted:
+            stale = "survived_n_per_mm" if changed else ""
+        else:
+            # What laps bore counts where none failed: it takes the place of an assumed strength.
+            bore = "lap.survived_n_per_mm" in calibration.fitted
+            stale = "strength_n_per_mm" if bore and (changed or not measured) else ""
+        lap.pop(stale, None)
     text = f"# {GENERATOR}\n{tomli_w.dumps(document)}"
     profile_of(tomllib.loads(text), out)
     return text
@@ -789,17 +786,3 @@ def _table(document: dict[str, Any], name: str) -> dict[str, Any]:
     operations: dict[str, Any] = document["operations"]
     sealed: dict[str, Any] = operations[name] if name in operations else document["sealer"]
     return sealed
-
-
-def _bond(table: dict[str, Any], calibration: Calibration) -> None:
-    """Set the bond of the laps tested, and leave no load of another bond or of less standing."""
-    changed = table.get("method", "") != calibration.lap_method
-    table["method"] = str(calibration.lap_method)
-    measured = table.get("strength_n_per_mm", {}).get("standing") == Standing.MEASURED
-    if "lap.strength_n_per_mm" in calibration.fitted:
-        stale = "survived_n_per_mm" if changed else ""
-    else:
-        # What laps bore counts where none failed: it takes the place of an assumed strength.
-        bore = "lap.survived_n_per_mm" in calibration.fitted
-        stale = "strength_n_per_mm" if bore and (changed or not measured) else ""
-    table.pop(stale, None)

@@ -60,11 +60,12 @@ def dxf_text(
             document.header.custom_vars.append(key, value)
         space = document.modelspace()
         space.reset_limits((0.0, 0.0), (job.sheet_width_mm, job.sheet_height_mm))
-        boxes = np.array([styled.path.contour.box_mm for styled in styled_paths(job, colours)])
+        paths = styled_paths(job, colours)
+        boxes = np.array([styled.path.contour.box_mm for styled in paths])
         if len(boxes):
             low, high = boxes[:, :2].min(axis=0).tolist(), boxes[:, 2:].max(axis=0).tolist()
             space.reset_extents((*low, 0.0), (*high, 0.0))
-        for styled in styled_paths(job, colours):
+        for styled in paths:
             _add(document, styled, polyline=polyline)
         if document.dxfversion != AC1009:
             for name in sorted(document.entitydb.dxf_types_in_use()):
@@ -121,8 +122,12 @@ def read_dxf(text: str) -> ReadDrawing:
         own = Polyline if document.dxfversion == AC1009 else LWPolyline
         polylines = [entity for entity in entities if isinstance(entity, own)]
         limit = document.header.get("$LIMMAX", (0.0, 0.0))
+        unit = "mm"  # the only one that is written; release 12 cannot state it
+        found = tuple(document.header.get(f"${name}", 0) for name in ("INSUNITS", "MEASUREMENT"))
+        if document.dxfversion != AC1009 and found != (MILLIMETRES, METRIC):
+            unit = "$INSUNITS {} with $MEASUREMENT {}".format(*found)
         return ReadDrawing(
-            unit=_unit(document),
+            unit=unit,
             sheet=(float(limit[0]), float(limit[1])),
             paths=tuple(_path(polyline) for polyline in polylines),
             layer_colours={layer.dxf.name: str(layer.dxf.color) for layer in document.layers},
@@ -134,15 +139,6 @@ def read_dxf(text: str) -> ReadDrawing:
         )
     except (DXFError, BadInputError) as error:
         raise UnreadableFileError("DXF text", f"not a DXF file of ours: {error}") from error
-
-
-def _unit(document: DxfDocument) -> str:
-    if document.dxfversion == AC1009:
-        return "mm"  # the only unit that is written; the format cannot state it
-    found = document.header.get("$INSUNITS", 0), document.header.get("$MEASUREMENT", 0)
-    if found == (MILLIMETRES, METRIC):
-        return "mm"
-    return f"$INSUNITS {found[0]} with $MEASUREMENT {found[1]}"
 
 
 def _path(polyline: LWPolyline | Polyline) -> DrawnPath:

@@ -359,7 +359,7 @@ def _frame_problems(
     spec: LaserFileSpec,
     expected: Mapping[str, list[StyledPath]],
 ) -> Iterator[str]:
-    """Yield what is wrong with unit, sheet, layers, and the colours of these."""
+    """Yield the differences of unit, sheet, layers, and of the colours of layers."""
     if drawing.unit != "mm":
         yield f"the unit is {drawing.unit}, not mm"
     sheet, near_mm = (spec.job.sheet_width_mm, spec.job.sheet_height_mm), laser_format.tolerance_mm
@@ -381,7 +381,7 @@ def _frame_problems(
 def _path_problems(
     laser_format: LaserFormat, in_job: Sequence[StyledPath], in_file: Sequence[DrawnPath]
 ) -> list[list[str]]:
-    """Return what is wrong with each path of a layer; sizes are compared with the job's.
+    """Return the differences of each path of a layer; sizes are compared with the job's.
 
     A point that is off by the tolerance moves an area by at most the tolerance along the whole
     path, and a segment's length by at most twice the tolerance (vertices that split a long arc

@@ -129,10 +129,17 @@ def assembly_drawing(
     high_pt = low_pt + exploded.high_pt + _HEAD_PT
     middle = _WIDE_PT / 2.0
     panel = paper(_WIDE_PT, high_pt)
-    _draw_head(panel, high_pt, robot)
+    pieces = counted(len(robot.partition.pieces), "piece")
+    words = f"assembly: {pieces}, {counted(len(robot.steps), 'joint')}"
+    assumed = f"All lengths in millimetres, lay-flat. Lap of {robot.lap_mm:g} mm and ease: assumed."
+    _write_head(panel, high_pt, design, words, f"{assumed} Else: computed from the design.")
     _draw_exploded(panel, exploded, low_pt)
     _draw_together(panel, robot, (_EDGE_PT, list_pt, middle - 8.0, low_pt))
-    _draw_lap(panel, robot, (middle + 8.0, list_pt, _WIDE_PT - _EDGE_PT, low_pt))
+    title = "from above, and in section (thickness not to scale)"
+    _draw_title(panel, (middle + 8.0, low_pt - 14.0), "One lap", title)
+    sketch = _LapSketch(panel, (middle + 8.0, _WIDE_PT - _EDGE_PT), robot)
+    sketch.plan(low_pt - 88.0)
+    sketch.sections(list_pt + 132.0)
     for column, x in zip(notes, (_EDGE_PT, middle + 8.0), strict=True):
         for row, words in enumerate(column):
             panel.written((x, list_pt - (row + 1) * _LINE_PT), words, _TEXT_PT, bold=row == 0)
@@ -241,7 +248,8 @@ class _Exploded:
     @classmethod
     def of(cls, robot: _Robot) -> "_Exploded":
         """Return the view; the pieces are as far apart as their labels on paper need."""
-        lead_mm = 0.05 * _longer(_box(robot.outlines, None))
+        x0, y0, x1, y1 = _box(robot.outlines, None)
+        lead_mm = 0.05 * max(x1 - x0, y1 - y0)
         for _ in range(3):
             view = exploded_view(robot.partition, robot.layout, robot.outlines, lead_mm)
             box = _box(robot.outlines, view.moves_mm)
@@ -271,10 +279,6 @@ def _box(outlines: Mapping[str, Contour], moves_mm: Mapping[str, Floats] | None)
         boxes.append(np.array(contour.box_mm) + np.tile(move, 2))
     low, high = np.min(boxes, axis=0)[:2], np.max(boxes, axis=0)[2:]
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-
-def _longer(box: Box) -> float:
-    return max(box[2] - box[0], box[3] - box[1])
 
 
 # --- pieces, plugs, sockets
@@ -485,16 +489,6 @@ def _draw_title(panel: Panel, at_pt: tuple[float, float], title: str, words: str
     panel.written((x + wide + 8.0, y), words, _TEXT_PT, colour=SOFT)
 
 
-def _draw_head(panel: Panel, top_pt: float, robot: _Robot) -> None:
-    pieces = counted(len(robot.partition.pieces), "piece")
-    words = f"assembly: {pieces}, {counted(len(robot.steps), 'joint')}"
-    notes = (
-        f"All lengths in millimetres, lay-flat. Lap of {robot.lap_mm:g} mm and ease: assumed. Else:"
-        " computed from the design."
-    )
-    _write_head(panel, top_pt, robot.design, words, notes)
-
-
 def _write_head(panel: Panel, top_pt: float, design: Design, words: str, notes: str) -> None:
     name = fitted(design.name, 0.55 * _WIDE_PT, 14.0, bold=True)
     panel.written((_EDGE_PT, top_pt - 24.0), name, 14.0, bold=True)
@@ -563,17 +557,6 @@ def _draw_band(panel: Panel, robot: _Robot, step: JoiningStep, page: PageView) -
 # --- one lap
 
 
-def _draw_lap(panel: Panel, robot: _Robot, box_pt: Box) -> None:
-    """Draw one lap from above and in section: what goes into what, and where the strip lies."""
-    x0, y0, x1, y1 = box_pt
-    _draw_title(
-        panel, (x0, y1 - 14.0), "One lap", "from above, and in section (thickness not to scale)"
-    )
-    sketch = _LapSketch(panel, (x0, x1), robot)
-    sketch.plan(y1 - 88.0)
-    sketch.sections(y0 + 132.0)
-
-
 class _LapSketch:
     """A sketch of one lap: the base of the robot is to the left."""
 
@@ -624,7 +607,13 @@ class _LapSketch:
             ends = (self.left + 6.0, self.end + (8.0 if self.on_stub else -5.0))
             self._frame((*ends, y - 0.72 * plug, y + 0.72 * plug), INK, "dotted")
             self._words((self.left + 10.0, y - 2.5), "release strip, inside", INK)
-        self._dimension(y + socket + 13.0)
+        # The length of the lap between its rims.
+        top, thin = y + socket + 13.0, Ink(line=INK, width_pt=0.8)
+        middle = (self.base + self.end) / 2.0
+        for end in (self.base, self.end):
+            panel.arrow((middle, top), (end, top), thin, 5.0, 5.0)
+            panel.line([(end, top - 12.0), (end, top + 4.0)], Ink(line=INK, width_pt=0.6))
+        self._words((middle, top + 5.0), f"lap {self.lap_mm:g} mm (assumed)", INK, "middle")
         names = ("socket", "plug") if self.on_stub else ("plug", "socket")
         self._words((self.left, y + plug + 4.0), f"{names[0]}: inner piece", stub)
         self._words((self.right, y + plug + 4.0), f"{names[1]}: outer piece", outer, "end")
@@ -681,15 +670,6 @@ class _LapSketch:
             hatch = Ink(line=colour, width_pt=0.8, butt=True)
             self.panel.lines([shapely.get_coordinates(one) for one in inside], hatch, rank=6.0)
 
-    def _dimension(self, y: float) -> None:
-        """Draw the length of the lap between its rims."""
-        thin = Ink(line=INK, width_pt=0.8)
-        middle = (self.base + self.end) / 2.0
-        for x in (self.base, self.end):
-            self.panel.arrow((middle, y), (x, y), thin, 5.0, 5.0)
-            self.panel.line([(x, y - 12.0), (x, y + 4.0)], Ink(line=INK, width_pt=0.6))
-        self._words((middle, y + 5.0), f"lap {self.lap_mm:g} mm (assumed)", INK, "middle")
-
     def _words(
         self, at_pt: tuple[float, float], words: str, colour: str, anchor: str = "start"
     ) -> None:
@@ -702,7 +682,13 @@ class _LapSketch:
 def _notes(robot: _Robot) -> tuple[list[str], list[str]]:
     """Return the two columns of text below the drawings, heading first."""
     steps = robot.steps
-    order = [_step_words(step) for step in steps[:MOST_JOINTS_LISTED]]
+    order = [
+        f"{step.number}.  {one.label} {'into' if one.socket_on_stub else 'over'} {one.inner}: plug"
+        f" and socket {one.label}, branch {step.branch}, {one.width_mm:.1f} mm wide,"
+        f" {one.lap_mm:g} mm deep"
+        for step in steps[:MOST_JOINTS_LISTED]
+        for one in [step.sleeve]
+    ]
     if len(steps) > len(order):
         order.append(f"and {len(steps) - len(order)} more: README.txt lists them all.")
     widest = widest_socket_mm(robot.partition)
@@ -719,15 +705,6 @@ def _notes(robot: _Robot) -> tuple[list[str], list[str]]:
         half = (len(left) + len(right)) // 2
         return left[:half], [*right, "", *left[half:]]
     return left, right
-
-
-def _step_words(step: JoiningStep) -> str:
-    sleeve = step.sleeve
-    return (
-        f"{step.number}.  {sleeve.label} {'into' if sleeve.socket_on_stub else 'over'}"
-        f" {sleeve.inner}: plug and socket {sleeve.label}, branch {step.branch},"
-        f" {sleeve.width_mm:.1f} mm wide, {sleeve.lap_mm:g} mm deep"
-    )
 
 
 # --- faces of the film

@@ -316,6 +316,15 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
     def outline_mm(design: Design) -> Floats:
         return body_outline(cut_design(design, profile)).contour.flattened_mm()
 
+    robots = robot_count(job)
+    bill = Rows(
+        caption="One robot" if robots == 1 else f"The whole sheet: {counted(robots, 'robot')}",
+        headings=("item", "amount", "unit", "standing", "basis"),
+        rows=tuple(
+            (line.item, f"{line.value:.4g}", line.unit, line.standing.value, line.basis)
+            for line in (*bill_of_materials(job, profile), *joints)
+        ),
+    )
     return (
         _sheet_section(job, [finding for report in reports for finding in report.findings]),
         *pieces,
@@ -328,7 +337,7 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
             for design, report in zip(designs, reports, strict=True)
         ),
         pattern_section(prepared.pattern or pattern_of(prepared.design, profile)),
-        _bom_section((*bill_of_materials(job, profile), *joints), robot_count(job)),
+        Section(title="Bill of materials", tables=(bill,), folded=True),
     )
 
 
@@ -607,18 +616,6 @@ def least_rectangle_mm(contour: Contour) -> tuple[float, float]:
         return max(x1 - x0, y1 - y0), min(x1 - x0, y1 - y0)
     one, two = np.hypot(*np.diff(corners[:3], axis=0).T).tolist()
     return max(one, two), min(one, two)
-
-
-def _bom_section(lines: Sequence[BomLine], robots: int) -> Section:
-    """Return the bill of materials of a sheet with so many robots."""
-    rows = tuple(
-        (line.item, f"{line.value:.4g}", line.unit, line.standing.value, line.basis)
-        for line in lines
-    )
-    headings = ("item", "amount", "unit", "standing", "basis")
-    caption = "One robot" if robots == 1 else f"The whole sheet: {counted(robots, 'robot')}"
-    table = Rows(caption=caption, headings=headings, rows=rows)
-    return Section(title="Bill of materials", tables=(table,), folded=True)
 
 
 def assumption_section(

@@ -1,6 +1,6 @@
 """Pictures of a laser job: the sheet, findings at their places, the laser's path in motion."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 
@@ -358,22 +358,18 @@ def placed_findings(
     """Return where findings lie on the sheet of a job."""
     places = SheetPlaces.of(job, layout)
     row = {name: number for number, name in enumerate(layout.tree.ids)}
-    return tuple(_placed(places, row, finding) for finding in findings)
-
-
-def _placed(places: SheetPlaces, row: Mapping[str, int], finding: Finding) -> PlacedFinding:
-    branches = [row[name] for name in finding.branches if name in row]
-    lines = places.lines(finding.marker_wkt, branches)
-    at: tuple[float, float] | None = None
-    if finding.x_mm is not None and finding.y_mm is not None:
-        x, y = places.point((finding.x_mm, finding.y_mm), branches).tolist()
-        at = round(x, 2), round(y, 2)
-    return PlacedFinding(at_mm=at, marker="".join(map(_line_path, lines)))
-
-
-def _line_path(points_mm: Floats) -> str:
-    words = [f"{x:.2f} {-y:.2f}" for x, y in points_mm.tolist()]
-    return f"M{'L'.join(words)}"
+    placed = []
+    for finding in findings:
+        branches = [row[name] for name in finding.branches if name in row]
+        marker = ""
+        for line_mm in places.lines(finding.marker_wkt, branches):
+            marker += "M" + "L".join(f"{x:.2f} {-y:.2f}" for x, y in line_mm.tolist())
+        at: tuple[float, float] | None = None
+        if finding.x_mm is not None and finding.y_mm is not None:
+            x, y = places.point((finding.x_mm, finding.y_mm), branches).tolist()
+            at = round(x, 2), round(y, 2)
+        placed.append(PlacedFinding(at_mm=at, marker=marker))
+    return tuple(placed)
 
 
 def sheet_box_mm(job: Job) -> tuple[float, float, float, float]:

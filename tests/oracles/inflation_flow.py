@@ -1,4 +1,4 @@
-"""Inflation by damped motion: a second way to the equilibrium that `inflation.solve` finds.
+"""Inflation by damped motion: a second way to the equilibrium that `inflation.membrane` finds.
 
 Every corner has a mass and a drag; the sheet moves until it rests. Strains, stresses and pressure
 are written a second time, triangle by triangle in tensors, and no second derivative is used.

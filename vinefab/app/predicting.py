@@ -661,7 +661,7 @@ def observe(
 
 def _with_reading(seen: Observation, table: Path, pressure_kpa: float) -> Observation:
     """Enter the angle of a joint coupon in a table of coupon results, which may be a new file."""
-    from vinefab.fabrication.calibration.coupon_results import read_results
+    from vinefab.fabrication.calibration.coupons import read_results
     from vinefab.model.files.shipped import read_text
     from vinefab.observation.joint_angles import joint_reading
 

@@ -1,25 +1,13 @@
 """A little of ``make fuzz``; that failures are seen, in every run of the tests."""
 
-import importlib.util
-import sys
-from pathlib import Path
-from types import ModuleType
-
 import pytest
+
+from tests.attack import growth as fuzz
 
 GROWTHS = 600
 
 
-@pytest.fixture(scope="module")
-def fuzz() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("fuzz", Path(__file__).with_name("growth.py"))
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["fuzz"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_every_growth_option_is_tried(fuzz):
+def test_every_growth_option_is_tried():
     rng = fuzz.np.random.default_rng(1)
     drawn = [fuzz.nasty_options(rng) for _ in range(60)]
     for name in fuzz.GrowthOptions.model_fields:
@@ -27,7 +15,7 @@ def test_every_growth_option_is_tried(fuzz):
 
 
 @pytest.mark.thorough
-def test_growth_on_nasty_maps(fuzz):
+def test_growth_on_nasty_maps():
     found = fuzz.fuzz(GROWTHS)
     assert sum(counts.growths for counts in found.values()) >= GROWTHS
     for kind, counts in found.items():
@@ -40,7 +28,7 @@ def test_growth_on_nasty_maps(fuzz):
     assert sum(counts.inflated for counts in found.values()) > branches / 10
 
 
-def test_failures_are_seen(fuzz, monkeypatch):
+def test_failures_are_seen(monkeypatch):
     monkeypatch.setattr(fuzz, "MOST_EVENTS", 3)
     monkeypatch.setattr(fuzz, "EXACT", -1.0)
     counts = fuzz.Counts()
@@ -50,7 +38,7 @@ def test_failures_are_seen(fuzz, monkeypatch):
     assert counts.seeds == [2]
 
 
-def test_moved_worlds_give_the_same_growths(fuzz):
+def test_moved_worlds_give_the_same_growths():
     found = fuzz.moves(240)
     assert set(found) == set(fuzz.MOVES)
     for name, counts in found.items():
@@ -59,7 +47,7 @@ def test_moved_worlds_give_the_same_growths(fuzz):
         assert counts.stopped > 0
 
 
-def test_growths_that_differ_are_seen(fuzz, monkeypatch):
+def test_growths_that_differ_are_seen(monkeypatch):
     monkeypatch.setattr(fuzz, "SAME", -1.0)
     monkeypatch.setattr(fuzz, "is_tie", lambda *_: False)
     counts = fuzz.MoveCounts()
@@ -68,7 +56,7 @@ def test_growths_that_differ_are_seen(fuzz, monkeypatch):
     assert counts.seeds[0] == ("stars", 1)
 
 
-def test_a_start_beside_a_corner_is_a_tie(fuzz):
+def test_a_start_beside_a_corner_is_a_tie():
     """Half a nudge to one side it slides along the wall, to the other it passes."""
     world = fuzz.Map(name="m", bounds=fuzz.box(0, 0, 9, 9), obstacles=(fuzz.box(4, 4, 5, 5),))
     terrain, options = fuzz.Terrain.of(world), fuzz.GrowthOptions.published()

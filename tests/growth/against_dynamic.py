@@ -13,8 +13,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from dynamic import Arena, Floats, Vine, arena_of, grow_chain, start_of, vine_of
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from tests.growth.dynamic import Arena, Floats, Vine, arena_of, grow_chain, start_of, vine_of
 from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.terrain import Terrain

@@ -1,36 +1,18 @@
 """The dynamic chain against closed forms, before anything is compared with it."""
 
-import importlib.util
 import math
-import sys
-from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from tests.growth import against_dynamic, dynamic
 from vinefab.model.map import Pose
 
 pytestmark = pytest.mark.thorough
 
 
-def load(name: str) -> ModuleType:
-    if name in sys.modules:
-        return sys.modules[name]
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.fixture(scope="module")
-def dynamic() -> ModuleType:
-    return load("dynamic")
-
-
-def test_free_growth_is_straight_and_needs_no_push(dynamic):
+def test_free_growth_is_straight_and_needs_no_push():
     pose = Pose(x_mm=500.0, y_mm=500.0, heading_rad=0.7)
     grown = dynamic.grow_chain(dynamic.Arena(2000.0, ()), pose, 600.0, dynamic.vine_of())
     tip = [500.0 + 600.0 * math.cos(0.7), 500.0 + 600.0 * math.sin(0.7)]
@@ -39,13 +21,13 @@ def test_free_growth_is_straight_and_needs_no_push(dynamic):
     assert grown.push_n < 1e-3
 
 
-def test_a_load_across_the_tip_bends_it_like_a_beam(dynamic):
+def test_a_load_across_the_tip_bends_it_like_a_beam():
     vine = dynamic.vine_of()
     tip = dynamic.bend_under_load(200.0, 1e-3, vine, 2.0)[-1]
     assert tip[1] == pytest.approx(1e-3 * 200.0**3 / (3.0 * vine.bending_n_mm2), rel=0.01)
 
 
-def test_no_joint_bears_more_than_the_collapse_moment(dynamic):
+def test_no_joint_bears_more_than_the_collapse_moment():
     """Across the tip of a span, a load up to M / L holds and one above it folds the span."""
     vine = dynamic.vine_of()
     holds_n = vine.collapse_n_mm / 200.0
@@ -54,7 +36,7 @@ def test_no_joint_bears_more_than_the_collapse_moment(dynamic):
 
 
 @pytest.mark.parametrize(("base_n_mm", "short_mm"), [(0.0, 0.3), (None, 9.0)])
-def test_a_tip_slides_along_a_wall_to_the_closed_form_point(dynamic, base_n_mm, short_mm):
+def test_a_tip_slides_along_a_wall_to_the_closed_form_point(base_n_mm, short_mm):
     """Hinged at the base it is the growth model's point; clamped, the body bows and falls short."""
     vine = dynamic.vine_of()
     vine = vine if base_n_mm is None else vine._replace(base_n_mm=base_n_mm)
@@ -67,7 +49,7 @@ def test_a_tip_slides_along_a_wall_to_the_closed_form_point(dynamic, base_n_mm, 
     assert grown.deepest_mm < 0.1
 
 
-def test_half_the_link_and_a_quarter_of_the_step_change_little(dynamic):
+def test_half_the_link_and_a_quarter_of_the_step_change_little():
     """One turned box in the way: the tip moves by less than 1 % of the length."""
     one = dynamic.Box(x_mm=370.0, y_mm=260.0, half_width_mm=60.0, half_height_mm=40.0, turn_rad=0.5)
     arena, pose = dynamic.Arena(700.0, (one,)), dynamic.start_of(700.0, 85.0)
@@ -81,7 +63,7 @@ def test_half_the_link_and_a_quarter_of_the_step_change_little(dynamic):
     assert np.hypot(*(coarse.points_mm[-1] - free)) > 50.0
 
 
-def test_friction_asks_for_more_push(dynamic):
+def test_friction_asks_for_more_push():
     """A tip that slides at 50 degrees to the wall's normal: Coulomb's factor, and what it bends."""
     vine = dynamic.vine_of()
     pose = Pose(x_mm=100.0, y_mm=494.0, heading_rad=math.radians(40.0))
@@ -92,34 +74,28 @@ def test_friction_asks_for_more_push(dynamic):
     assert rough_n > 1.2 * smooth_n
 
 
-@pytest.fixture(scope="module")
-def comparison() -> ModuleType:
-    load("dynamic")
-    return load("against_dynamic")
-
-
 UP = np.array([[350.0, 21.0], [350.0, 600.0]])
 
 
-def test_errors_hold_a_shorter_body_at_its_tip(comparison):
+def test_errors_hold_a_shorter_body_at_its_tip():
     short, long = np.array([[0.0, 0.0], [300.0, 0.0]]), np.array([[0.0, 0.0], [1200.0, 0.0]])
-    tip_mm, shape = comparison.errors(short, long)
+    tip_mm, shape = against_dynamic.errors(short, long)
     assert tip_mm == pytest.approx(900.0)
     assert shape == pytest.approx(0.5 * 900.0**2 / 1200.0**2, rel=0.01)
 
 
-def test_bodies_on_two_sides_of_a_box_take_different_paths(dynamic, comparison):
+def test_bodies_on_two_sides_of_a_box_take_different_paths():
     one = dynamic.Box(x_mm=400.0, y_mm=300.0, half_width_mm=30.0, half_height_mm=20.0, turn_rad=0.4)
     arena = dynamic.Arena(700.0, (one,))
     beyond = np.array([[350.0, 21.0], [460.0, 300.0], [350.0, 600.0]])
     near = np.array([[350.0, 21.0], [340.0, 300.0], [350.0, 600.0]])
-    case = comparison.Case(0, 90.0, None, 0.0, beyond, UP, beyond)
-    assert not comparison.follows(arena, case)
-    assert comparison.follows(arena, case._replace(dynamic=near))
+    case = against_dynamic.Case(0, 90.0, None, 0.0, beyond, UP, beyond)
+    assert not against_dynamic.follows(arena, case)
+    assert against_dynamic.follows(arena, case._replace(dynamic=near))
 
 
-def test_contacts_are_named_from_base_to_tip(dynamic, comparison):
+def test_contacts_are_named_from_base_to_tip():
     one = dynamic.Box(x_mm=380.0, y_mm=300.0, half_width_mm=24.0, half_height_mm=20.0, turn_rad=0.0)
     arena = dynamic.Arena(700.0, (one,))
     body = np.array([*UP, [350.0, 693.2], [693.2, 693.2]])
-    assert comparison.contacts(arena, body) == ["0", "N", "E"]
+    assert against_dynamic.contacts(arena, body) == ["0", "N", "E"]

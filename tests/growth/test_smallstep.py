@@ -5,12 +5,8 @@ simulations end in the same place to rounding, except when two events fall into 
 two tolerances: two steps for every growth, and a hundred thousandth of a step for nearly all.
 """
 
-import importlib.util
 import math
-import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
-from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +14,7 @@ import pytest
 from shapely import LineString, Point, Polygon, box
 from shapely.affinity import affine_transform
 
+from tests.growth import smallstep
 from vinefab.core.rng import child
 from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions
@@ -33,19 +30,6 @@ TWO_STEPS_MM = 0.02
 EXACT_MM = 1e-6
 HALF_ANGLE_DEG = 1.0
 
-
-def _load(name: str) -> ModuleType:
-    """Load a module that lies beside this file; tests are not packages."""
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-smallstep = _load("smallstep")
 
 # ---- maps
 
@@ -216,12 +200,12 @@ def _assert_agree(matches: list[Match], ties: float, least: int) -> None:
 
 @pytest.mark.parametrize("kind", ["convex", "star", "cave", "overlap"])
 def test_same_end_on_random_maps(kind: str) -> None:
-    matches = _matches(_maps(11, kind, 25), _free_pose, per_map=8)
-    _assert_agree(matches, ties=0.01, least=150)
+    matches = _matches(_maps(11, kind, 12), _free_pose, per_map=8)
+    _assert_agree(matches, ties=0.01, least=70)
     log = [entry.split()[0] for match in matches for entry in match.log]
     # Enough happens for the comparison to mean something ...
-    assert log.count("wrap") > 40
-    assert log.count("leave") > 40
+    assert log.count("wrap") > 15
+    assert log.count("leave") > 15
     # ... and the release of a contact is never reached by one branch: to turn back, the tip must
     # leave its wall, and the corner that it leaves is touched and blocks the turn back at once.
     assert log.count("release") == 0
@@ -235,8 +219,8 @@ def test_same_end_for_other_head_on_angles(half_angle_deg: float) -> None:
 
 def test_exact_ties_end_like_one_of_their_neighbours() -> None:
     """On a lattice, headings hit corners exactly; either side of a tie is a right answer."""
-    matches = _matches(_maps(13, "lattice", 40), _lattice_pose, per_map=8)
-    _assert_agree(matches, ties=0.04, least=300)
+    matches = _matches(_maps(13, "lattice", 16), _lattice_pose, per_map=8)
+    _assert_agree(matches, ties=0.05, least=110)
 
 
 @pytest.mark.parametrize("stuck", ["stop", "deploy"])

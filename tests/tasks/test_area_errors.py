@@ -1,26 +1,13 @@
 """A small run of `measure_area_errors.py`, which holds fast scores against exact ones."""
 
-import importlib.util
-import sys
-from pathlib import Path
-from types import ModuleType
-
 import numpy as np
 import pytest
 
-
-@pytest.fixture(scope="module")
-def errors() -> ModuleType:
-    name = "measure_area_errors"
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
+from tests.tasks import measure_area_errors as errors
 
 
 def test_fast_scores_of_random_deployments_are_near_the_exact_ones(
-    errors: ModuleType, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(errors, "DESIGNS_PER_MAP", 4)
     monkeypatch.setattr(errors, "POSES_PER_MAP", 3)

@@ -31,7 +31,7 @@ from vinefab.model.files.run_context import RunContext
 from vinefab.model.laser import Machine, Material, Quantity, Recipe
 from vinefab.model.map import Start
 from vinefab.model.start import StartTable
-from vinefab.rig.rig_options import PrinterForm
+from vinefab.rig.part import PrinterForm
 from vinefab.search.optimizers.optimizer import OPTIMIZERS
 from vinefab.search.settings import RunFile
 from vinefab.search.space import Bounds

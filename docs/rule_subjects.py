@@ -29,8 +29,7 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Quantity, Standing, read_profile
 from vinefab.model.outline import Contour
-from vinefab.rig.part import Mesh
-from vinefab.rig.rig_options import read_printer
+from vinefab.rig.part import Mesh, read_printer
 from vinefab.rig.solid import Course, built_of
 
 Fan = tuple[int, float, float]

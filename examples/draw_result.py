@@ -21,8 +21,7 @@ from vinefab.model.laser import read_profile
 from vinefab.pages.page_files import page_png
 from vinefab.pages.plan import deployment_plan
 from vinefab.rig.build import build_rig
-from vinefab.rig.part import Rig
-from vinefab.rig.rig_options import read_printer
+from vinefab.rig.part import Rig, read_printer
 from vinefab.studies.paper_charts import house_style
 
 UNSEEN_SEED = 100_003

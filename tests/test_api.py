@@ -34,7 +34,7 @@ from vinefab.model.design import Design
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import read_profile
 from vinefab.pages.panel import INK, LEVEL_COLOURS, ROCK
-from vinefab.rig.rig_options import read_printer
+from vinefab.rig.part import read_printer
 
 SNAPSHOT = Path(__file__).with_name("public_api.txt")
 HEAVY = {

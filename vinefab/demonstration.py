@@ -25,9 +25,8 @@ from vinefab.prediction.family_deployments import (
 )
 from vinefab.prediction.measures import REACH, MeanValue
 from vinefab.prediction.predict import Predicted, predict
-from vinefab.rig.make import make_rig
-from vinefab.rig.page import RigFiles
-from vinefab.rig.rig_options import RigOptions, read_printer
+from vinefab.rig.make import RigFiles, make_rig
+from vinefab.rig.part import RigOptions, read_printer
 from vinefab.search.record.generations import Progress
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import progress_line, run_search, training_maps

@@ -40,7 +40,7 @@ def test_all_that_is_compiled_stands_in_such_files() -> None:
     assert sorted(path.name for path in plain) == [
         "batch.py",
         "benchmark.py",
-        "observed_contacts.py",
+        "beside_prediction.py",
     ]
     assert not [path for path in users if re.search(r"\b(compiled|inlined)\(", path.read_text())]
 

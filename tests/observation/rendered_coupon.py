@@ -20,8 +20,7 @@ from vinefab.inflation.compensation import deployed_joint, flat_joint
 from vinefab.inflation.robot import InflatedRobot, inflated_robot, joints_of
 from vinefab.model.design import UnevenLevel
 from vinefab.model.map import Pose
-from vinefab.observation.joint_angles import joint_angle_deg
-from vinefab.observation.observe_photo import observe_photo
+from vinefab.observation.observe_photo import joint_angle_deg, observe_photo
 from vinefab.photos.photo import read_photo
 
 PLY_MM, MODULUS_MPA, KPA = 0.0375, 30.0, 20.0

@@ -7,7 +7,7 @@ import shapely
 from vinefab.core.errors import BadInputError
 from vinefab.model.map import Map, Pose
 from vinefab.observation.film import Sight, found_film
-from vinefab.photos.photo_camera import PlanView
+from vinefab.photos.photo import PlanView
 
 WORLD = Map(name="bench", bounds=shapely.box(0, 0, 60, 40), obstacles=(shapely.box(45, 5, 55, 15),))
 POSE = Pose(x_mm=5.0, y_mm=20.0, heading_rad=0.0)

@@ -20,7 +20,7 @@ from vinefab.fabrication.calibration.coupons import (
 )
 from vinefab.inflation.pattern import standing_of
 from vinefab.model.laser import read_profile
-from vinefab.observation.joint_angles import joint_angle_deg
+from vinefab.observation.observe_photo import joint_angle_deg
 
 GAIN = 0.6
 NAMES = ("PAIR-40-W20", "PAIR-80-W20", "PAIR-120-W20", "ELBOW-60-W20")

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from vinefab.model.deployment import Stop
 from vinefab.model.map import Map
-from vinefab.observation.observed_contacts import (
+from vinefab.observation.beside_prediction import (
     Replays,
     SeenBranch,
     apart_mm,
@@ -76,7 +75,6 @@ def test_a_line_that_went_elsewhere_leaves_its_contacts_unclear():
 
 def test_a_branch_of_full_length_has_no_reason_to_stop():
     replay = Replays(WORLD).grown(BASE, math.radians(90.0), 20.0, RADIUS)
-    assert replay.stop is Stop.FULL_LENGTH
     assert replay.meetings == ()
 
 

@@ -27,7 +27,7 @@ from vinefab.observation.beside_prediction import distance_mm
 from vinefab.observation.observe_photo import PhotoSetup, observe_photo
 from vinefab.photos.photo import read_photo
 from vinefab.rig.fixtures import marker_gap_mm
-from vinefab.rig.rig_options import RigOptions
+from vinefab.rig.part import RigOptions
 
 POSE = Pose(x_mm=60.0, y_mm=12.0, heading_rad=np.pi / 2)
 WORLD = Map(

@@ -27,7 +27,7 @@ from vinefab.core.errors import VinefabError
 from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 from vinefab.maps.importers.importers import import_map
 from vinefab.model.map import Map, corner_markers
-from vinefab.photos.photo_camera import projected
+from vinefab.photos.photo import projected
 
 BLURS_PX = (0.0, 0.7, 1.0, 1.5, 2.0, 3.0)
 AROUND_MM = 42.0  # from the corner of the first marker to the table's

@@ -23,7 +23,7 @@ from tests.photos.conftest import Floor, TrueCamera, light_of
 from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 from vinefab.maps.importers.importers import import_map
 from vinefab.model.map import CornerMarker, Map, corner_markers
-from vinefab.photos.photo_camera import projected
+from vinefab.photos.photo import projected
 
 BRICK = (60, 40, 40)
 TABLE = box(0.0, 0.0, 600.0, 450.0)

@@ -7,17 +7,16 @@ from shapely import box
 
 from vinefab.core.errors import BadInputError
 from vinefab.model.map import CornerMarker, Map, corner_markers
-from vinefab.photos.found_markers import find_markers, marker_points, marker_spread
-from vinefab.photos.photo import Photo
-from vinefab.photos.photo_camera import ControlPoints, projected
+from vinefab.photos.found_markers import marker_points, marker_spread, measured_markers
+from vinefab.photos.photo import ControlPoints, Photo, projected
 
 
 def test_corners_are_found_to_a_fraction_of_a_pixel(markers, floor, camera):
     photo = floor.photographed(camera, noise=4.0, blur_px=0.7)
-    found = find_markers(photo)
+    found = measured_markers(photo)
     assert sorted(found) == [0, 1, 2, 3]
     for marker in markers:
-        off = found[marker.number] - projected(camera.homography(), marker.corners_mm)
+        off = found[marker.number].corners_px - projected(camera.homography(), marker.corners_mm)
         assert np.abs(off).max() < 0.08
 
 
@@ -35,13 +34,13 @@ def test_a_number_seen_twice_is_refused(markers, floor, camera):
     again = CornerMarker(number=2, corners_mm=markers[2].corners_mm - (200.0, 200.0))
     floor.paint([again])
     with pytest.raises(BadInputError, match="rendered: marker is '2 twice in the photo'"):
-        find_markers(floor.photographed(camera))
+        measured_markers(floor.photographed(camera))
 
 
 def test_without_opencv_the_extra_is_named(monkeypatch, floor, camera):
     monkeypatch.setitem(sys.modules, "cv2", None)
     with pytest.raises(BadInputError, match=r"pip install 'vinefab\[vision\]'"):
-        find_markers(floor.photographed(camera))
+        measured_markers(floor.photographed(camera))
 
 
 @pytest.mark.parametrize("out_mm", [-4.0, 0.0, 2.5, 7.0])

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.photos.photo import Photo
-from vinefab.photos.photo_camera import ControlPoints, fit_camera, projected
+from vinefab.photos.photo import ControlPoints, Photo, fit_camera, projected
 
 CORNERS = np.array([(0.0, 0.0), (500.0, 0.0), (500.0, 400.0), (0.0, 400.0)])
 PLACES = np.array([(x, y) for x in (0, 130, 390, 500) for y in (0, 170, 400)], dtype=float)
@@ -31,7 +30,7 @@ def test_four_points_hold_their_plane_exactly(camera, tilt_deg):
     tilted = dataclasses.replace(camera, tilt_deg=tilt_deg)
     fitted = fit_camera(blank(camera), seen(tilted, CORNERS, z_mm=25.0))
     assert worst_mm(fitted, tilted, 25.0) < 1e-6
-    assert fitted.worst_residual_mm < 1e-6
+    assert fitted.residual_mm < 1e-6
     again = fitted.to_photo(PLACES)
     assert np.allclose(again, projected(tilted.homography(25.0), PLACES), atol=1e-6)
 

@@ -8,8 +8,7 @@ from scipy import ndimage
 from tests.photos.conftest import TrueCamera
 from vinefab.core.errors import BadInputError
 from vinefab.photos.found_markers import marker_points
-from vinefab.photos.photo import Photo
-from vinefab.photos.photo_camera import fit_camera, rectified
+from vinefab.photos.photo import Photo, fit_camera, rectified
 
 DOTS = np.array([(x, y) for x in (20.0, 250.0, 480.0) for y in (20.0, 200.0, 380.0)])
 AREA = (0.0, 0.0, 500.0, 400.0)

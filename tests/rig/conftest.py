@@ -6,8 +6,8 @@ import shapely
 from shapely import Polygon, box
 
 from vinefab.model.map import Map, Pose, Start
+from vinefab.rig.part import Printer
 from vinefab.rig.part_files import STL, PartItem, read_back_problems
-from vinefab.rig.rig_options import Printer
 
 
 def _up(x_mm, y_mm, spread_x_mm=0.0):

@@ -16,9 +16,9 @@ from vinefab.model.map import Pose, Start
 from vinefab.rig import fixtures as module
 from vinefab.rig.fixtures import ASSUMED_COLLAR_MM, CLAMP_MM
 from vinefab.rig.make import RigRequest, make_rig
+from vinefab.rig.part import RigOptions, manifold_of
 from vinefab.rig.part_files import read_stl
-from vinefab.rig.rig_options import RigOptions
-from vinefab.rig.solid import manifold_of, outlines_at
+from vinefab.rig.solid import outlines_at
 
 WALLS = (box(40, 90, 80, 130), box(120, 90, 160, 130))
 

@@ -10,7 +10,7 @@ from shapely import Point, box
 from vinefab.core.errors import BadInputError
 from vinefab.model.map import Map
 from vinefab.rig.build import PEG_RECESS_MM, RIM_MM, build_board, compare_with_map, pegs_in
-from vinefab.rig.rig_options import RigOptions
+from vinefab.rig.part import RigOptions
 
 BOARD = RigOptions(style="board", most_parts=200, wall_mm=0.0)
 

@@ -6,7 +6,7 @@ import shapely
 
 from vinefab.core.errors import BadInputError
 from vinefab.rig.build import build_rig, compare_with_map
-from vinefab.rig.rig_options import RigOptions
+from vinefab.rig.part import RigOptions
 
 
 @pytest.fixture(params=[0.0, None])

@@ -20,10 +20,9 @@ from vinefab.model.job import Operation
 from vinefab.pages.panel import Shape, Words
 from vinefab.rig.build import build_board
 from vinefab.rig.fixtures import Fixtures, marker_gap_mm
-from vinefab.rig.make import RigRequest, make_rig
-from vinefab.rig.page import plan_sheet
+from vinefab.rig.make import RigRequest, make_rig, plan_sheet
+from vinefab.rig.part import RigOptions
 from vinefab.rig.part_files import read_stl
-from vinefab.rig.rig_options import RigOptions
 
 cv2 = pytest.importorskip("cv2")
 

@@ -16,7 +16,7 @@ from vinefab.rig.make import (
     lid_jobs,
     sheet_file,
 )
-from vinefab.rig.rig_options import RigOptions
+from vinefab.rig.part import RigOptions
 
 BOARD = RigOptions(style="board", most_parts=200)
 

@@ -14,7 +14,7 @@ from vinefab.model.map import Map, Pose, Start
 from vinefab.rig import build
 from vinefab.rig import make as module
 from vinefab.rig.make import RigRequest, make_rig
-from vinefab.rig.rig_options import Printer, RigOptions
+from vinefab.rig.part import Printer, RigOptions
 from vinefab.rig.rig_plan import plan_of
 
 PRINTER = Printer(name="bench", bed_width_mm=220, bed_depth_mm=220, height_mm=100)

@@ -21,7 +21,7 @@ from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.generators.rubble import RubbleOptions, rubble_map
 from vinefab.rig.build import build_board, build_rig, compare_with_map
 from vinefab.rig.make import RigRequest, make_rig
-from vinefab.rig.part import Mesh
+from vinefab.rig.part import Mesh, Printer, RigOptions, manifold_of, read_printer
 from vinefab.rig.part_files import (
     JERK_MM_S,
     STL,
@@ -30,7 +30,6 @@ from vinefab.rig.part_files import (
     printing_of,
     read_back_problems,
 )
-from vinefab.rig.rig_options import Printer, RigOptions, read_printer
 from vinefab.rig.rig_plan import polygon_parts
 from vinefab.rig.solid import (
     CORBEL_STEP_MM,
@@ -39,7 +38,6 @@ from vinefab.rig.solid import (
     Course,
     built_of,
     cavities_in,
-    manifold_of,
     outlines_at,
     plan_volume_mm3,
     shell_wall_mm,

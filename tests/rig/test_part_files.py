@@ -16,6 +16,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import sha256_of
 from vinefab.model.map import Map, Pose, Start
 from vinefab.rig.make import RigRequest, make_rig
+from vinefab.rig.part import Printer, RigOptions
 from vinefab.rig.part_files import (
     PART_FORMATS,
     PartItem,
@@ -25,7 +26,6 @@ from vinefab.rig.part_files import (
     read_back_problems,
     stl_name,
 )
-from vinefab.rig.rig_options import Printer, RigOptions
 
 
 def _make():

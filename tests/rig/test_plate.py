@@ -9,9 +9,9 @@ from shapely import Point, Polygon, box
 
 from vinefab.core.errors import BadInputError
 from vinefab.rig.build import build_rig, compare_with_map
+from vinefab.rig.part import RigOptions, manifold_of
 from vinefab.rig.part_files import STL, PartItem, read_back_problems
-from vinefab.rig.rig_options import RigOptions
-from vinefab.rig.solid import engraved_marks, manifold_of
+from vinefab.rig.solid import engraved_marks
 
 
 def _solid(**sizes):

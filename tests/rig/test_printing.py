@@ -4,8 +4,8 @@ import shapely
 from shapely import box
 
 from vinefab.rig.build import build_rig
+from vinefab.rig.part import RigOptions
 from vinefab.rig.part_files import packed_on_beds, print_estimate, printing_of
-from vinefab.rig.rig_options import RigOptions
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -6,7 +6,7 @@ import pytest
 
 from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError, UnreadableFileError
-from vinefab.rig.rig_json import read_rig
+from vinefab.rig.part_files import read_rig
 
 
 @pytest.fixture(scope="module")

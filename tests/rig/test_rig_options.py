@@ -2,7 +2,7 @@ import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.model.files.shipped import locate, names
-from vinefab.rig.rig_options import read_printer
+from vinefab.rig.part import read_printer
 
 
 @pytest.fixture

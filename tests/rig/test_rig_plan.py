@@ -8,7 +8,7 @@ from shapely import LineString, MultiPolygon, Point, Polygon, box
 from vinefab.core.errors import BadInputError
 from vinefab.model.map import Pose, Start
 from vinefab.rig.build import build_rig
-from vinefab.rig.rig_options import RigOptions
+from vinefab.rig.part import RigOptions
 from vinefab.rig.rig_plan import (
     bridged,
     patches_for,

@@ -5,7 +5,7 @@ import pytest
 import shapely
 from shapely import LineString, Polygon, box
 
-from vinefab.rig.rig_options import RigOptions
+from vinefab.rig.part import RigOptions
 from vinefab.rig.rig_plan import Edges, TileSeam, cuts_of, polygon_parts, tabs_of
 
 

@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from vinefab.fabrication.calibration.fit_recipe import Calibration
     from vinefab.model.finding import CheckReport
     from vinefab.prediction.fix_proposal import ProposedFix
-    from vinefab.rig.rig_options import Printer
+    from vinefab.rig.part import Printer
 
     PrinterLike = Printer | str | PathLike[str]
     PicturesLike = str | PathLike[str] | Iterable[str | PathLike[str]]
@@ -144,7 +144,7 @@ def check(
     (robot,), profile, changed = context.robots, context.recipe, as_limits(limits)
     facts = None
     if rig is not None:
-        from vinefab.rig.rig_json import read_rig
+        from vinefab.rig.part_files import read_rig
 
         facts = read_rig(as_path("rig", rig, "a folder that vinefab rig wrote"))
     deployed: Deployed = ()
@@ -504,7 +504,7 @@ def rig(
     force: Force = False,
     **sizes: Annotated[
         Any,
-        FieldsOf(("vinefab.rig.rig_options:RigOptions",), also={"entry_width_mm": ("--entry-mm",)}),
+        FieldsOf(("vinefab.rig.part:RigOptions",), also={"entry_width_mm": ("--entry-mm",)}),
     ],
 ) -> WrittenFolder:
     """Write a map as a test rig: printable solids, sheets for the laser, pictures, ``rig.json``.
@@ -527,7 +527,7 @@ def rig(
         Draw the rig and its beds, and write a page about them.
     **sizes
         Such as ``style="board"``, ``height_mm``, ``plate_mm``, ``scale``; all of them:
-        `vinefab.rig.rig_options.RigOptions`.
+        `vinefab.rig.part.RigOptions`.
 
     Returns
     -------
@@ -554,7 +554,7 @@ def rig(
     """
     from vinefab.core.limits import number
     from vinefab.rig.make import RIG_MARK, RigRequest, make_rig
-    from vinefab.rig.rig_options import Printer, RigOptions, read_printer
+    from vinefab.rig.part import Printer, RigOptions, read_printer
     from vinefab.rig.rig_plan import refuse_fine
 
     folder = folder_to_write("out", out, RIG_MARK, force=force)

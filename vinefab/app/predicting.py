@@ -663,7 +663,7 @@ def _with_reading(seen: Observation, table: Path, pressure_kpa: float) -> Observ
     """Enter the angle of a joint coupon in a table of coupon results, which may be a new file."""
     from vinefab.fabrication.calibration.coupons import read_results
     from vinefab.model.files.shipped import read_text
-    from vinefab.observation.joint_angles import joint_reading
+    from vinefab.observation.observe_photo import joint_reading
 
     before = ""
     if table.exists():

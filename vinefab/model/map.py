@@ -11,17 +11,19 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import shapely
-from pydantic import ConfigDict, Field
+from annotated_types import Ge, Le, Unit
+from pydantic import ConfigDict, Field, PlainValidator
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
+from typing_extensions import Doc
 
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError, UnreadableFileError, inside, located
 from vinefab.core.front_door import front_door
 from vinefab.core.limits import DEFAULT_MARKER_MM, deg
 from vinefab.core.plain_text import GENERATOR, counted, plain
-from vinefab.core.table import Table, declared_keys, validated
-from vinefab.core.validation import LARGEST_MM, Floats, check_plain, number, positive
+from vinefab.core.table import Table, TablePart, declared_keys, validated
+from vinefab.core.validation import LARGEST_MM, Floats, check_plain, frozen_floats, number, positive
 from vinefab.model.files.shipped import path_given, read_text
 from vinefab.model.start import (
     Pose,
@@ -301,24 +303,34 @@ DEFAULT_MARKER_GAP_MM = 12.0
 """From the box of the bounds to a marker along both axes: border and quiet zone, as printed."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CornerMarker:
-    """One marker in map coordinates.
+def _four_corners(given: Any) -> Floats:  # noqa: ANN401  any content of a file
+    try:
+        return frozen_floats("corners_mm", np.reshape(given, (4, 2)), 2)
+    except (TypeError, ValueError) as error:
+        raise ValueError("four corners, each x and y in mm") from error
 
-    Parameters
-    ----------
-    number
-        0 at the lower left corner, then counter-clockwise: lower right, upper right, upper left.
-    corners_mm
-        Outer corners of its black frame, shape (4, 2): upper left first, then clockwise, as the
-        marker is seen upright from above with y upwards.
-    z_mm
-        Height of its face above the floor.
-    """
 
-    number: int
-    corners_mm: Floats
-    z_mm: float = 0.0
+class CornerMarker(TablePart):
+    """One marker in map coordinates, as files of rigs have it."""
+
+    number: Annotated[
+        int,
+        Ge(0),
+        Le(3),
+        Doc("0 at the lower left corner, then counter-clockwise: lower right, upper right ..."),
+    ]
+    corners_mm: Annotated[
+        Floats,
+        PlainValidator(_four_corners),
+        Unit("mm"),
+        Doc(
+            "outer corners of its black frame, shape (4, 2): upper left first, then clockwise, as "
+            "it is seen upright from above with y upwards"
+        ),
+    ]
+    z_mm: Annotated[
+        float, Ge(-1e6), Le(1e6), Unit("mm"), Doc("height of its face above the floor")
+    ] = 0.0
 
 
 def corner_markers(

@@ -1,22 +1,34 @@
 """Comparison of observation and prediction: shapes, contacts, stops, and which half-angle fits.
 
+A photo of the final shape does not show the headings that its tips had. They follow from the
+launch heading, which the parent's line shows, and from the walls: each branch is replayed, sliding
+along every wall, and the replay is believed as far as its shape is the one seen.
+
 A line is the best explanation of the film, and it may be wrong. So every branch is looked at again,
 at its base, at its tip and along its line; `branch_sights` lists the doubts that remain.
 """
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Final
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
 import numpy as np
 import scipy  # its parts load at their first use
 import shapely
+from annotated_types import Ge, Le, Unit
 from numpy.typing import NDArray
-from shapely import LineString
+from pydantic import Field
+from shapely import LineString, Polygon
+from shapely.geometry.base import BaseGeometry
+from typing_extensions import Doc
 
-from vinefab.core.limits import deg
+from vinefab.core.compiling import rebindable
+from vinefab.core.limits import deg, rad
+from vinefab.core.table import TablePart
 from vinefab.core.validation import Floats
-from vinefab.growth.batch import grow_on
+from vinefab.growth.arrays import Growth, Launch, Rules, TreesArrays, WallArrays
+from vinefab.growth.batch import KERNEL, grow_on, rules_of
 from vinefab.growth.options import GrowthChoice, GrowthOptions
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
@@ -24,17 +36,357 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
 from vinefab.observation.centre_lines import BLUR_MM, TracedBranch, TracedTree
 from vinefab.observation.film import SeenFilm
-from vinefab.observation.observed_contacts import (
-    HEADING_ERROR_DEG,
-    JOINT_ERROR_DEG,
-    Replays,
-    SeenBranch,
-    WallMeeting,
-    apart_mm,
-    seen_meetings,
-    wall_order,
-)
 from vinefab.physics.tube import inflated_radius_mm
+
+MeetingOutcome = Literal["slid", "stopped", "unclear"]
+
+AGREES_MM = 2.5
+AGREES_SHARE = 0.02
+"""A replay has the shape seen if no point of one is farther from the other than both together."""
+
+SAME_PLACE_MM = 1.0
+"""Places nearer to each other along a branch are one on a photo."""
+
+_TURNS_DEG = (0.0, -0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -3.0, 3.0, -5.0, 5.0, -8.0, 8.0, -12.0, 12.0)
+
+HEADING_ERROR_DEG = 0.7
+"""Standard error of a line's heading over 40 mm [assumed, above what rendered photos show]."""
+
+TIP_ERROR_DEG = 2.5
+"""Standard error of the heading of a tip by its film [assumed, above what rendered photos show]."""
+
+JOINT_ERROR_DEG = 5.5
+"""Standard error of a joint's angle [assumed: real joints are 4 to 7 degrees off]."""
+
+BEND_PER_MM, BEND_OVER_MM = 1.0 / 600.0, 60.0
+"""Standard deviation of the curvature of real branches, and the length over which it lasts
+[assumed]: so far a tip's heading strays from that of its joint."""
+
+TIP_LENGTH_MM = 40.0
+"""Of the line by whose bend the heading of a tip is found."""
+
+TIP_AT_WALL_MM = 2.5
+"""A tip that stopped at a wall lies so near to it [assumed]."""
+
+STEEPEST_STOP_DEG = 45.0
+"""Whatever ends a body that lies flatter at its wall, it is not the contact's angle [assumed]."""
+
+CORNER_DEG = 30.0
+"""Walls whose normals differ by more make a corner for a tip that touches both."""
+
+SHORT_OF_LENGTH_MM, SHORT_OF_LENGTH_SHARE = 6.0, 0.05
+"""A stop is told from a full length by so much at least: where a joint lies is known by its
+parent's planned length alone."""
+
+
+_Degrees = Annotated[float, Ge(0), Le(180), Unit("deg")]
+_Mm = Annotated[float, Ge(0), Le(1e7), Unit("mm")]
+
+
+class WallContact(TablePart):
+    """A tip at a wall, as observations have it."""
+
+    wall: Annotated[str | int | None, Doc("number of the obstacle, or bounds")] = None
+    angle_from_normal_deg: Annotated[
+        _Degrees | None, Doc("of the tip's heading, when it met the wall")
+    ] = None
+    outcome: Annotated[MeetingOutcome, Doc("what the tip did there")]
+    angle_error_deg: Annotated[
+        Annotated[_Degrees, Le(90)] | None, Doc("standard error of the angle [assumed]")
+    ] = None
+    distance_mm: Annotated[_Mm | None, Doc("from the line seen to the wall that it touches")] = None
+
+
+class WallMeeting(WallContact):
+    """A tip at a wall, as it is found: all but the distance is known."""
+
+    wall: str
+    angle_from_normal_deg: float
+    x_mm: Annotated[float, Unit("mm"), Doc("where the tip was")]
+    y_mm: Annotated[float, Unit("mm"), Doc("where the tip was")]
+    # length of the branch when its tip met the wall
+    front_mm: Annotated[float, Field(exclude=True)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replay:
+    """A branch replayed from a base and a launch heading.
+
+    ``chain_mm`` has base, contacts and tip at its end, ``chains_mm`` the same when its tip met each
+    of the walls of ``meetings``, which are in order.
+    """
+
+    chain_mm: Floats
+    meetings: tuple[WallMeeting, ...]
+    chains_mm: tuple[Floats, ...]
+
+
+class _Met(NamedTuple):
+    """A tip that meets a wall."""
+
+    chain_mm: Floats  # base, contacts and tip
+    angle_rad: float
+    front_mm: float
+
+
+def _grown_alone(
+    walls: WallArrays, rules: Rules, start: Launch, length_mm: float
+) -> tuple[Growth, list[_Met]]:
+    """Return the growth of one branch that no pressure stops, and where its tip met walls."""
+    kernel = rebindable(KERNEL)
+    meet, room = kernel["_meet"], 64
+    tree = TreesArrays(
+        parent=np.array([-1]),
+        turn=np.array([[1.0, 0.0]]),
+        length=np.array([length_mm]),
+        first=np.array([0, 1]),
+        limit=np.array([np.inf]),
+        store=np.zeros(1),
+    )
+    fits = np.array([True])
+    while True:
+        growth, met = Growth.empty(1, room), list[_Met]()
+
+        def note(walls: Any, rules: Any, tip: Any, wall: int, place: float) -> Any:  # noqa: ANN401  as the kernel
+            x, y, tangent_x, tangent_y, _ = walls.wall[wall].tolist()
+            spot = np.array([x + place * tangent_x, y + place * tangent_y])
+            chain = np.vstack([growth.points[: tip.pivot + 1], spot])  # noqa: B023  called at once
+            along = abs(tip.ux * tangent_x + tip.uy * tangent_y)
+            against = tip.ux * tangent_y - tip.uy * tangent_x
+            front = growth.chain_length[tip.pivot] + math.dist(*chain[-2:])  # noqa: B023
+            met.append(_Met(chain, math.atan2(along, against), float(front)))  # noqa: B023
+            return meet(walls, rules, tip, wall, place)
+
+        kernel["_meet"] = note
+        with np.errstate(all="ignore"):
+            if kernel["grow_branches"](walls, tree, fits, rules, start, growth, 0, 1) == 1:
+                return growth, met
+        room *= 2
+
+
+@dataclass(slots=True, eq=False)
+class Replays:
+    """Replays of branches on one map."""
+
+    world: Map
+    walls: dict[str, BaseGeometry] = field(init=False)  # obstacles and the bounds' edge, by name
+
+    def __post_init__(self) -> None:
+        obstacles = {f"obstacle {index}": one for index, one in enumerate(self.world.obstacles)}
+        self.walls = {**obstacles, "bounds": self.world.bounds.boundary}
+
+    def grown(
+        self,
+        base_mm: Floats,
+        heading_rad: float,
+        length_mm: float,
+        radius_mm: float,
+        half_angle_rad: float = 0.0,
+    ) -> Replay | None:
+        """Return a branch grown alone; None where it has no room."""
+        around = shapely.Point(base_mm).buffer(length_mm + 3.0 * radius_mm)
+        kept = tuple(shape for shape in self.world.obstacles if shape.intersects(around))
+        terrain = Terrain.of(Map(name="near", bounds=self.world.bounds, obstacles=kept))
+        free = terrain.free_space(radius_mm)
+        if free.is_empty:
+            return None
+        if not shapely.contains_xy(free, *base_mm):
+            line = shapely.shortest_line(free, shapely.Point(base_mm))
+            if line.length > radius_mm:
+                return None
+            base_mm = shapely.get_coordinates(line)[0]
+        options = GrowthOptions(head_on_half_angle_rad=half_angle_rad, pressure_stop=False)
+        rules = rules_of(options, terrain.tolerance_mm)
+        x_mm, y_mm = base_mm.tolist()
+        start = Launch(x_mm, y_mm, math.cos(heading_rad), math.sin(heading_rad))
+        growth, met = _grown_alone(terrain.walls(radius_mm), rules, start, length_mm)
+        names, shapes = list(self.walls), np.array(list(self.walls.values()), dtype=np.object_)
+        tips = [shapely.Point(one.chain_mm[-1]) for one in met]
+        meetings = tuple(
+            WallMeeting(
+                x_mm=tip.x,
+                y_mm=tip.y,
+                wall=names[int(np.argmin(shapely.distance(shapes, tip)))],
+                angle_from_normal_deg=deg(one.angle_rad),
+                angle_error_deg=0.0,
+                front_mm=one.front_mm,
+                outcome="slid",
+            )
+            for one, tip in zip(met, tips, strict=True)
+        )
+        if growth.stop[0] in (Stop.CORNER, Stop.HEAD_ON) and meetings:
+            meetings = (*meetings[:-1], meetings[-1].changed(outcome="stopped"))
+        return Replay(
+            chain_mm=growth.points[: growth.first_point[1]],
+            meetings=meetings,
+            chains_mm=tuple(one.chain_mm for one in met),
+        )
+
+
+def wall_order(meetings: Sequence[WallMeeting]) -> list[str]:
+    """Return the walls of meetings in their order, without repetitions one after the other."""
+    names = [meeting.wall for meeting in meetings]
+    return [name for place, name in enumerate(names) if place == 0 or names[place - 1] != name]
+
+
+def apart_mm(one: Floats, other: Floats) -> float:
+    """Return the largest distance from a point of one line to the other (Hausdorff)."""
+    if len(one) < 2 or len(other) < 2:
+        return float("inf")
+    lines = LineString(one), LineString(other)
+    if min(line.length for line in lines) == 0.0:
+        return float(shapely.hausdorff_distance(*lines))
+    dense = [shapely.segmentize(line, 2.0) for line in lines]
+    return float(shapely.hausdorff_distance(dense[0], dense[1]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeenBranch:
+    """What was seen of a branch, for its meetings."""
+
+    points_mm: Floats
+    length_mm: float
+    planned_mm: float
+    ends_early: bool
+    radius_mm: float
+    heading_rad: float  # launch heading by the parent's line
+    heading_error_deg: float
+
+
+def seen_meetings(replays: Replays, seen: SeenBranch) -> tuple[tuple[WallMeeting, ...], str]:
+    """Return the meetings of a branch's tip with walls, and the reason why it stopped.
+
+    The stop is ``full_length``, ``head_on``, ``corner``, or ``unclear`` where it is short of its
+    length without a wall at its end. A tip that stopped has the heading that it came with, so that
+    its angle is seen; where it slid, the angle is that of the replay.
+    """
+    meetings = list[WallMeeting]()
+    best = _best_replay(replays, seen)
+    if best is not None:
+        replay, end, turn_deg, away_mm = best
+        fits = away_mm <= AGREES_MM + AGREES_SHARE * seen.length_mm
+        for meeting in replay.meetings[:end]:
+            distance_mm = _touching_mm(replays, seen, meeting.wall)
+            # What is met within the error of the length may not have been met at all.
+            is_met = meeting.front_mm <= seen.length_mm - SAME_PLACE_MM
+            bend_rad = BEND_PER_MM * math.sqrt(BEND_OVER_MM * min(meeting.front_mm, seen.length_mm))
+            error = math.hypot(seen.heading_error_deg, 0.5 * turn_deg, deg(bend_rad))
+            slid = fits and distance_mm is not None and is_met
+            meetings.append(
+                meeting.changed(
+                    outcome="slid" if slid else "unclear",
+                    angle_error_deg=min(error, 30.0),
+                    distance_mm=distance_mm,
+                )
+            )
+    if not seen.ends_early:
+        return tuple(meetings), "full_length"
+    stop = _stop_at_wall(replays, seen)
+    if stop is None:
+        return tuple(meetings), "unclear"
+    meeting, is_corner = stop
+    before = [m for m in meetings if m.front_mm < seen.length_mm - seen.radius_mm]
+    return (*before, meeting), "corner" if is_corner else "head_on"
+
+
+def _touching_mm(replays: Replays, seen: SeenBranch, wall: str) -> float | None:
+    """Return the distance at which a line passes a wall; None where the body does not touch it."""
+    away = float(shapely.distance(replays.walls[wall], LineString(seen.points_mm)))
+    return away if abs(away - seen.radius_mm) <= max(1.5, 0.3 * seen.radius_mm) else None
+
+
+def _stop_at_wall(replays: Replays, seen: SeenBranch) -> tuple[WallMeeting, bool] | None:
+    """Return the wall at which a tip lies, head-on or in a corner; None where none is."""
+    short_mm = seen.planned_mm - seen.length_mm
+    if short_mm <= max(SHORT_OF_LENGTH_MM, SHORT_OF_LENGTH_SHARE * seen.planned_mm):
+        return None
+    tip = seen.points_mm[-1]
+    heading, error = _tip_heading(seen.points_mm)
+    near = list[tuple[float, float, float, str]]()  # angle, distance, direction, wall
+    for name, shape in replays.walls.items():
+        edge = shape.boundary if isinstance(shape, Polygon) else shape
+        line = shapely.shortest_line(shapely.Point(tip), edge)
+        if line.length > seen.radius_mm + TIP_AT_WALL_MM or line.length < 0.3 * seen.radius_mm:
+            continue
+        way = shapely.get_coordinates(line)[1] - tip
+        normal = math.atan2(way[1], way[0])
+        angle = abs(deg(math.remainder(heading - normal, math.tau)))
+        if angle < 90.0:
+            near.append((angle, float(line.length), normal, name))
+    if not near:
+        return None
+    angle, away, normal, name = min(near)
+    others = [abs(deg(math.remainder(one[2] - normal, math.tau))) for one in near]
+    is_corner = max(others) > CORNER_DEG
+    if angle > STEEPEST_STOP_DEG and not is_corner:
+        return None
+    place = tip + away * np.array([math.cos(normal), math.sin(normal)])
+    meeting = WallMeeting(
+        x_mm=float(tip[0]),
+        y_mm=float(tip[1]),
+        wall=name if shapely.Point(place).distance(replays.walls[name]) < 1.0 else "bounds",
+        angle_from_normal_deg=angle,
+        angle_error_deg=error,
+        front_mm=seen.length_mm,
+        outcome="stopped",
+        distance_mm=_touching_mm(replays, seen, name),
+    )
+    return meeting, is_corner
+
+
+def _tip_heading(line_mm: Floats) -> tuple[float, float]:
+    """Return the heading of a tip by the bend of its line's end, and its error in degrees."""
+    line = LineString(line_mm)
+    headings = []
+    for length in (TIP_LENGTH_MM, TIP_LENGTH_MM / 2.0):
+        over = min(length, line.length)
+        along = np.linspace(0.0, over, 25)
+        points = shapely.get_coordinates(shapely.line_interpolate_point(line, line.length - along))
+        slopes = [np.polyfit(along, points[:, axis], 2)[1] for axis in (0, 1)]
+        headings.append(math.atan2(-slopes[1], -slopes[0]))
+    # A kink near the end bends the longer stretch otherwise than the shorter one.
+    apart = deg(math.remainder(headings[0] - headings[1], math.tau))
+    short = max(1.0, TIP_LENGTH_MM / max(1.0, line.length))
+    return headings[0], min(30.0, math.hypot(TIP_ERROR_DEG * short, 0.5 * apart))
+
+
+def _best_replay(
+    replays: Replays, seen: SeenBranch
+) -> tuple[Replay, int | None, float, float] | None:
+    """Return the replay most like what was seen, of launch headings near the planned one.
+
+    With it: the meeting at which it ends as seen (None where it ends elsewhere), the turn of its
+    heading in degrees, and the largest distance between both shapes. Near head-on a tip slides
+    centimetres while its body grows by a millimetre, so that a branch that stopped is compared with
+    the replay at each meeting, not at its length.
+    """
+    best, least = None, float("inf")
+    slack_mm = max(3.0, 0.6 * seen.radius_mm)
+    # A little longer than seen, so that the wall where it stopped is met.
+    length = seen.length_mm + slack_mm * seen.ends_early
+    for turn in _TURNS_DEG:
+        heading = seen.heading_rad + rad(turn)
+        replay = replays.grown(seen.points_mm[0], heading, length, seen.radius_mm)
+        if replay is None:
+            continue
+        near = [
+            (apart_mm(chain, seen.points_mm), place)
+            for place, (chain, one) in enumerate(
+                zip(replay.chains_mm, replay.meetings, strict=True)
+            )
+            if seen.ends_early and abs(one.front_mm - seen.length_mm) <= slack_mm
+        ]
+        end: int | None = None
+        away = min(near)[0] if near else apart_mm(replay.chain_mm, seen.points_mm)
+        if near:  # of places that the photo cannot tell apart, the one met most head-on
+            same = [place for apart, place in near if apart <= away + SAME_PLACE_MM]
+            end = min(same, key=lambda place: replay.meetings[place].angle_from_normal_deg)
+        if away + 0.1 * abs(turn) < least:
+            best, least = (replay, end, turn, away), away + 0.1 * abs(turn)
+        if turn == 0.0 and away <= 1.0:
+            break
+    return best
+
 
 GOES_ON: Final = "film continues beyond its tip"
 AT_OTHERS: Final = "its tip lies at other film"
@@ -138,8 +490,12 @@ class _Looks:
             line = film.moved(branch.points_mm, nominal, film.sight.plane_mm)
             area = LineString(line) if len(line) > 1 else shapely.Polygon()
             areas.append(shapely.buffer(area, radii[-1] + BLUR_MM))
-        explained = _drawn(areas, film)
-        left = (film.share > 0.5) & ~film.solid & ~explained
+        left, explained = (film.share > 0.5) & ~film.solid, shapely.union_all(areas)
+        if not explained.is_empty:
+            shapely.prepare(explained)
+            rows, columns = np.nonzero(left)
+            places = film.view.to_map(np.column_stack([columns, rows]).astype(np.float64) + 0.5)
+            left[rows, columns] = ~shapely.contains_xy(explained, places)
         thick = max(1, round(THICK_MM / film.view.mm_per_pixel))
         left = scipy.ndimage.binary_opening(left, np.ones((thick, thick), dtype=np.bool_))
         return cls(film, traced, radii, areas, np.asarray(left))
@@ -151,23 +507,28 @@ class _Looks:
             return self._absent(index)
         found = []
         children = np.flatnonzero(self.traced.tree.parent == index)
-        grew_on = any(self.traced.branches[child].deployed for child in children)
         if not self._on_film(branch.points_mm[0], index):
             found.append(BASE_UNSEEN)
         if not self._on_film(branch.points_mm[-1], index):
             found.append(TIP_UNSEEN)
-        if not grew_on:
+        if not any(self.traced.branches[child].deployed for child in children):
             found += self._beyond(index)
-        found += self._along(index)
-        found += self._direction(index)
+        line, radius = _dense(branch.points_mm), self.radius_mm[index]
+        there = (self.film.at(line, radius) > 0.5) | self.film.hidden(line, radius)
+        if _longest(~there) * branch.length_mm / max(1, len(line)) > MOST_GAP_MM:
+            found.append(OFF_FILM)
+        if branch.told_apart < LEAST_ALONE:
+            found.append(ON_OTHERS)
+        off = self._launch(index)
+        if off is not None:
+            most = MOST_HINGE_DEG if self._touches_wall(index) else MOST_TURN_DEG
+            found += [OTHER_WAY] if abs(off) > most else []
+            found += [SIBLING] if self._fits_absent_sibling(index, abs(off)) else []
         return found
-
-    def _radius(self, index: int) -> float:
-        return self.radius_mm[index]
 
     def _on_film(self, point_mm: Floats, index: int) -> bool:
         """Tell whether the middle of a tube is seen as film at a point."""
-        radius = self._radius(index)
+        radius = self.radius_mm[index]
         angle = np.arange(0.0, 2.0 * np.pi, np.pi / 4.0)
         around = 0.4 * radius * np.column_stack([np.cos(angle), np.sin(angle)])
         points = point_mm + np.vstack([np.zeros(2), around])
@@ -177,7 +538,7 @@ class _Looks:
 
     def _beyond(self, index: int) -> list[str]:
         """Return whether the film ends at the tip, all around the way ahead."""
-        film, radius = self.film, self._radius(index)
+        film, radius = self.film, self.radius_mm[index]
         line = self.traced.branches[index].points_mm
         tip, heading = line[-1], _heading(line[::-1], max(3.0, radius)) + np.pi
         step = max(2.0, deg(0.7 / radius))
@@ -200,31 +561,16 @@ class _Looks:
         middle = np.abs(np.arange(len(angle)) - len(angle) // 2) <= len(angle) // 4
         if hidden[middle].mean() > 0.5:
             found.append(TIP_UNSEEN)
-        if self._near(tip, radius) > MOST_NEAR * (2.0 * radius) ** 2:
-            found.append(UNEXPLAINED)
-        return found
-
-    def _near(self, tip_mm: Floats, radius: float) -> float:
-        """Return the area of unexplained film near a tip, in mm2."""
-        view = self.film.view
+        view = film.view
         reach = (NEAR_MM + NEAR_RADII * radius) / view.mm_per_pixel
-        at = view.to_pixels(self.film.moved(tip_mm[None], radius, self.film.sight.plane_mm))[0]
-        rows, columns = self.unexplained.shape
-        row, column = (np.arange(size) + 0.5 for size in (rows, columns))
-        box = np.abs(row - at[1]) <= reach, np.abs(column - at[0]) <= reach
-        cut = self.unexplained[box[0]][:, box[1]]
-        away = np.hypot(row[box[0]][:, None] - at[1], column[box[1]][None] - at[0])
-        return float((cut & (away <= reach)).sum()) * view.mm_per_pixel**2
-
-    def _along(self, index: int) -> list[str]:
-        """Return whether the line leaves the film, or lies along others'."""
-        branch, radius = self.traced.branches[index], self._radius(index)
-        line = shapely.get_coordinates(shapely.segmentize(LineString(branch.points_mm), 1.0))
-        there = (self.film.at(line, radius) > 0.5) | self.film.hidden(line, radius)
-        gap = _longest(~there) * branch.length_mm / max(1, len(line))
-        found = [OFF_FILM] if gap > MOST_GAP_MM else []
-        if branch.told_apart < LEAST_ALONE:
-            found.append(ON_OTHERS)
+        at = view.to_pixels(film.moved(tip[None], radius, film.sight.plane_mm))[0]
+        row, column = (np.arange(size) + 0.5 for size in self.unexplained.shape)
+        high, wide = np.abs(row - at[1]) <= reach, np.abs(column - at[0]) <= reach
+        away = np.hypot(row[high][:, None] - at[1], column[wide][None] - at[0])
+        near = self.unexplained[high][:, wide] & (away <= reach)
+        near_mm2 = float(near.sum()) * view.mm_per_pixel**2
+        if near_mm2 > MOST_NEAR * (2.0 * radius) ** 2:
+            found.append(UNEXPLAINED)
         return found
 
     def _launch(self, index: int) -> float | None:
@@ -234,26 +580,15 @@ class _Looks:
         if parent < 0 or not branch.deployed or not self.traced.branches[parent].deployed:
             return None
         planned = self._end_heading(parent) + float(tree.offset_rad[index])
-        return _turn_deg(_launch_heading(branch, self._radius(index)), planned)
+        return _turn_deg(_launch_heading(branch, self.radius_mm[index]), planned)
 
     def _end_heading(self, index: int) -> float:
         line = self.traced.branches[index].points_mm
-        return _heading(line[::-1], max(10.0, 2.0 * self._radius(index))) + np.pi
-
-    def _direction(self, index: int) -> list[str]:
-        off = self._launch(index)
-        if off is None:
-            return []
-        most = MOST_HINGE_DEG if self._touches_wall(index) else MOST_TURN_DEG
-        found = [OTHER_WAY] if abs(off) > most else []
-        if self._fits_absent_sibling(index):
-            found.append(SIBLING)
-        return found
+        return _heading(line[::-1], max(10.0, 2.0 * self.radius_mm[index])) + np.pi
 
     def _touches_wall(self, index: int) -> bool:
         """Tell whether a body lies at a wall, away from its joint."""
-        radius, line = self._radius(index), self.traced.branches[index].points_mm
-        line = shapely.get_coordinates(shapely.segmentize(LineString(line), 1.0))
+        radius, line = self.radius_mm[index], _dense(self.traced.branches[index].points_mm)
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
         line = line[along > 2.0 * radius]
         angle = np.arange(0.0, 2.0 * np.pi, np.pi / 8.0)
@@ -261,16 +596,15 @@ class _Looks:
         spots = (line[:, None] + around[None]).reshape(-1, 2)
         return bool(len(line) and self.film.is_solid(spots).any())
 
-    def _fits_absent_sibling(self, index: int) -> bool:
+    def _fits_absent_sibling(self, index: int, own_deg: float) -> bool:
         """Tell whether the film leaves as an absent sibling would, as nearly as its own plan."""
         tree, branch = self.traced.tree, self.traced.branches[index]
-        own = self._launch(index)
         for other in np.flatnonzero(tree.parent == tree.parent[index]).tolist():
-            if other == index or self.traced.branches[other].deployed or own is None:
+            if other == index or self.traced.branches[other].deployed:
                 continue
             planned = self._end_heading(int(tree.parent[index])) + float(tree.offset_rad[other])
-            theirs = _turn_deg(_launch_heading(branch, self._radius(index)), planned)
-            if abs(theirs) <= MOST_TURN_DEG and abs(theirs) < abs(own) + 0.5 * MOST_TURN_DEG:
+            theirs = abs(_turn_deg(_launch_heading(branch, self.radius_mm[index]), planned))
+            if theirs <= MOST_TURN_DEG and theirs < own_deg + 0.5 * MOST_TURN_DEG:
                 return True
         return False
 
@@ -283,11 +617,10 @@ class _Looks:
             return []
         if before.ends_early:  # its children stay in, if that is true: its own doubts say
             return []
-        found = []
-        radius = self._radius(index)
+        radius = self.radius_mm[index]
         tip, planned = before.points_mm[-1], self._end_heading(parent)
         planned += float(tree.offset_rad[index])
-        reach = 1.1 * self._radius(parent) + radius + 4.0
+        reach = 1.1 * self.radius_mm[parent] + radius + 4.0
         angle = planned + np.radians(np.arange(-MOST_TURN_DEG, MOST_TURN_DEG + 0.1, 4.0))
         out = np.arange(reach, reach + 8.1, 2.0)
         way = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -296,9 +629,11 @@ class _Looks:
         is_film = (self.film.at(flat, radius) > 0.5) & ~self.film.is_solid(flat)
         unseen = self.film.hidden(flat, radius) & ~self.film.is_solid(flat)
         along = (is_film | unseen).reshape(len(angle), len(out)).all(axis=1)
-        if along.any():
-            found.append(MAY_BE_OUT)
-        return found
+        return [MAY_BE_OUT] if along.any() else []
+
+
+def _dense(line_mm: Floats) -> Floats:
+    return shapely.get_coordinates(shapely.segmentize(LineString(line_mm), 1.0))
 
 
 def _heading(line_mm: Floats, over_mm: float) -> float:
@@ -325,20 +660,6 @@ def _longest(there: NDArray[np.bool_]) -> int:
     """Return the length of the longest run of True."""
     runs, count = scipy.ndimage.label(there)
     return int(np.bincount(runs)[1:].max()) if count else 0
-
-
-def _drawn(areas: Sequence[shapely.Geometry], film: SeenFilm) -> NDArray[np.bool_]:
-    """Return the mask of the pixels of a plan in areas."""
-    rows, columns = film.share.shape
-    area = shapely.union_all(areas)
-    inside = np.zeros((rows, columns), dtype=np.bool_)
-    near = np.argwhere(film.share > 0.3)
-    if area.is_empty or not len(near):
-        return inside
-    shapely.prepare(area)
-    places = film.view.to_map(near[:, ::-1].astype(np.float64) + 0.5)
-    inside[near[:, 0], near[:, 1]] = shapely.contains_xy(area, places)
-    return inside
 
 
 HALF_ANGLES_DEG = (1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 12.0, 15.0)
@@ -475,9 +796,8 @@ def compare_with_prediction(
     design: Design,
     world: Map,
     pose: Pose,
-    given: Mapping[str, object] | None = None,
-    *,
-    sights: Sequence[BranchSight] = (),
+    given: Mapping[str, object] | None,
+    sights: Sequence[BranchSight],
 ) -> Compared:
     """Return a traced robot with the prediction of the growth model.
 
@@ -486,39 +806,39 @@ def compare_with_prediction(
     given
         Growth options by name that replace those of the design.
     sights
-        How well each branch was seen; all well if none are given.
+        How well each branch was seen.
     """
     choice = GrowthChoice.of([design], given).single
     terrain, replays = Terrain.of(world), Replays(world)
     prediction = grow_on(design, terrain, pose, choice.options)
-    branches = tuple(
+    branches = [
         _compared(index, traced, design, prediction, choice.options, replays)
         for index in range(len(traced.tree))
-    )
-    if sights:
-        branches = tuple(map(_as_seen, branches, sights))
-    is_read = _is_read(traced, branches)
-    if not is_read:
-        branches = tuple(
-            _unclaimed(replace(branch, doubts=(*branch.doubts, NO_VERDICT))) for branch in branches
+    ]
+    for index, sight in enumerate(sights):
+        no_wall = (NO_WALL,) if branches[index].stop_observed == UNCLEAR else ()
+        seen = replace(
+            branches[index],
+            tip_and_base_seen=sight.tip_and_base,
+            doubts=(*sight.doubts, *no_wall),
         )
+        branches[index] = _unclaimed(seen) if seen.doubts else seen
+    # Lines explain the film, film supports the lines, and joints explain the branches.
+    explained = min(traced.film_explained, traced.lines_supported) >= LEAST_EXPLAINED
+    doubtful = sum(bool(branch.doubts) for branch in branches)
+    is_read = explained and doubtful <= MOST_DOUBTFUL * len(branches)
+    if not is_read:
+        branches = [
+            _unclaimed(replace(branch, doubts=(*branch.doubts, NO_VERDICT))) for branch in branches
+        ]
     return Compared(
         is_read=is_read,
         prediction=prediction,
         options=choice.options,
-        branches=branches,
+        branches=tuple(branches),
         fits=_half_angle_fits(traced, branches, design, terrain, pose, choice.options),
         notes=choice.notes,
     )
-
-
-def _as_seen(branch: ComparedBranch, sight: BranchSight) -> ComparedBranch:
-    """Return a branch of which no more is claimed than was seen."""
-    doubts = sight.doubts
-    if branch.stop_observed == UNCLEAR:
-        doubts = (*doubts, NO_WALL)
-    known = replace(branch, tip_and_base_seen=sight.tip_and_base, doubts=doubts)
-    return _unclaimed(known) if doubts else known
 
 
 def _unclaimed(branch: ComparedBranch) -> ComparedBranch:
@@ -527,16 +847,6 @@ def _unclaimed(branch: ComparedBranch) -> ComparedBranch:
     at_wall = branch.stop_observed in (Stop.HEAD_ON.label, Stop.CORNER.label)
     stop = UNCLEAR if at_wall else branch.stop_observed
     return replace(branch, contacts=contacts, stop_observed=stop)
-
-
-def _is_read(traced: TracedTree, branches: Sequence[ComparedBranch]) -> bool:
-    """Tell whether a design from a pose can be what a photo shows.
-
-    Lines explain the film, film supports the lines, and joints explain the branches.
-    """
-    explained = min(traced.film_explained, traced.lines_supported) >= LEAST_EXPLAINED
-    doubtful = sum(bool(branch.doubts) for branch in branches)
-    return explained and doubtful <= MOST_DOUBTFUL * len(branches)
 
 
 def _compared(
@@ -550,17 +860,43 @@ def _compared(
     seen, tree = traced.branches[index], traced.tree
     level = int(tree.level[index])
     radius = inflated_radius_mm(design.build.widths_mm[level - 1])
+    parent, length_mm = int(tree.parent[index]), float(tree.length_mm[index])
     contacts: tuple[WallMeeting, ...] = ()
     stop = Stop.NOT_DEPLOYED.label
     if seen.deployed:
-        contacts, stop = seen_meetings(replays, _seen_branch(index, traced, prediction, radius))
+        heading, error = prediction.pose.heading_rad, 1.5
+        if parent >= 0:
+            corners = traced.branches[parent].corners_mm
+            heading = _last_heading(corners) + float(tree.offset_rad[index])
+            # The shorter the last straight stretch, the less its heading is known.
+            last_mm = float(np.hypot(*(corners[-1] - corners[-2])))
+            line_error = HEADING_ERROR_DEG * max(1.0, 40.0 / max(1.0, last_mm))
+            error = float(np.hypot(line_error, JOINT_ERROR_DEG))
+        known = SeenBranch(
+            points_mm=seen.points_mm,
+            length_mm=seen.length_mm,
+            planned_mm=length_mm,
+            ends_early=seen.ends_early,
+            radius_mm=radius,
+            heading_rad=heading,
+            heading_error_deg=min(error, 30.0),
+        )
+        contacts, stop = seen_meetings(replays, known)
     chain = prediction.chain_mm(index)
     mean, most = distance_mm(seen.points_mm, chain)
     hausdorff = apart_mm(seen.points_mm, chain)
+    predicted = list[WallMeeting]()
+    if len(chain) > 1:
+        heading = prediction.pose.heading_rad
+        if parent >= 0:
+            heading = _last_heading(prediction.chain_mm(parent)) + float(tree.offset_rad[index])
+        replay = replays.grown(chain[0], heading, length_mm, radius, options.only_half_angle_rad)
+        grown_mm = float(prediction.grown_mm[index]) + 1e-6
+        predicted = [one for one in replay.meetings if one.front_mm <= grown_mm] if replay else []
     return ComparedBranch(
         id=tree.ids[index],
         level=level,
-        planned_mm=float(tree.length_mm[index]),
+        planned_mm=length_mm,
         observed_mm=seen.length_mm,
         predicted_mm=float(prediction.grown_mm[index]),
         points_mm=seen.points_mm,
@@ -578,57 +914,15 @@ def _compared(
         order_observed=tuple(
             wall_order([c for c in contacts if c.front_mm <= seen.length_mm + radius])
         ),
-        order_predicted=_predicted_order(index, prediction, options, replays, radius),
+        order_predicted=tuple(wall_order(predicted)),
         tip_and_base_seen=seen.deployed,
     )
 
 
-def _seen_branch(
-    index: int, traced: TracedTree, prediction: Deployment, radius: float
-) -> SeenBranch:
-    """Return the initial data for the replay of a branch."""
-    seen, tree = traced.branches[index], traced.tree
-    parent = int(tree.parent[index])
-    if parent < 0:
-        heading, error = prediction.pose.heading_rad, 1.5
-    else:
-        corners = traced.branches[parent].corners_mm
-        last = corners[-1] - corners[-2]
-        heading = float(np.arctan2(last[1], last[0])) + float(tree.offset_rad[index])
-        # The shorter the last straight stretch, the less its heading is known.
-        line_error = HEADING_ERROR_DEG * max(1.0, 40.0 / max(1.0, float(np.hypot(*last))))
-        error = float(np.hypot(line_error, JOINT_ERROR_DEG))
-    return SeenBranch(
-        points_mm=seen.points_mm,
-        length_mm=seen.length_mm,
-        planned_mm=float(tree.length_mm[index]),
-        ends_early=seen.ends_early,
-        radius_mm=radius,
-        heading_rad=heading,
-        heading_error_deg=min(error, 30.0),
-    )
-
-
-def _predicted_order(
-    index: int, prediction: Deployment, options: GrowthOptions, replays: Replays, radius: float
-) -> tuple[str, ...]:
-    """Return the walls that a predicted branch's tip met, in their order."""
-    chain, tree = prediction.chain_mm(index), prediction.tree
-    if len(chain) < 2:
-        return ()
-    parent = int(tree.parent[index])
-    heading = prediction.pose.heading_rad
-    if parent >= 0:
-        before = prediction.chain_mm(parent)
-        last = before[-1] - before[-2]
-        heading = float(np.arctan2(last[1], last[0])) + float(tree.offset_rad[index])
-    half_angle = options.only_half_angle_rad
-    length = float(tree.length_mm[index])
-    replay = replays.grown(chain[0], heading, length, radius, half_angle)
-    if replay is None:
-        return ()
-    grown = float(prediction.grown_mm[index])
-    return tuple(wall_order([m for m in replay.meetings if m.front_mm <= grown + 1e-6]))
+def _last_heading(chain_mm: Floats) -> float:
+    """Return the direction in which a chain ends."""
+    last = chain_mm[-1] - chain_mm[-2]
+    return float(np.arctan2(last[1], last[0]))
 
 
 def distance_mm(one: Floats, other: Floats) -> tuple[float | None, float | None]:
@@ -654,45 +948,36 @@ def _half_angle_fits(
     options: GrowthOptions,
 ) -> tuple[HalfAngleFit, ...]:
     """Return the fits of predictions over the contact range to the shape seen."""
-    own = deg(options.only_half_angle_rad)
-    rows = []
-    for angle in sorted({*HALF_ANGLES_DEG, own}):
-        changed = GrowthOptions.of({"head_on_half_angle_deg": angle}, options)
-        predicted = grow_on(design, terrain, pose, changed)
-        rows.append((angle, *_likeness(traced, branches, predicted)))
-    top = max((row[3] for row in rows), default=0.0)
-    return tuple(
-        HalfAngleFit(
-            half_angle_deg=round(angle, 6),
-            mean_mm=mean,
-            same_stops=same,
-            log_likelihood=log - top,
-        )
-        for angle, mean, same, log in rows
-    )
-
-
-def _likeness(
-    traced: TracedTree, branches: Sequence[ComparedBranch], predicted: Deployment
-) -> tuple[float, int, float]:
-    """Return the mean distance, how many branches end as seen, and the shape's log likelihood."""
-    total, weight, same, log = 0.0, 0.0, 0, 0.0
     begins = [0.0] * len(traced.tree)  # the planned way along the body to each branch's base
     for index, parent in enumerate(traced.tree.parent.tolist()):
         if parent >= 0:
             begins[index] = begins[parent] + float(traced.tree.length_mm[parent])
-    for index, branch in enumerate(branches):
-        seen, chain = branch.points_mm, predicted.chain_mm(index)
-        label = Stop(int(predicted.stop[index])).label
-        same += label == branch.stop_observed
-        error = SHAPE_ERROR_MM + SHAPE_ERROR_SHARE * (begins[index] + branch.planned_mm)
-        mean, _ = distance_mm(seen, chain)
-        if mean is None:
-            missed = (len(seen) > 1) != (len(chain) > 1)
-            log -= 0.5 * WORST_ERRORS**2 * missed
-            continue
-        length = min(branch.observed_mm, float(predicted.grown_mm[index]))
-        total, weight = total + mean * length, weight + length
-        away = max(mean, abs(branch.observed_mm - float(predicted.grown_mm[index])))
-        log -= 0.5 * min(away / error, WORST_ERRORS) ** 2
-    return total / weight if weight else 0.0, same, log
+    fits = []
+    for angle in sorted({*HALF_ANGLES_DEG, deg(options.only_half_angle_rad)}):
+        changed = GrowthOptions.of({"head_on_half_angle_deg": angle}, options)
+        predicted = grow_on(design, terrain, pose, changed)
+        total = weight = log = 0.0
+        for index, branch in enumerate(branches):
+            chain, grown_mm = predicted.chain_mm(index), float(predicted.grown_mm[index])
+            mean, _ = distance_mm(branch.points_mm, chain)
+            if mean is None:
+                missed = (len(branch.points_mm) > 1) != (len(chain) > 1)
+                log -= 0.5 * WORST_ERRORS**2 * missed
+                continue
+            length = min(branch.observed_mm, grown_mm)
+            total, weight = total + mean * length, weight + length
+            error = SHAPE_ERROR_MM + SHAPE_ERROR_SHARE * (begins[index] + branch.planned_mm)
+            away = max(mean, abs(branch.observed_mm - grown_mm))
+            log -= 0.5 * min(away / error, WORST_ERRORS) ** 2
+        stops = [Stop(int(stop)).label for stop in predicted.stop]
+        same = sum(b.stop_observed == stop for b, stop in zip(branches, stops, strict=True))
+        fits.append(
+            HalfAngleFit(
+                half_angle_deg=round(angle, 6),
+                mean_mm=total / weight if weight else 0.0,
+                same_stops=same,
+                log_likelihood=log,
+            )
+        )
+    top = max(fit.log_likelihood for fit in fits)
+    return tuple(replace(fit, log_likelihood=fit.log_likelihood - top) for fit in fits)

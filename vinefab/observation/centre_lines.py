@@ -188,20 +188,86 @@ class _Tracing:
             self._choose(np.flatnonzero(self.tree.level == level).tolist())
             _fit(self, rounds=2)
         _fit(self, rounds=_ROUNDS)
-        return self._result()
+        lines = self._fine_lines()
+        for branch, (points, width, _) in enumerate(lines):
+            # Seams lie next to a tube: its film is as wide as it is seen.
+            if len(points) and width > 2.0 * self.radius_mm[branch]:
+                chain = self.chains[branch]
+                self.patches[branch] = self.coarse.tube(self.film, chain, 0.5 * width)
+        cover, value = self.coarse.cover(self.patches), self.coarse.value
+        is_film, used = value > 0.0, cover > 0
+        branches = []
+        for branch, (points, width, seen) in enumerate(lines):
+            patch = self.patches[branch]
+            branches.append(
+                TracedBranch(
+                    points_mm=points,
+                    corners_mm=self.chains[branch],
+                    length_mm=_length(points),
+                    ends_early=self.early[branch],
+                    width_mm=width,
+                    seen=seen,
+                    told_apart=float((cover[patch] == 1).mean()) if len(patch) else 0.0,
+                )
+            )
+        explained = float((used & is_film).sum())
+        return TracedTree(
+            tree=self.tree,
+            branches=tuple(branches),
+            film_explained=explained / max(1, int(is_film.sum())),
+            lines_supported=explained / max(1, int((used & (value != 0.0)).sum())),
+        )
+
+    @property
+    def alive(self) -> list[int]:
+        """The branches that have a line."""
+        return [branch for branch in range(len(self.tree)) if len(self.chains[branch])]
+
+    def wide_cover(self) -> NDArray[np.int64]:
+        """Return the number of tubes, each with its rim, that cover each cell."""
+        wide = [
+            self.coarse.tube(self.film, self.chains[branch], self.radius_mm[branch] + BLUR_MM)
+            for branch in self.alive
+        ]
+        return self.coarse.cover(wide)
+
+    def _fine_lines(self) -> list[tuple[Floats, float, float]]:
+        """Return each branch's line, its median width and the share of it that was seen."""
+        cover, lines = self.wide_cover(), []
+        for branch, chain in enumerate(self.chains):
+            if len(chain) < 2:
+                lines.append((np.zeros((0, 2)), float("nan"), 0.0))
+                continue
+            edges = _edges(self, branch, cover)
+            fine = edges.points + edges.smoothed()[:, None] * edges.side
+            points = np.vstack([chain[:1], fine, chain[-1:]])
+            width = edges.width[np.isfinite(edges.width)]
+            seen = float(np.isfinite(edges.off).mean())
+            lines.append((points, float(np.median(width)) if len(width) else float("nan"), seen))
+        return lines
 
     # --- Choosing courses ---
 
     def _choose(self, branches: list[int]) -> None:
-        """Choose the courses of one level's branches together: each the best given the others."""
+        """Choose the courses of one level's branches together: each the best given the others.
+
+        None may be the best.
+        """
         courses = {branch: self._courses(branch) for branch in branches}
-        alive = [branch for branch in range(len(self.tree)) if len(self.chains[branch])]
-        cover = self.coarse.cover(_wide_patches(self, alive))
+        cover = self.wide_cover()
         chosen: dict[int, _Course | None] = dict.fromkeys(branches)
         for _ in range(_ROUNDS):
             before = dict(chosen)
             for branch in branches:
-                self._choose_one(branch, courses[branch], chosen, cover)
+                now, own = chosen[branch], courses[branch]
+                if now is not None:
+                    cover[now.around] -= 1
+                worth = [self.coarse.gain(one.cells, cover) + one.worth for one in own]
+                best = int(np.argmax(worth)) if worth else 0
+                chosen[branch] = None
+                if worth and worth[best] > 0.0:
+                    chosen[branch] = own[best]
+                    cover[own[best].around] += 1
             self._choose_pairs(branches, courses, chosen, cover)
             if all(chosen[branch] is before[branch] for branch in branches):
                 break
@@ -249,23 +315,6 @@ class _Tracing:
         total += self.coarse.gain(other.cells, cover)
         cover[one.around] -= 1
         return total
-
-    def _choose_one(
-        self,
-        branch: int,
-        courses: list[_Course],
-        chosen: dict[int, _Course | None],
-        cover: NDArray[np.int64],
-    ) -> None:
-        """Choose the best course of one branch, given those of the others; none may be best."""
-        now = chosen[branch]
-        if now is not None:
-            cover[now.around] -= 1
-        worth = [self.coarse.gain(course.cells, cover) + course.worth for course in courses]
-        best = int(np.argmax(worth)) if worth else -1
-        chosen[branch] = courses[best] if worth and worth[best] > 0.0 else None
-        if worth and worth[best] > 0.0:
-            cover[courses[best].around] += 1
 
     def launch(self, branch: int) -> tuple[Floats, float] | None:
         """Return base and planned heading of a branch from the seen part of its parent."""
@@ -325,7 +374,10 @@ class _Tracing:
             part = _cut(chain, length)
             cells = self.coarse.tube(self.film, part, radius)
             # Film under other film is neither for nor against; deploying is the rule.
-            worth = -cost - 2.0 * radius * _bends_mm(part)
+            way = np.diff(part, axis=0)
+            turn = np.diff(np.unwrap(np.arctan2(way[:, 1], way[:, 0])))
+            bends_mm = float(np.where(np.abs(turn) > rad(_KINK_DEG), _KINK_MM, _BEND_MM).sum())
+            worth = -cost - 2.0 * radius * bends_mm
             worth += 0.02 * 2.0 * radius * length
             unseen = float((self.coarse.value[cells] == 0.0).sum()) * self.coarse.cell_mm**2
             worth -= (_UNSEEN_LEAF if is_leaf else _UNSEEN) * unseen
@@ -354,44 +406,6 @@ class _Tracing:
         launch = Pose(x_mm=float(base[0]), y_mm=float(base[1]), heading_rad=heading)
         options = GrowthOptions(head_on_half_angle_rad=half_angle, pressure_stop=False)
         return grow_on(alone, self.terrain, launch, options).chain_mm(0)
-
-    # --- The result ---
-
-    def _result(self) -> TracedTree:
-        lines = _fine_lines(self)
-        for branch, (points, width, _) in enumerate(lines):
-            # Seams lie next to a tube: its film is as wide as it is seen.
-            if len(points) and width > 2.0 * self.radius_mm[branch]:
-                chain = self.chains[branch]
-                self.patches[branch] = self.coarse.tube(self.film, chain, 0.5 * width)
-        cover = self.coarse.cover(self.patches)
-        value = self.coarse.value
-        is_film = value > 0.0
-        used = cover > 0
-        seen_model = used & (value != 0.0)
-        branches = []
-        for branch, (points, width, seen) in enumerate(lines):
-            patch = self.patches[branch]
-            alone = float((cover[patch] == 1).mean()) if len(patch) else 0.0
-            length = _length(points)
-            branches.append(
-                TracedBranch(
-                    points_mm=points,
-                    corners_mm=self.chains[branch],
-                    length_mm=length,
-                    ends_early=self.early[branch],
-                    width_mm=width,
-                    seen=seen,
-                    told_apart=alone,
-                )
-            )
-        film_cells = max(1, int(is_film.sum()))
-        return TracedTree(
-            tree=self.tree,
-            branches=tuple(branches),
-            film_explained=float((used & is_film).sum()) / film_cells,
-            lines_supported=float((used & is_film).sum()) / max(1, int(seen_model.sum())),
-        )
 
 
 def is_early(length_mm: float, planned_mm: float) -> bool:
@@ -525,14 +539,6 @@ def _film_along(film: SeenFilm, chain: Floats, radius: float) -> float:
     return _length(chain)
 
 
-def _bends_mm(chain: Floats) -> float:
-    """Return the cost of the corners of a line, in millimetres of film."""
-    way = np.diff(chain, axis=0)
-    turn = np.diff(np.unwrap(np.arctan2(way[:, 1], way[:, 0])))
-    is_kink = np.abs(turn) > rad(_KINK_DEG)
-    return float(np.where(is_kink, _KINK_MM, _BEND_MM).sum())
-
-
 def _runs(
     film: SeenFilm, base: Floats, heading: float, radius: float, length: float
 ) -> list[Floats]:
@@ -660,6 +666,22 @@ class _Edges:
     width: Floats  # between both edges; NaN where one was not seen
     weight: Floats
 
+    @property
+    def side(self) -> Floats:
+        """The way to the left."""
+        return np.column_stack([-self.way[:, 1], self.way[:, 0]])
+
+    def smoothed(self, sigma_mm: float = 4.0) -> Floats:
+        """Return the distances from the line to the film's middle, smoothed; 0 where unseen."""
+        step = max(1e-6, float(np.hypot(*(self.points[1] - self.points[0]))))
+        off = np.nan_to_num(self.off)
+        weight = np.where(np.isfinite(self.off), self.weight, 0.0)
+        weight = weight / np.maximum(1.0, np.abs(off - np.median(off)) / 1.0)
+        sigma = sigma_mm / step
+        over = scipy.ndimage.gaussian_filter1d(weight * off, sigma, mode="nearest")
+        under = scipy.ndimage.gaussian_filter1d(weight, sigma, mode="nearest")
+        return np.asarray(over / (under + 0.05))
+
 
 def _edges(work: _Tracing, branch: int, cover: NDArray[np.int64]) -> _Edges:
     """Return the edges of the film on both sides of a branch's line."""
@@ -721,10 +743,32 @@ def _edge(
 def _fit(work: _Tracing, rounds: int) -> None:
     """Fit all corners to the edges, children hanging on their parents' ends."""
     for round_number in range(rounds):
-        alive = [b for b in range(len(work.tree)) if len(work.chains[b])]
+        alive = work.alive
         if not alive:
             return
-        _fit_once(work, alive)
+        cover, count = work.wide_cover(), 0
+        nodes: dict[int, NDArray[np.int64]] = {}
+        for branch in alive:
+            own = len(work.chains[branch]) - 1
+            parent = int(work.tree.parent[branch])
+            base = count if parent < 0 else int(nodes[parent][-1])
+            count += parent < 0
+            nodes[branch] = np.concatenate([[base], np.arange(count, count + own)])
+            count += own
+        system = _System(count)
+        for branch in alive:
+            ids, edges = nodes[branch], _edges(work, branch, cover)
+            ok = np.isfinite(edges.off)
+            robust = edges.weight[ok] / np.maximum(1.0, np.abs(edges.off[ok]) / 1.0)
+            a, b = ids[edges.stretch[ok]], ids[edges.stretch[ok] + 1]
+            system.across(a, b, edges.share[ok], edges.side[ok], edges.off[ok], robust)
+            _hold_length(work, system, branch, ids)
+            system.stay(ids, 0.05)
+            if work.tree.parent[branch] < 0:
+                system.stay(ids[:1], 0.5)
+        moved = system.solved()
+        for branch in alive:
+            work.chains[branch] = work.chains[branch] + moved[nodes[branch]]
         for branch in alive:
             chain = _simplified(work.chains[branch], 0.25)
             if round_number >= 1:
@@ -733,81 +777,32 @@ def _fit(work: _Tracing, rounds: int) -> None:
             work.patches[branch] = work.coarse.tube(work.film, chain, work.radius_mm[branch])
 
 
-def _fit_once(work: _Tracing, alive: list[int]) -> None:
-    cover = work.coarse.cover(_wide_patches(work, alive))
-    first, count = {}, 0
-    nodes: dict[int, NDArray[np.int64]] = {}
-    for branch in alive:
-        own = len(work.chains[branch]) - 1
-        parent = int(work.tree.parent[branch])
-        base = count if parent < 0 else int(nodes[parent][-1])
-        count += parent < 0
-        nodes[branch] = np.concatenate([[base], np.arange(count, count + own)])
-        first[branch] = count
-        count += own
-    system = _System(count)
-    for branch in alive:
-        chain, ids = work.chains[branch], nodes[branch]
-        edges = _edges(work, branch, cover)
-        side = np.column_stack([-edges.way[:, 1], edges.way[:, 0]])
-        ok = np.isfinite(edges.off)
-        robust = edges.weight[ok] / np.maximum(1.0, np.abs(edges.off[ok]) / 1.0)
-        a, b = ids[edges.stretch[ok]], ids[edges.stretch[ok] + 1]
-        system.across(a, b, edges.share[ok], side[ok], edges.off[ok], robust)
-        _hold_length(work, system, branch, chain, ids)
-        system.stay(ids, 0.05)
-        parent = int(work.tree.parent[branch])
-        if parent < 0:
-            system.stay(ids[:1], 0.5)
-    moved = system.solved()
-    for branch in alive:
-        work.chains[branch] = work.chains[branch] + moved[nodes[branch]]
-
-
-def _wide_patches(work: _Tracing, alive: list[int]) -> list[NDArray[np.int64]]:
-    return [work.coarse.tube(work.film, work.chains[b], work.radius_mm[b] + BLUR_MM) for b in alive]
-
-
-def _hold_length(
-    work: _Tracing, system: "_System", branch: int, chain: Floats, ids: NDArray[np.int64]
-) -> None:
+def _hold_length(work: _Tracing, system: "_System", branch: int, ids: NDArray[np.int64]) -> None:
     """Hold a parent's length, whose end is hidden; move the end of others to the film's end."""
+    film, chain, radius = work.film, work.chains[branch], work.radius_mm[branch]
+    planned = float(work.tree.length_mm[branch])
     strides = np.diff(chain, axis=0)
     way = strides / np.maximum(np.hypot(*strides.T), 1e-9)[:, None]
     has_children = bool((work.tree.parent == branch).any()) and not work.early[branch]
     if has_children:
-        planned = float(work.tree.length_mm[branch])
         system.lengthen(ids, way, planned - _length(chain), 2.0)
         return
-    end = _film_end(work, branch, chain[-1], way[-1])
-    if np.isfinite(end):
-        system.along(int(ids[-1]), way[-1], end, 2.0)
-        planned = float(work.tree.length_mm[branch])
-        work.early[branch] = is_early(_length(chain) + end, planned)
-    else:
-        goal = float(work.tree.length_mm[branch]) if not work.early[branch] else _length(chain)
-        system.lengthen(ids, way, goal - _length(chain), 1.0)
-
-
-def _film_end(work: _Tracing, branch: int, tip: Floats, way: Floats) -> float:
-    """Return the distance from a line's end to its film's end, without the cap; NaN if unseen."""
-    radius, film = work.radius_mm[branch], work.film
     out = np.arange(-6.0, radius + 7.0, 0.2)
-    side = np.array([-way[1], way[0]])
-    seen = np.mean(
-        [film.at(tip + out[:, None] * way + o * radius * side, radius) for o in (-0.25, 0.0, 0.25)],
-        axis=0,
-    )
+    tip, ahead, side = chain[-1], way[-1], np.array([-way[-1, 1], way[-1, 0]])
+    line = tip + out[:, None] * ahead
+    seen = np.mean([film.at(line + o * radius * side, radius) for o in (-0.25, 0.0, 0.25)], axis=0)
     falls = np.flatnonzero((seen[:-1] >= 0.5) & (seen[1:] < 0.5))
-    if len(falls) == 0:
-        return np.nan
-    last = falls[np.argmin(np.abs(out[falls] - radius))]
-    end = out[last] + 0.2 * (seen[last] - 0.5) / max(seen[last] - seen[last + 1], 1e-9)
-    where = tip + (end + 1.0) * way
-    if film.hidden(where[None, :], radius)[0]:
-        return np.nan
-    # The middle of the cap's edge, as seen over a quarter of its width.
-    return float(end - 0.98 * radius)
+    if len(falls):
+        last = falls[np.argmin(np.abs(out[falls] - radius))]
+        end = out[last] + 0.2 * (seen[last] - 0.5) / max(seen[last] - seen[last + 1], 1e-9)
+        if not film.hidden((tip + (end + 1.0) * ahead)[None, :], radius)[0]:
+            # The middle of the cap's edge, as seen over a quarter of its width.
+            further_mm = float(end - 0.98 * radius)
+            system.along(int(ids[-1]), ahead, further_mm, 2.0)
+            work.early[branch] = is_early(_length(chain) + further_mm, planned)
+            return
+    goal = _length(chain) if work.early[branch] else planned
+    system.lengthen(ids, way, goal - _length(chain), 1.0)
 
 
 def _bent_more(work: _Tracing, branch: int, chain: Floats) -> Floats:
@@ -819,7 +814,7 @@ def _bent_more(work: _Tracing, branch: int, chain: Floats) -> Floats:
     ok = np.isfinite(edges.off)
     if ok.sum() < 8:
         return chain
-    smooth = _smoothed(edges, 4.0)
+    smooth = edges.smoothed()
     worst = int(np.argmax(np.abs(smooth)))
     if abs(smooth[worst]) < 0.7:
         return chain
@@ -828,38 +823,6 @@ def _bent_more(work: _Tracing, branch: int, chain: Floats) -> Floats:
         return chain
     place = int(edges.stretch[worst]) + 1
     return np.insert(chain, place, corner, axis=0)
-
-
-def _smoothed(edges: _Edges, sigma_mm: float) -> Floats:
-    """Return the distances from a line to the film's middle, smoothed; 0 where nothing is seen."""
-    step = max(1e-6, float(np.hypot(*(edges.points[1] - edges.points[0]))))
-    off = np.nan_to_num(edges.off)
-    weight = np.where(np.isfinite(edges.off), edges.weight, 0.0)
-    weight = weight / np.maximum(1.0, np.abs(off - np.median(off)) / 1.0)
-    sigma = sigma_mm / step
-    over = scipy.ndimage.gaussian_filter1d(weight * off, sigma, mode="nearest")
-    under = scipy.ndimage.gaussian_filter1d(weight, sigma, mode="nearest")
-    return np.asarray(over / (under + 0.05))
-
-
-def _fine_lines(work: _Tracing) -> list[tuple[Floats, float, float]]:
-    """Return each branch's line, its median width and the share of it that was seen."""
-    alive = [b for b in range(len(work.tree)) if len(work.chains[b])]
-    cover = work.coarse.cover(_wide_patches(work, alive))
-    lines = []
-    for branch in range(len(work.tree)):
-        chain = work.chains[branch]
-        if len(chain) < 2:
-            lines.append((np.zeros((0, 2)), float("nan"), 0.0))
-            continue
-        edges = _edges(work, branch, cover)
-        side = np.column_stack([-edges.way[:, 1], edges.way[:, 0]])
-        fine = edges.points + _smoothed(edges, 4.0)[:, None] * side
-        points = np.vstack([chain[:1], fine, chain[-1:]])
-        width = edges.width[np.isfinite(edges.width)]
-        seen = float(np.isfinite(edges.off).mean())
-        lines.append((points, float(np.median(width)) if len(width) else float("nan"), seen))
-    return lines
 
 
 class _System:

@@ -1,7 +1,8 @@
 """Several photos together: measured contacts with intervals, and whether two ways agree.
 
-The half-angle comes from the contacts (`ThresholdFit`), and once more from the
-whole shapes: every robot is grown again at many half-angles and compared with its photo.
+The half-angle comes from the contacts (`ThresholdFit`), and once more from the whole shapes: every
+robot is grown again at many half-angles and compared with its photo. Observations are read from
+files of the kind ``vinefab/observation-1``.
 
 The threshold of contacts. A tip that meets a wall at an angle ``a`` from its normal stops if
 ``|a| <= T`` and slides if not. A contact shows the angle with an error and the side of the
@@ -15,16 +16,18 @@ sums on one grid of angles, so that both integrals are Gaussian filters.
 import math
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
 import scipy  # its parts load at their first use
+from pydantic import Field
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, VinefabError, values_hidden
 from vinefab.core.limits import rad
 from vinefab.core.plain_text import counted
-from vinefab.core.validation import Floats, number
+from vinefab.core.table import TablePart, validated
+from vinefab.core.validation import Floats, frozen_floats, number
 from vinefab.core.view import Answer, Block, Data, Fact, Facts, Notes, WrittenResult
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthChoice
@@ -38,12 +41,20 @@ from vinefab.model.contacts import (
     Side,
     contacts_text,
 )
-from vinefab.observation.observed_contacts import ObservedPhoto, read_observations
+from vinefab.model.design import Design
+from vinefab.model.files.shipped import json_object, read_text
+from vinefab.model.map import Map, Pose, Start
+from vinefab.model.start import StartTable
+from vinefab.observation.beside_prediction import WallContact
 from vinefab.physics.anchoring import ASSUMED_FRICTION
+from vinefab.physics.tube import inflated_diameter_mm
 
 STEP_DEG = 0.25
-_LEAST_DEG, _MOST_DEG = -30.0, 120.0
-"""Grid of thresholds; below 0 every tip slides, above 90 every tip stops."""
+_GRID_DEG = np.arange(-30.0, 120.0 + STEP_DEG / 2.0, STEP_DEG)
+"""Of thresholds; below 0 every tip slides, above 90 every tip stops."""
+
+_IS_ANGLE = (_GRID_DEG >= 0.0) & (_GRID_DEG <= 90.0)
+_THETA_DEG = _GRID_DEG[_IS_ANGLE]
 
 TIP_SPREADS_DEG = (0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 PHOTO_SPREADS_DEG = (0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
@@ -108,9 +119,9 @@ def fit_threshold(
     side: Side = "both" if has_stopped.any() else "upper"
     side = "lower" if has_stopped.all() else side
     fall = 2.0 * (profile.max() - profile)
-    inside = _theta_deg()[fall <= (TWO_SIDED if side == "both" else ONE_SIDED)]
+    inside = _THETA_DEG[fall <= (TWO_SIDED if side == "both" else ONE_SIDED)]
     # Separable contacts leave a plateau: its middle says more than its first point.
-    top = _theta_deg()[fall <= 0.1]
+    top = _THETA_DEG[fall <= 0.1]
     return ThresholdFit(
         value_deg=float(0.5 * (top[0] + top[-1])) if side == "both" else None,
         low_deg=0.0 if side == "upper" else float(inside[0]),
@@ -126,17 +137,6 @@ def fit_threshold(
     )
 
 
-@cache
-def _grid_deg() -> Floats:
-    return np.arange(_LEAST_DEG, _MOST_DEG + STEP_DEG / 2.0, STEP_DEG)
-
-
-@cache
-def _theta_deg() -> Floats:
-    grid = _grid_deg()
-    return grid[(grid >= 0.0) & (grid <= 90.0)]
-
-
 def _averaged(values: Floats, spread_deg: float) -> Floats:
     """Return functions of the threshold averaged over a normal spread of it, shape (n, grid)."""
     if spread_deg == 0.0:
@@ -150,7 +150,7 @@ def _log_likelihood(
     angle_deg: Floats, stopped: np.ndarray, group: np.ndarray, error_deg: float | Sequence[float]
 ) -> Floats:
     """Return the log likelihood over spreads of tips, spreads of photos, and half-angles."""
-    threshold = np.maximum(_grid_deg(), 0.0)
+    threshold = np.maximum(_GRID_DEG, 0.0)
     error = np.maximum(np.broadcast_to(error_deg, angle_deg.shape), STEP_DEG)[:, None]
     away = angle_deg[:, None]
     # The true angle has a sign that the measured one has lost: both sides of the normal count.
@@ -159,8 +159,7 @@ def _log_likelihood(
     )
     photos = int(group.max()) + 1
     spreads = PHOTO_SPREADS_DEG if photos > 1 else PHOTO_SPREADS_DEG[:1]
-    inside = (_grid_deg() >= 0.0) & (_grid_deg() <= 90.0)
-    table = np.empty((len(TIP_SPREADS_DEG), len(spreads), int(inside.sum())))
+    table = np.empty((len(TIP_SPREADS_DEG), len(spreads), len(_THETA_DEG)))
     for row, tip_deg in enumerate(TIP_SPREADS_DEG):
         share = np.clip(_averaged(stops, tip_deg), _LEAST_SHARE, 1.0 - _LEAST_SHARE)
         logs = np.log(np.where(stopped[:, None], share, 1.0 - share))
@@ -170,8 +169,208 @@ def _log_likelihood(
         likely = np.exp(each - peak)
         for column, photo_deg in enumerate(spreads):
             whole = np.log(np.maximum(_averaged(likely, photo_deg), 1e-300)) + peak
-            table[row, column] = whole.sum(axis=0)[inside]
+            table[row, column] = whole.sum(axis=0)[_IS_ANGLE]
     return table
+
+
+LARGEST_OBSERVATION_BYTES = 1 << 26
+MOST_CONTACTS = 10_000
+MOST_TRACED = 200_000
+"""Points of one traced branch."""
+
+OTHER_STOPS = ("corner", "pressure", "full_length")
+"""Reasons of stops at a wall that are not the contact's angle."""
+
+
+Coordinate = Annotated[float, Field(ge=-1e7, le=1e7)]
+Point = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
+
+
+class BranchWidthForm(TablePart):
+    """How broad a branch should look from above."""
+
+    nominal: Annotated[float, Field(gt=0, le=1e5)]
+
+
+class TracedBranchForm(TablePart):
+    """A branch as planned, seen and predicted."""
+
+    id: str
+    width_mm: BranchWidthForm | None = None
+    level: Annotated[int, Field(ge=1, le=1000)]
+    points_mm: Annotated[list[Point], Field(max_length=MOST_TRACED)] = Field(default_factory=list)
+    stop_observed: str | None = None
+    contacts: Annotated[list[WallContact], Field(max_length=MOST_CONTACTS)] = Field(
+        default_factory=list
+    )
+    doubts: list[str] = Field(default_factory=list)
+
+
+class BreadthForm(TablePart):
+    """How broad the film is as seen from above."""
+
+    measured: Annotated[float, Field(gt=0, le=1e5)]
+    low: Annotated[float, Field(ge=0, le=1e5)]
+    high: Annotated[float, Field(gt=0, le=1e5)]
+
+
+class FilmForm(TablePart):
+    """The film of a photo."""
+
+    width_mm: BreadthForm | None = None
+
+
+class SummaryForm(TablePart):
+    """What an observation says of the whole photo."""
+
+    fits: bool = True
+
+
+class ObservationForm(TablePart):
+    """One observation."""
+
+    schema_: Literal["vinefab/observation-1"] = Field(alias="schema")
+    photo: str
+    map: str
+    design: str
+    pose: StartTable
+    film: FilmForm | None = None
+    summary: SummaryForm = Field(default_factory=SummaryForm)
+    branches: list[TracedBranchForm]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ObservedPhoto:
+    """What one photo says, with its design and map where they were found."""
+
+    file: Path
+    photo: str
+    contacts: tuple[WallContact, ...]  # whose tip slid, or stopped for its angle
+    unclear: int  # contacts left out because it could not be seen what the tip did there
+    has_verdict: bool  # whether the photo shows its design; without, no contact counts
+    elsewise: int  # contacts left out because the tip stopped for another reason than the angle
+    chains_mm: dict[str, Floats]  # traced centre lines by branch, shape (k, 2) each
+    pose: Pose
+    design: Design | None
+    world: Map | None
+    # distance of centre lines from each wall that they touch, against the nominal radius
+    width_ratios: tuple[float, ...]
+    # breadth of the film against the trunk's nominal diameter: value, low, high
+    breadth_ratio: tuple[float, float, float] | None
+    notes: tuple[str, ...] = ()
+
+
+_NO_OBSERVATIONS = (".jpg", ".jpeg", ".png", ".html")
+"""Of photos and pages, which are not what is fitted."""
+
+
+def read_observations(paths: Sequence[Path]) -> tuple[ObservedPhoto, ...]:
+    """Return observations, each once."""
+    if not paths:
+        raise BadInputError("observations", "none", "at least one JSON file of vinefab observe")
+    texts: dict[str, Path] = {}
+    for path in paths:
+        if path.suffix.lower() in _NO_OBSERVATIONS:
+            allowed = "the JSON of an observation: vinefab observe PHOTO ... --json one.json"
+            raise BadInputError("observation", path.name, allowed)
+        text = read_text(path, LARGEST_OBSERVATION_BYTES)
+        if text in texts:
+            raise BadInputError(str(path), f"the same as {texts[text]}", "each observation once")
+        texts[text] = path
+    return tuple(_observation(text, path) for text, path in texts.items())
+
+
+def _observation(text: str, path: Path) -> ObservedPhoto:
+    """Return an observation, with the contacts that a threshold can be fitted to.
+
+    A branch ends once: of its contacts at most the last is the one that it stopped at. Nothing is
+    known of contacts on a photo without a verdict, nor of those of a branch in doubt.
+    """
+    form = validated(ObservationForm, json_object(text, path), path)
+    start = form.pose.start
+    if not isinstance(start, Start):
+        raise BadInputError("pose", start.text, "x_mm, y_mm and heading_deg", path)
+    design, world, notes = _found(form, path)
+    kept, unclear, elsewise = list[WallContact](), 0, 0
+    chains_mm: dict[str, Floats] = {}
+    ratios: dict[tuple[str, object], float] = {}  # of each branch and wall
+    for branch in form.branches:
+        is_seen = form.summary.fits and not branch.doubts
+        nominal_mm = _nominal_mm(branch, design)
+        if is_seen:
+            chains_mm[branch.id] = frozen_floats("points_mm", branch.points_mm, 2)
+        for contact in branch.contacts:
+            if not is_seen or contact.outcome == "unclear":
+                unclear += 1
+                continue
+            if nominal_mm and contact.distance_mm is not None:
+                ratios[branch.id, contact.wall] = 2.0 * contact.distance_mm / nominal_mm
+            if contact.angle_from_normal_deg is None:
+                unclear += 1
+            elif contact.angle_from_normal_deg > 90.0 or (
+                contact.outcome == "stopped" and branch.stop_observed in OTHER_STOPS
+            ):
+                elsewise += 1
+            else:
+                kept.append(contact)
+    trunk = next((branch for branch in form.branches if branch.level == 1), None)
+    nominal_mm = None if trunk is None else _nominal_mm(trunk, design)
+    breadth: tuple[float, float, float] | None = None
+    if form.summary.fits and form.film and form.film.width_mm and nominal_mm is not None:
+        film = form.film.width_mm
+        breadth = film.measured / nominal_mm, film.low / nominal_mm, film.high / nominal_mm
+    return ObservedPhoto(
+        file=path,
+        photo=form.photo,
+        contacts=tuple(kept),
+        unclear=unclear,
+        has_verdict=form.summary.fits,
+        elsewise=elsewise,
+        chains_mm=chains_mm,
+        pose=start.pose,
+        design=design,
+        world=world,
+        width_ratios=tuple(ratios.values()),
+        breadth_ratio=breadth,
+        notes=notes,
+    )
+
+
+def _found(form: ObservationForm, path: Path) -> tuple[Design | None, Map | None, tuple[str, ...]]:
+    """Return design and map of an observation if still readable, and notes on the rest."""
+    notes = list[str]()
+    design: Design | None = None
+    world: Map | None = None
+    try:
+        with values_hidden():
+            design = Design.read(_beside(form.design, path))
+    except VinefabError as error:
+        notes.append(f"{path.name}: its design is not read ({error})")
+    try:
+        with values_hidden():
+            world = Map.read(Path(_beside(form.map, path)))
+    except VinefabError as error:
+        notes.append(f"{path.name}: its map is not read ({error})")
+    return design, world, tuple(notes)
+
+
+def _beside(name: str, path: Path) -> str:
+    """Return a file named in an observation: as it stands, else next to the observation."""
+    if "\0" in name or Path(name).is_file():
+        return name
+    for near in (path.parent / name, path.parent / Path(name).name):
+        if near.is_file():
+            return str(near)
+    return name
+
+
+def _nominal_mm(branch: TracedBranchForm, design: Design | None) -> float | None:
+    """Return the nominal inflated diameter of a branch, by the observation or by the design."""
+    if branch.width_mm is not None:
+        return branch.width_mm.nominal
+    if design is None or branch.level > len(design.build.widths_mm):
+        return None
+    return inflated_diameter_mm(design.build.widths_mm[branch.level - 1])
 
 
 ANGLE_ERROR_DEG = 2.0
@@ -305,11 +504,7 @@ def fit_files(paths: Sequence[Path], error_deg: float = ANGLE_ERROR_DEG) -> Cont
         Standard error of the angles of contacts, where an observation does not give it.
     """
     number("--angle-error-deg", error_deg, 0.1, 30.0, "deg")
-    return fit_photos(read_observations(paths), error_deg)
-
-
-def fit_photos(photos: Sequence[ObservedPhoto], error_deg: float = ANGLE_ERROR_DEG) -> ContactFit:
-    """Return the joint fit of photos."""
+    photos = read_observations(paths)
     notes = [note for photo in photos for note in photo.notes]
     notes += [
         f"{photo.photo}: no verdict, so that none of its contacts counts"
@@ -320,10 +515,10 @@ def fit_photos(photos: Sequence[ObservedPhoto], error_deg: float = ANGLE_ERROR_D
     threshold = None
     if seen:
         threshold = fit_threshold(
-            [contact.angle_deg for contact, _ in seen],
-            [contact.stopped for contact, _ in seen],
+            [contact.angle_from_normal_deg or 0.0 for contact, _ in seen],
+            [contact.outcome == "stopped" for contact, _ in seen],
             [place for _, place in seen],
-            [error_deg if c.error_deg is None else c.error_deg for c, _ in seen],
+            [error_deg if c.angle_error_deg is None else c.angle_error_deg for c, _ in seen],
         )
     ratio, ratio_notes = _over_photos([photo.width_ratios for photo in photos], photos)
     breadth = _breadth(photos)
@@ -409,7 +604,7 @@ def _threshold_notes(
             f"{fit.least_slid_deg:.1f} deg: no one angle parts them; spread of the thresholds "
             f"{fit.tip_spread_deg:g} deg among tips, {fit.photo_spread_deg:g} deg among photos"
         )
-    if any(contact.error_deg is None for photo in photos for contact in photo.contacts):
+    if any(contact.angle_error_deg is None for photo in photos for contact in photo.contacts):
         notes.append(f"standard error of a contact's angle {error_deg:g} deg (assumed)")
     return notes
 
@@ -425,7 +620,13 @@ def _shape_fit(photos: Sequence[ObservedPhoto], width_ratio: float) -> ShapeFit 
     squared = np.concatenate(known)
     # Children follow their parents: the branches of a photo count as one observation together.
     weight = np.concatenate([np.full(len(table), 1.0 / len(table)) for table in known])
-    likely = np.max([_log_likely(squared, weight, mm) for mm in SHAPE_ERRORS_MM], axis=0)
+    likely = np.full(len(SHAPE_ANGLES_DEG), -np.inf)
+    for error_mm in SHAPE_ERRORS_MM:
+        # A t distribution of two coordinates: a branch that went another way for a different
+        # reason is an outlier, and does not decide alone.
+        far = np.log1p(squared / (TAILS * error_mm**2))
+        log = -weight @ (0.5 * (TAILS + 2.0) * far + 2.0 * math.log(error_mm))
+        likely = np.maximum(likely, log)
     fall = 2.0 * (likely.max() - likely)
     angles = np.array(SHAPE_ANGLES_DEG)
     # As many independent observations as photos: the few give a wide interval.
@@ -442,16 +643,6 @@ def _shape_fit(photos: Sequence[ObservedPhoto], width_ratio: float) -> ShapeFit 
         branches=len(squared),
         error_mm=float(np.median(np.sqrt(both))) if len(both) else 0.0,
     )
-
-
-def _log_likely(squared_mm2: Floats, weight: Floats, error_mm: float) -> Floats:
-    """Return the log likelihood of branches' distances at each half-angle, shape (angles,).
-
-    A t distribution of two coordinates: a branch that went another way for a different reason is
-    an outlier, and does not decide alone.
-    """
-    far = np.log1p(squared_mm2 / (TAILS * error_mm**2))
-    return np.asarray(-weight @ (0.5 * (TAILS + 2.0) * far + 2.0 * math.log(error_mm)))
 
 
 def _distances_mm2(photo: ObservedPhoto, width_ratio: float) -> Floats | None:

@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map, Pose
-from vinefab.photos.photo_camera import PhotoCamera, PlanView
+from vinefab.photos.photo import PhotoCamera, PlanView
 
 FilmColour = tuple[int, int, int]
 

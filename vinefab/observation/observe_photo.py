@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+import scipy  # its parts load at their first use
 import shapely
 from numpy.typing import NDArray
 from pydantic import Field
@@ -40,7 +41,7 @@ from vinefab.growth.options import growth_text
 from vinefab.maps.importers.svg_drawing import Node, after, read_nodes, svg_outlines, transform
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
-from vinefab.model.files.shipped import read_text
+from vinefab.model.files.shipped import json_object, read_text
 from vinefab.model.map import (
     DEFAULT_MARKER_GAP_MM,
     CornerMarker,
@@ -55,14 +56,12 @@ from vinefab.observation.beside_prediction import (
     branch_sights,
     compare_with_prediction,
 )
-from vinefab.observation.centre_lines import TracedTree, trace
+from vinefab.observation.centre_lines import TracedBranch, TracedTree, trace
 from vinefab.observation.film import FilmColour, SeenFilm, Sight, found_film, outlined_film
-from vinefab.observation.observed_contacts import json_object
 from vinefab.pages.page_files import page_png
 from vinefab.pages.panel import ALERT, TICK_PT, Ink, Panel, level_colour, page_of, photo, plan_panel
 from vinefab.photos.found_markers import MarkerSpread, marker_points, marker_spread
-from vinefab.photos.photo import Photo
-from vinefab.photos.photo_camera import ControlPoints, PhotoCamera, fit_camera, rectified
+from vinefab.photos.photo import ControlPoints, Photo, PhotoCamera, fit_camera, rectified
 from vinefab.physics.tube import inflated_diameter_mm, inflated_radius_mm
 
 _MOST_OUTLINE_BYTES = 1 << 26
@@ -122,7 +121,15 @@ class PhotoSetup:
             raise BadInputError("--corners", "given", "without --rig, whose markers say more")
         if outline is not None and film_colour is not None:
             raise BadInputError("--film-colour", "given", "without --outline, which needs none")
-        markers, height = (None, None) if rig is None else _rig_facts(rig)
+        markers: tuple[CornerMarker, ...] | None = None
+        height: float | None = None
+        if rig is not None:
+            content = json_object(read_text(rig, _MOST_OUTLINE_BYTES), rig)
+            if "markers" not in content:
+                allowed = "a rig.json whose rig carries corner markers"
+                raise BadInputError("markers", None, allowed, rig)
+            form = validated(_RigForm, content, rig)
+            markers, height = tuple(form.markers), form.options.height_mm / form.options.scale
         if obstacle_mm is not None:
             height = number("--obstacle-height", obstacle_mm, 0.0, 10_000.0, "mm")
         if corners_px is not None and len(corners_px) != 8:
@@ -159,15 +166,6 @@ class PhotoSetup:
 # --- The rig --------------------------------------------------------------------------------------
 
 
-_Place = Annotated[list[float], Field(min_length=2, max_length=2)]
-
-
-class _MarkerForm(TablePart):
-    number: Annotated[int, Field(ge=0, le=3)]
-    corners_mm: Annotated[list[_Place], Field(min_length=4, max_length=4)]
-    z_mm: Annotated[float, Field(ge=-1e6, le=1e6)] = 0.0
-
-
 class _OptionsForm(TablePart):
     height_mm: Annotated[float, Field(gt=0, le=1e5)]
     scale: Annotated[float, Field(gt=0, le=1e5)] = 1.0
@@ -177,20 +175,7 @@ class _RigForm(TablePart):
     """The part of rig.json that a photo of it needs; other keys are left alone."""
 
     options: _OptionsForm
-    markers: Annotated[list[_MarkerForm], Field(min_length=1, max_length=4)]
-
-
-def _rig_facts(path: Path) -> tuple[tuple[CornerMarker, ...], float]:
-    """Return the markers and the height of the obstacles, in map millimetres, of a rig.json."""
-    content = json_object(read_text(path, _MOST_OUTLINE_BYTES), path)
-    if "markers" not in content:
-        raise BadInputError("markers", None, "a rig.json whose rig carries corner markers", path)
-    form = validated(_RigForm, content, path)
-    markers = tuple(
-        CornerMarker(number=m.number, corners_mm=np.array(m.corners_mm), z_mm=m.z_mm)
-        for m in form.markers
-    )
-    return markers, form.options.height_mm / form.options.scale
+    markers: Annotated[list[CornerMarker], Field(min_length=1, max_length=4)]
 
 
 # --- Outlines -------------------------------------------------------------------------------------
@@ -456,8 +441,14 @@ class Observation(WrittenResult):
             folded=True,
         )  # fmt: skip
         yield Data(self._data)
+
+        def film_png() -> bytes:
+            grey = np.clip(np.rint(255.0 * film.share), 0, 255).astype(np.uint8)
+            return page_png(page_of(_photo_panel(self, grey, 324.0)), dpi=100)
+
         film_found = Picture(
-            image=lambda: _film_picture(self), caption="Where film was found (white: film)."
+            image=film_png,
+            caption="Where film was found (white: film).",
         )
         yield Section(title="Film", pictures=(film_found,), folded=True)
         yield _branch_section(self.compared.branches)
@@ -680,12 +671,6 @@ def _overlay_picture(seen: Observation) -> bytes:
     return page_png(page_of(panel), dpi=130)
 
 
-def _film_picture(seen: Observation) -> bytes:
-    """Return where film was found."""
-    grey = np.clip(np.rint(255.0 * seen.film.share), 0, 255).astype(np.uint8)
-    return page_png(page_of(_photo_panel(seen, grey, 324.0)), dpi=100)
-
-
 # --- From the file to the result
 
 
@@ -747,7 +732,7 @@ def observe_photo(  # noqa: PLR0913
         where = f"none at the base ({pose.x_mm:g}, {pose.y_mm:g}) mm"
         raise BadInputError("film", where, "a pose where the trunk leaves its base", photo.name)
     sights = branch_sights(film, traced, widths)
-    compared = compare_with_prediction(traced, design, world, pose, growth, sights=sights)
+    compared = compare_with_prediction(traced, design, world, pose, growth, sights)
     seen = Observation(
         photo=photo.name,
         map_file=map_file or world.name,
@@ -845,3 +830,118 @@ def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list
     if hardly:
         found.append(f"hidden for most of their length: {', '.join(hardly)}")
     return found
+
+
+_TRUNK, _CHILD = (0.1, 0.7), (0.5, 0.92)
+"""Stretch of a line that counts: away from the joint, where film is wider than a tube, and tip."""
+
+_LEAST_POINTS = 3
+
+_EDGE_POINTS, _EDGE_STEPS = 40, 81
+"""Places along an edge, and points across it at each."""
+
+_LEAST_EXPLAINED, _LEAST_SUPPORTED = 0.82, 0.9
+"""Share of the film in the lines, and of the lines on film, of a coupon: 0.93 and 0.98 at least on
+rendered photos; an elbow explains 0.71 of a pair."""
+
+
+def joint_reading(seen: Observation, kpa: float) -> JointReading:
+    """Return the angle of a joint coupon on a photo, as a row of the coupons' results.
+
+    Parameters
+    ----------
+    kpa
+        Pressure in the coupon.
+
+    Raises
+    ------
+    BadInputError
+        If the photo hardly shows the coupon.
+    """
+    traced = seen.traced
+    shares = traced.film_explained, traced.lines_supported
+    if shares[0] < _LEAST_EXPLAINED or shares[1] < _LEAST_SUPPORTED:
+        found = f"{100.0 * shares[0]:.0f} % of its film is in lines of {seen.design.name}"
+        allowed = "a photo of this coupon alone, launched from --pose"
+        raise BadInputError("photo", found, allowed, seen.photo)
+    return JointReading(
+        coupon=seen.design.name,
+        kpa=kpa,
+        angle_deg=joint_angle_deg(traced, seen.film),
+        source=Path(seen.photo).name,
+    )
+
+
+def joint_angle_deg(traced: TracedTree, film: SeenFilm) -> float:
+    """Return the angle between the axes of a pair, or from a trunk to its only child.
+
+    It is the reading ``joint_angle`` of a table of coupon results.
+
+    Raises
+    ------
+    BadInputError
+        If the design is not a trunk with one or two children, or one of them was not seen.
+    """
+    count = len(traced.branches)
+    if count not in (2, 3):
+        allowed = "a trunk with one or two children"
+        raise BadInputError("design", counted(count, "branch"), allowed)
+    if count == 2:
+        trunk, child = (branch.points_mm for branch in traced.branches)
+        one, other = _heading_rad(trunk, _TRUNK), _heading_rad(child, _CHILD)
+    else:
+        pair = traced.branches[1], traced.branches[2]
+        headings = [_heading_rad(child.points_mm, _CHILD) for child in pair]
+        turn = math.remainder(headings[1] - headings[0], math.tau)
+        one, other = (
+            _outer_heading_rad(film, child, heading, side)
+            for child, heading, side in zip(
+                pair, headings, (-np.sign(turn), np.sign(turn)), strict=True
+            )
+        )
+    return abs(math.degrees(math.remainder(other - one, math.tau)))
+
+
+def _outer_heading_rad(
+    film: SeenFilm, child: TracedBranch, heading_rad: float, side: float
+) -> float:
+    """Return the direction of the edge of a child that its sibling does not hide.
+
+    Where tubes touch, the lines of both are drawn apart; their outer edges are not.
+
+    Parameters
+    ----------
+    side
+        1 for its left edge, -1 for its right one.
+    """
+    points, radius = child.points_mm, child.width_mm / 2.0
+    along = np.array([math.cos(heading_rad), math.sin(heading_rad)])
+    across = side * np.array([-along[1], along[0]])
+    end = points[-1] @ along
+    places = np.linspace(*_CHILD, _EDGE_POINTS) * (end - points[0] @ along) + points[0] @ along
+    # Out from the line, which may stand off the axis by half a radius, past its edge.
+    outward = np.linspace(0.0, 2.0 * radius, _EDGE_STEPS)
+    middle = np.interp(places, points @ along, points @ across)
+    grid = places[:, None, None] * along + (middle[:, None] + outward)[..., None] * across
+    share = film.at(grid.reshape(-1, 2), film.sight.plane_mm).reshape(len(places), -1)
+    first = np.argmax(share < 0.5, axis=1)
+    rows = np.flatnonzero(first > 0)
+    if len(rows) < _EDGE_POINTS // 2:
+        raise BadInputError("film", "no outer edge of a child", "a photo of the whole coupon")
+    inner, outer = share[rows, first[rows] - 1], share[rows, first[rows]]
+    steps = first[rows] - 1 + (inner - 0.5) / (inner - outer)
+    off = middle[rows] + steps * outward[1]
+    # The median of slopes leaves out what shadows and creases add at some places.
+    slope = float(scipy.stats.theilslopes(off, places[rows])[0])
+    return heading_rad + side * math.atan(slope)
+
+
+def _heading_rad(line_mm: Floats, stretch: tuple[float, float]) -> float:
+    """Return the direction of the straight line through a stretch of a centre line."""
+    first, last = (round(share * len(line_mm)) for share in stretch)
+    if last - first < _LEAST_POINTS:
+        raise BadInputError("film", "a branch that is not seen", "a photo of the whole coupon")
+    points = line_mm[first:last]
+    along = np.linalg.svd(points - points.mean(axis=0))[2][0]
+    along = along * np.sign(along @ (points[-1] - points[0]))
+    return math.atan2(along[1], along[0])

@@ -14,8 +14,14 @@ from PIL import Image
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import MARKER_SIDE_CELLS, CornerMarker
-from vinefab.photos.photo import CAMERA_GAMMA, Photo
-from vinefab.photos.photo_camera import ControlPoints, fitted_homography, inverse, projected
+from vinefab.photos.photo import (
+    CAMERA_GAMMA,
+    ControlPoints,
+    Photo,
+    fitted_homography,
+    inverse,
+    projected,
+)
 
 FEWEST_MARKERS = 2
 """Of the four: the corners of two lie far enough apart to hold the plane between all four."""
@@ -23,6 +29,10 @@ FEWEST_MARKERS = 2
 _LARGEST_SEARCHED = 2400
 """Pixels of the longer side in which markers are searched; their corners are then found in the
 whole photo."""
+
+
+def _mean_side(corners: Floats) -> float:
+    return float(np.hypot(*(corners - np.roll(corners, 1, axis=0)).T).mean())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,24 +65,7 @@ class FoundMarker:
     @property
     def side_px(self) -> float:
         """Mean length of its sides."""
-        sides = self.corners_px - np.roll(self.corners_px, 1, axis=0)
-        return float(np.hypot(*sides.T).mean())
-
-
-def find_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int, Floats]:
-    """Return the corners of each marker that a photo shows, by its number.
-
-    Returns
-    -------
-    dict
-        Arrays of shape (4, 2): `FoundMarker.corners_px`.
-
-    Raises
-    ------
-    BadInputError
-        If a number is seen twice, or OpenCV is not installed.
-    """
-    return {number: one.corners_px for number, one in measured_markers(photo, dictionary).items()}
+        return _mean_side(self.corners_px)
 
 
 def measured_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int, FoundMarker]:
@@ -210,10 +203,6 @@ def _square_to(corners_px: Floats, grid: Floats) -> Floats:
     return np.append(np.linalg.solve(np.array(rows), np.array(values)), 1.0).reshape(3, 3)
 
 
-def _mean_side(corners: Floats) -> float:
-    return float(np.hypot(*(corners - np.roll(corners, 1, axis=0)).T).mean())
-
-
 def _blurred_cells(places: Floats, pattern: Floats, spread: float) -> Floats:
     """Return the whiteness of a pattern of cells at places (in cells), spread by a normal blur."""
     edges = np.arange(-1.0, MARKER_SIDE_CELLS + 2.0)
@@ -225,33 +214,31 @@ def _blurred_cells(places: Floats, pattern: Floats, spread: float) -> Floats:
     return np.asarray(((shares[1] @ pattern) * shares[0]).sum(axis=1))
 
 
-def marker_points(
-    photo: Photo, markers: Sequence[CornerMarker], fewest: int = FEWEST_MARKERS
-) -> ControlPoints:
+def marker_points(photo: Photo, markers: Sequence[CornerMarker]) -> ControlPoints:
     """Return the corners of a map's markers in a photo, as control points.
 
     Raises
     ------
     BadInputError
-        If fewer than ``fewest`` of the markers are seen (those missing are named), or they do not
-        lie at one height.
+        If fewer than two of the markers are seen (those missing are named), or they do not lie at
+        one height.
     """
-    found = find_markers(photo)
+    found = measured_markers(photo)
     seen = [marker for marker in markers if marker.number in found]
     missing = sorted(marker.number for marker in markers if marker.number not in found)
-    if len(seen) < fewest:
+    if len(seen) < FEWEST_MARKERS:
         numbers = ", ".join(map(str, missing))
         raise BadInputError(
             "markers",
             f"{len(seen)} of {len(markers)} (not seen: {numbers})",
-            f"at least {fewest} seen whole and sharp, with white around them",
+            f"at least {FEWEST_MARKERS} seen whole and sharp, with white around them",
             photo.name,
         )
     heights = {marker.z_mm for marker in seen}
     if len(heights) > 1:
         raise BadInputError("markers", f"at heights {sorted(heights)}", "one height", photo.name)
     return ControlPoints(
-        points_px=np.concatenate([found[marker.number] for marker in seen]),
+        points_px=np.concatenate([found[marker.number].corners_px for marker in seen]),
         points_mm=np.concatenate([marker.corners_mm for marker in seen]),
         z_mm=heights.pop(),
     )
@@ -333,6 +320,9 @@ def marker_spread(control: ControlPoints) -> MarkerSpread:
     )
 
 
+_SQUARE = np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
+
+
 def square_points(found: Mapping[int, Floats], side_mm: float) -> ControlPoints:
     """Return the corners of markers of one size that lie anywhere on a plane, as control points.
 
@@ -342,35 +332,27 @@ def square_points(found: Mapping[int, Floats], side_mm: float) -> ControlPoints:
     Parameters
     ----------
     found
-        From `find_markers`; at least one.
+        `FoundMarker.corners_px` by number; at least one.
     """
     seen = np.array([found[number] for number in sorted(found)])
-    placed = side_mm * _placed_squares(seen).reshape(-1, 2)
-    return ControlPoints(points_px=seen.reshape(-1, 2), points_mm=placed - placed.min(axis=0))
-
-
-_SQUARE = np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
-
-
-def _placed_squares(seen: Floats) -> Floats:
-    """Return the corners of squares of side one, shape (n, 4, 2); the first is upright."""
     first = fitted_homography(ControlPoints(points_px=seen[0], points_mm=_SQUARE))
-    if len(seen) == 1:
-        return _SQUARE[None]
-    rough = projected(inverse(first), seen[1:].reshape(-1, 2)).reshape(-1, 4, 2)
-    middles = rough.mean(axis=1)
-    along = rough[:, 1] - rough[:, 0] + rough[:, 2] - rough[:, 3]
-    turns = np.arctan2(along[:, 1], along[:, 0])
-    begin = np.concatenate([(first / first[2, 2]).ravel()[:8], middles.ravel(), turns])
+    squares = _SQUARE[None]  # of side one; the first is upright
+    if len(seen) > 1:
+        rough = projected(inverse(first), seen[1:].reshape(-1, 2)).reshape(-1, 4, 2)
+        along = rough[:, 1] - rough[:, 0] + rough[:, 2] - rough[:, 3]
+        turns = np.arctan2(along[:, 1], along[:, 0])
+        middles = rough.mean(axis=1)
+        begin = np.concatenate([(first / first[2, 2]).ravel()[:8], middles.ravel(), turns])
 
-    def off(values: Floats) -> Floats:
-        matrix = np.append(values[:8], 1.0).reshape(3, 3)
-        return (
-            projected(matrix, _squares(values[8:]).reshape(-1, 2)) - seen.reshape(-1, 2)
-        ).ravel()
+        def off(values: Floats) -> Floats:
+            matrix = np.append(values[:8], 1.0).reshape(3, 3)
+            placed = _squares(values[8:]).reshape(-1, 2)
+            return np.asarray((projected(matrix, placed) - seen.reshape(-1, 2)).ravel())
 
-    fit = scipy.optimize.least_squares(off, begin, x_scale="jac", method="lm", max_nfev=5000)
-    return _squares(fit.x[8:])
+        fit = scipy.optimize.least_squares(off, begin, x_scale="jac", method="lm", max_nfev=5000)
+        squares = _squares(fit.x[8:])
+    placed_mm = side_mm * squares.reshape(-1, 2)
+    return ControlPoints(points_px=seen.reshape(-1, 2), points_mm=placed_mm - placed_mm.min(axis=0))
 
 
 def _squares(values: Floats) -> Floats:

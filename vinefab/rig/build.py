@@ -17,8 +17,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import agreeing, counted
 from vinefab.model.map import Map
-from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.rig_options import GRID_MM, MOST_PARTS, Printer, RigOptions
+from vinefab.rig.part import GRID_MM, MOST_PARTS, Printer, Rig, RigOptions, RigPart, manifold_of
 from vinefab.rig.rig_plan import (
     Cuts,
     Dovetail,
@@ -41,7 +40,6 @@ from vinefab.rig.solid import (
     engraved_marks,
     extra_parts,
     hollowed,
-    manifold_of,
     number_marks,
     outlines_at,
     plan_volume_mm3,
@@ -132,7 +130,7 @@ def build_rig(
         ``counts`` hold ``slivers`` and ``slits`` (left out or filled), ``bridges`` (corners that
         touched in a point, joined), ``joints``, ``bare_seams`` (without room for a joint).
     """
-    options = options or RigOptions()
+    options = (options or RigOptions()).changed(style="plate")
     refuse_early(world, printer, options)
     plan = plan or plan_of(world, printer, options)
     cuts = cuts_of(plan.plate.bounds, plan.solids, printer, options)
@@ -305,6 +303,7 @@ def build_board(
     engraved into the top.
     ``plan`` is the map's plan for this printer, where that is known.
     """
+    options = options.changed(style="board")
     # Only what stands on a cell of the bed's size is a part: the cells may be many more.
     many = options.changed(most_parts=MOST_PARTS)
     grid_of(_plate_size_mm(world, options), printer, many)
@@ -328,7 +327,6 @@ def build_board(
             "mark": single,
         },
         parts=parts,
-        style="board",
         counts={"pieces": len(pieces), "slivers": plan.slivers, "slits": plan.slits, **counts},
     )
     return rig, pieces

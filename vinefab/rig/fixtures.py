@@ -41,8 +41,7 @@ from vinefab.model.map import (
     corner_markers,
 )
 from vinefab.physics.tube import inflated_diameter_mm
-from vinefab.rig.part import Mesh, Rig, RigPart, mesh_problems
-from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
+from vinefab.rig.part import GRID_MM, Mesh, Printer, Rig, RigOptions, RigPart, mesh_problems
 from vinefab.rig.rig_plan import Polygons, bridged, polygon_parts, snapped_union
 from vinefab.rig.solid import (
     Course,
@@ -289,7 +288,13 @@ def _holder(number: int, start: Start, stand: _Stand, tube: BaseTube) -> BaseHol
     stand = found
     if stand.turned(stand.block).buffer(_FREE_MM).intersects(stand.taken):
         return "a corner marker lies where its block would be: --markers none, or another start"
-    dial = _dial_outline(stand)
+    # The dial: below the block at all headings, up to the rig's edge.
+    around = stand.turned(stand.block).buffer(_RIM_MM, join_style="mitre", mitre_limit=2.0)
+    entry = _entry(stand).buffer(_RIM_MM).difference(stand.inside)
+    hull = shapely.convex_hull(shapely.union_all([around, entry]))
+    rig = shapely.union_all([Polygon(piece.exterior) for piece in polygon_parts(stand.plate)])
+    pieces = snapped_union(hull.difference(rig).difference(stand.taken.buffer(stand.gap_mm)))
+    dial: Polygon = max(pieces, key=lambda piece: piece.intersection(stand.block).area)
     hooks = _hooks(dial, stand)
     parts = (_dial_part(dial, hooks, stand), _block_part(stand), _cap_part(stand))
     if any(mesh_problems(Mesh.of_corners(part.vertices_mm[part.faces]), part) for part in parts):
@@ -371,17 +376,6 @@ def _at_headings(start: Start, stand: _Stand) -> _Stand | str:
     return replace(stand, headings=headings, step_deg=step_deg)
 
 
-def _dial_outline(stand: _Stand) -> Polygon:
-    """Return the dial: below the block at all headings, up to the rig's edge."""
-    around = stand.turned(stand.block).buffer(_RIM_MM, join_style="mitre", mitre_limit=2.0)
-    entry = _entry(stand).buffer(_RIM_MM).difference(stand.inside)
-    hull = shapely.convex_hull(shapely.union_all([around, entry]))
-    rig = shapely.union_all([Polygon(piece.exterior) for piece in polygon_parts(stand.plate)])
-    pieces = snapped_union(hull.difference(rig).difference(stand.taken.buffer(stand.gap_mm)))
-    best: Polygon = max(pieces, key=lambda piece: piece.intersection(stand.block).area)
-    return best
-
-
 def _entry(stand: _Stand) -> BaseGeometry:
     """Return the opening of the border between the mouth and the block."""
     low, side = stand.rear_mm, stand.half_mm
@@ -429,7 +423,20 @@ def _dial_part(
         if not rim.is_empty
     ]
     (flat,) = snapped_union(dial.difference(shapely.union_all([*pins, *fixing])))
-    marks = snapped_union(_marks(stand).intersection(flat.buffer(-0.5)))
+    # The scale: a line and a number for each heading.
+    x_mm, y_mm = stand.pointer_mm
+    at_deg, far_mm = math.degrees(math.atan2(y_mm, x_mm)), math.hypot(x_mm, y_mm)
+    lines: list[LineString] = []
+    for angle in stand.headings:
+        out_rad = math.radians(at_deg + angle)
+        out = np.array([math.cos(out_rad), math.sin(out_rad)])
+        lines.append(LineString([(far_mm + 0.8) * out, (far_mm + 3.5) * out]))
+        # The heading of the robot: the block's rear goes right when its front goes left.
+        text = centred(strokes(f"{angle:.0f}", 0.5 * _DIGIT_MM), 0.0, 0.0)
+        middle = (far_mm + 6.2) * out
+        lines += [translate(_rotated(line, at_deg + angle + 90.0), *middle) for line in text]
+    scale = shapely.set_precision(grooves(lines, 0.6 * _STROKE_MM), GRID_MM)
+    marks = snapped_union(scale.intersection(flat.buffer(-0.5)))
     low = np.array(flat.bounds[:2])
     body = _prism(polygon_parts(flat), (0.0, dial_mm), low)
     volume_mm3 = flat.area * dial_mm
@@ -466,22 +473,6 @@ def _hook_slices(
         pieces = snapped_union(both.buffer(-_TOUCH_MM, join_style="mitre"))
         from_mm = over_mm + (step - 1) * _STEP_MM
         yield pieces, from_mm, from_mm + (_STEP_MM if step < steps else 2.0)
-
-
-def _marks(stand: _Stand) -> BaseGeometry:
-    """Return the grooves of the scale: a line and a number for each heading."""
-    x_mm, y_mm = stand.pointer_mm
-    at_deg, far_mm = math.degrees(math.atan2(y_mm, x_mm)), math.hypot(x_mm, y_mm)
-    lines: list[LineString] = []
-    for angle in stand.headings:
-        out_rad = math.radians(at_deg + angle)
-        out = np.array([math.cos(out_rad), math.sin(out_rad)])
-        lines.append(LineString([(far_mm + 0.8) * out, (far_mm + 3.5) * out]))
-        # The heading of the robot: the block's rear goes right when its front goes left.
-        text = centred(strokes(f"{angle:.0f}", 0.5 * _DIGIT_MM), 0.0, 0.0)
-        middle = (far_mm + 6.2) * out
-        lines += [translate(_rotated(line, at_deg + angle + 90.0), *middle) for line in text]
-    return shapely.set_precision(grooves(lines, 0.6 * _STROKE_MM), GRID_MM)
 
 
 def _circle(z_mm: float, radius_mm: float) -> Polygon:
@@ -820,7 +811,21 @@ def board_markers(pads: tuple[MarkerPad, ...], options: RigOptions) -> BoardMark
     if options.style == "plate" or options.marker_kind not in ("engrave", "paper"):
         return BoardMarkers()
     if options.marker_kind == "engrave":
-        marks = [line for pad in pads for line in _hatch(pad, options)]
+        marks = []
+        beam_mm = max(options.kerf_mm, 0.1)
+        for pad in pads:  # level lines that fill the black cells, one beam's width apart
+            x_min, y_min, x_max, y_max = pad.square.bounds
+            count = math.ceil((y_max - y_min) / beam_mm)
+            heights = y_min + (np.arange(count) + 0.5) * (y_max - y_min) / count
+            ends = [[(x_min - 1.0, y), (x_max + 1.0, y)] for y in heights.tolist()]
+            rows = shapely.linestrings(ends)
+            cut = shapely.get_parts(shapely.intersection(rows, shapely.union_all(pad.cells)))
+            # The beam is round: half of it reaches beyond the ends.
+            marks += [
+                LineString([(left + 0.5 * beam_mm, low), (right - 0.5 * beam_mm, high)])
+                for left, low, right, high in (line.bounds for line in cut)
+                if right - left > 1.5 * beam_mm
+            ]
     else:  # the square of a paper marker, with its number in it
         marks = [LineString(_recess(pad).exterior.coords) for pad in pads]
         for pad in pads:
@@ -833,38 +838,21 @@ def board_markers(pads: tuple[MarkerPad, ...], options: RigOptions) -> BoardMark
     )
 
 
-def _hatch(pad: MarkerPad, options: RigOptions) -> list[LineString]:
-    """Return level lines that fill a marker's black cells, one beam's width apart."""
-    beam_mm = max(options.kerf_mm, 0.1)
-    x_min, y_min, x_max, y_max = pad.square.bounds
-    count = math.ceil((y_max - y_min) / beam_mm)
-    heights = y_min + (np.arange(count) + 0.5) * (y_max - y_min) / count
-    rows = shapely.linestrings([[(x_min - 1.0, y), (x_max + 1.0, y)] for y in heights.tolist()])
-    cells = shapely.union_all(pad.cells)
-    cut = shapely.get_parts(shapely.intersection(rows, cells))
-    # The beam is round: half of it reaches beyond the ends.
-    return [
-        LineString([(ends[0] + 0.5 * beam_mm, ends[1]), (ends[2] - 0.5 * beam_mm, ends[3])])
-        for ends in (line.bounds for line in cut)
-        if ends[2] - ends[0] > 1.5 * beam_mm
-    ]
-
-
 def marker_notes(pads: tuple[MarkerPad, ...], printer: Printer, options: RigOptions) -> list[str]:
     """Return the notes for the person who prints or cuts the markers."""
     if not pads:
         return []
-    notes = []
-    if options.marker_kind == "print":
-        change_mm = base_layers(printer, options) * printer.layer_mm
-        notes.append(
-            f"markers: print the marker tiles in white and change to black at {change_mm:.2f} mm "
-            f"(layer {base_layers(printer, options) + 1}); push each into its corner of the rig"
-        )
-    elif options.marker_kind == "paper":
-        notes.append("markers: print markers.svg at 100 %, cut along its marks and glue in place")
-    else:
-        notes.append("markers: engraved with the board; they have to come out dark on it (assumed)")
+    layers = base_layers(printer, options)
+    notes = [
+        {
+            "print": "markers: print the marker tiles in white and change to black at "
+            f"{layers * printer.layer_mm:.2f} mm (layer {layers + 1}); push each into its corner "
+            "of the rig",
+            "paper": "markers: print markers.svg at 100 %, cut along its marks and glue in place",
+            "engrave": "markers: engraved with the board; they have to come out dark on it "
+            "(assumed)",
+        }[options.marker_kind]
+    ]
     loose = [str(pad.marker.number) for pad in pads if pad.corner is None]
     if loose:
         notes.append(

@@ -1,19 +1,37 @@
-"""From a map to the files of its rig: built, compared with the map, checked, written, read back.
+"""Pictures and page of a rig: where each part goes, sheets for the laser, drawings at true scale.
 
-Sheets for the laser are made here too.
+Lengths are millimetres of the rig's plan. Drawings at true scale (plan, paper markers) carry a
+ruler of 100 mm, by which a user sees whether a printer scaled the page.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import shapely
-from shapely import LineString, Polygon
+from shapely import LineString, Point, Polygon, box
+from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError, ReadBackError
 from vinefab.core.hashing import sha256_of
+from vinefab.core.plain_text import counted, one_line
+from vinefab.core.validation import Floats
+from vinefab.core.view import (
+    Answer,
+    Block,
+    Fact,
+    Facts,
+    Notes,
+    Number,
+    Picture,
+    Remark,
+    Result,
+    Rows,
+    Section,
+)
 from vinefab.fabrication.checking import corridors_in
 from vinefab.fabrication.formats.dxf_format import DXF
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec, file_problems
@@ -24,6 +42,22 @@ from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.map import Map
 from vinefab.model.outline import Contour, Part
+from vinefab.pages.page_files import page_svg
+from vinefab.pages.panel import (
+    INK,
+    ROCK,
+    ROCK_EDGE,
+    SOFT,
+    Box,
+    Ink,
+    Page,
+    Panel,
+    level_colour,
+    page_of,
+    page_of_paper,
+    plan_panel,
+)
+from vinefab.pages.plan import UNSEEN_DETAIL, StartMark, draw_start_range, start_marks
 from vinefab.rig.build import (
     LoosePiece,
     Peg,
@@ -33,14 +67,329 @@ from vinefab.rig.build import (
     footprints,
     refuse_early,
 )
-from vinefab.rig.fixtures import BoardMarkers, with_fixtures
-from vinefab.rig.page import RigFiles, rig_pictures, true_scale_files
-from vinefab.rig.part import Rig
-from vinefab.rig.part_files import part_files, part_problems, printing_of
-from vinefab.rig.rig_json import RIG_NAME, parts_text, rig_text
-from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
+from vinefab.rig.fixtures import (
+    BoardMarkers,
+    Fixtures,
+    MarkerPad,
+    black_cells,
+    outside_of,
+    paper_crop_mm,
+    with_fixtures,
+)
+from vinefab.rig.part import GRID_MM, Printer, Rig, RigOptions
+from vinefab.rig.part_files import (
+    BASIS,
+    RIG_NAME,
+    RigRecord,
+    part_files,
+    part_problems,
+    parts_text,
+    printing_of,
+    rig_text,
+)
 from vinefab.rig.rig_plan import Polygons, RigPlan, cuts_of, plan_of, polygon_parts, usable_mm
-from vinefab.rig.solid import arrow, centred, strokes
+from vinefab.rig.solid import arrow, centred, shell_words, strokes
+
+A4_MM = (210.0, 297.0)
+MARGIN_MM = 15.0
+RULER_MM = 100.0
+PT_PER_MM = 72.0 / 25.4
+
+UNSEEN_MM = 0.02
+"""Walls are drawn to this at true scale: less than a printer's dot."""
+
+MOST_SHEETS = 24
+"""A page shows at most so many sheets; the folder has a picture of each."""
+
+_CROP_MM, _TEXT_MM, _CROSS_MM, _FOOT_MM = 5.0, 14.0, 1.0, 24.0
+_CORNERS = ("lower left", "lower right", "upper right", "upper left")
+_THICKENED = level_colour(4)
+_PAPER = Ink(fill="#fbfcfd", line=SOFT)
+_THIN, _PLAIN = Ink(line=INK, width_pt=0.4), Ink(line=INK)
+
+
+# --- Drawings
+
+
+def rig_pictures(
+    rig: Rig, world: Map, outlines: Mapping[int, BaseGeometry], jobs: Mapping[str, Job]
+) -> dict[str, bytes]:
+    """Return the assembly drawing and a picture of every sheet for the laser, by file name."""
+    sheets = {f"{Path(name).stem}.svg": page_svg(sheet_plan(job)) for name, job in jobs.items()}
+    return {"assembly.svg": page_svg(assembly_plan(rig, world, outlines)), **sheets}
+
+
+def assembly_plan(rig: Rig, world: Map, outlines: Mapping[int, BaseGeometry]) -> Page:
+    """Return the numbered plan of a rig, in millimetres of the rig from its lower left corner.
+
+    Parameters
+    ----------
+    outlines
+        In map coordinates, by number.
+    """
+    low, scale = np.array(rig.plate.bounds[:2]), rig.options.scale
+
+    def on_rig(shape: BaseGeometry) -> BaseGeometry:
+        return shapely.transform(shape, lambda points: scale * (points - low))
+
+    plate = on_rig(rig.plate)
+    _, _, wide_mm, deep_mm = plate.bounds
+    long_mm, count = max(wide_mm, deep_mm), len(outlines)
+    panel = plan_panel((0.0, 0.0, wide_mm + 0.05 * long_mm, deep_mm), 504.0)
+    panel.x_name = panel.y_name = "mm of the rig"
+    panel.polygons([plate], _PAPER)
+    walls = shapely.simplify(on_rig(rig.walls), UNSEEN_DETAIL * long_mm)
+    panel.polygons([walls], Ink(fill=ROCK, line=ROCK_EDGE))
+    panel.polygons([on_rig(rig.thickened)], Ink(fill=_THICKENED, line=_THICKENED), rank=2)
+    shapes = {number: on_rig(outline) for number, outline in outlines.items()}
+    panel.polygons(shapes.values(), Ink(line=level_colour(2)), rank=4)
+    size_pt = 14.0 if count < 30 else max(3.0, 90.0 / count**0.5)
+    for number, shape in shapes.items():
+        biggest = max(shapely.get_parts(shape), key=shapely.area, default=Polygon())
+        if not biggest.is_empty:
+            at = biggest.centroid
+            at = at if biggest.covers(at) else biggest.representative_point()
+            panel.words((at.x, at.y), str(number), size_pt, bold=True, anchor="middle", halo=True)
+    for mark in start_marks(world, world.bounds.bounds):
+        whole, fan = mark.whole and on_rig(mark.whole), mark.fan and on_rig(mark.fan)
+        draw_start_range(panel, StartMark(whole=whole, free=tuple(map(on_rig, mark.free)), fan=fan))
+    places = [on_rig(Point(start.pose.x_mm, start.pose.y_mm)) for start in world.starts]
+    if places:
+        dot = Ink(fill=INK, line="#ffffff")
+        panel.marks(shapely.get_coordinates(places), "o", 4.5, dot, rank=6, label="start")
+    at_mm, arrow = wide_mm + 0.04 * long_mm, Ink(line=INK, width_pt=1.6)
+    panel.arrow((at_mm, 0.86 * deep_mm), (at_mm, 0.94 * deep_mm), arrow, head_pt=8.0, rank=8)
+    panel.words((at_mm, 0.97 * deep_mm), "N", anchor="middle")
+    thickened = "; yellow: thickened to print" if rig.thickened.area else ""
+    panel.title = one_line(
+        f"{rig.name}: {counted(count, 'part')}, {wide_mm:.0f} x {deep_mm:.0f} mm, obstacles "
+        f"{rig.options.height_mm:g} mm high, scale {scale:.4g}{thickened}"
+    )
+    return page_of(panel)
+
+
+def sheet_plan(job: Job) -> Page:
+    """Return a plan of a sheet for the laser: cuts and marks, without numbers."""
+    sheet = (0.0, 0.0, job.sheet_width_mm, job.sheet_height_mm)
+    panel = plan_panel(sheet, 504.0)
+    panel.polygons([box(*sheet)], _PAPER)
+    for operation, colour in ((Operation.MARK, INK), (Operation.CUT, "#d00000")):
+        lines = [path.contour for path in job.along(operation)]
+        chains = [(line.flattened_mm(0.05), line.closed) for line in lines]
+        panel.lines(
+            [np.vstack([chain, chain[:1]]) if closed else chain for chain, closed in chains],
+            Ink(line=colour),
+        )
+    panel.title = one_line(f"{job.name}: red is cut, black is marked")
+    return page_of(panel)
+
+
+def true_scale_files(
+    rig: Rig, world: Map, fixtures: Fixtures, pieces: Sequence[LoosePiece] = ()
+) -> dict[str, bytes]:
+    """Return the paper markers and the plan as SVG, by file name."""
+    files = {"plan.svg": page_svg(plan_sheet(rig, world, fixtures, pieces))}
+    if fixtures.pads:
+        files["markers.svg"] = page_svg(marker_sheet(fixtures.pads))
+    return files
+
+
+def marker_sheet(pads: Sequence[MarkerPad]) -> Page:
+    """Return the markers on one page, each with crop marks and the corner that it belongs to."""
+    side_mm = paper_crop_mm(pads[0])
+    pitch_mm, half_mm = side_mm + 2.0 * _CROP_MM + _TEXT_MM, 0.5 * side_mm
+    wide_mm = max(A4_MM[0], 2.0 * pitch_mm + 2.0 * MARGIN_MM)
+    high_mm = max(A4_MM[1], 2.0 * pitch_mm + 2.0 * MARGIN_MM + 60.0)
+    panel, top = _true_scale((0.0, 0.0, wide_mm, high_mm)), high_mm - MARGIN_MM
+    panel.words((MARGIN_MM, top - 2.0), "Corner markers", 12.0)
+    for row, words in enumerate(
+        (
+            "Print at 100 % (not fitted to the page) and measure the ruler. Cut along the crop "
+            "marks;",
+            "glue each marker into its place, upright as printed here when the map's north is up.",
+        )
+    ):
+        panel.words((MARGIN_MM, top - 9.0 - 4.0 * row), words, 8.0)
+    _draw_ruler(panel, MARGIN_MM, MARGIN_MM)
+    crop = np.array([[(1.0, 0.0), (_CROP_MM, 0.0)], [(0.0, 1.0), (0.0, _CROP_MM)]])
+    for pad in pads:
+        right, upper = pad.marker.number in (1, 2), pad.marker.number in (2, 3)
+        x_mm = 0.5 * wide_mm + (0.5 if right else -0.5) * pitch_mm
+        y_mm = 0.5 * high_mm + (0.5 if upper else -0.5) * pitch_mm
+        middle = pad.square.centroid
+        _draw_cells(panel, pad, (x_mm - middle.x, y_mm - middle.y))
+        signs = [np.array([x, y]) for x in (-1.0, 1.0) for y in (-1.0, 1.0)]
+        lines = [(x_mm, y_mm) + sign * (half_mm + line) for sign in signs for line in crop]
+        panel.lines(lines, _THIN)
+        name = f"marker {pad.marker.number}: {_CORNERS[pad.marker.number]}"
+        below_mm = y_mm - half_mm - _CROP_MM - 2.5
+        panel.words((x_mm, below_mm), name, 8.0, anchor="middle")
+    return page_of_paper(panel)
+
+
+def plan_sheet(rig: Rig, world: Map, fixtures: Fixtures, pieces: Sequence[LoosePiece] = ()) -> Page:
+    """Return the plan of a rig at true scale: walls, markers, base and ruler, to be laid below.
+
+    Loose pieces are outlined one by one, with their numbers and the holes for their pegs: by them a
+    board is drilled by hand. A cross is the middle of a peg.
+    """
+    plate, around = rig.on_plan(rig.plate), outside_of(fixtures)
+    x_min, y_min, x_max, y_max = shapely.union(plate, around).bounds
+    left, low = x_min - MARGIN_MM, y_min - MARGIN_MM - _FOOT_MM
+    right = left + max(x_max - x_min, RULER_MM) + 2.0 * MARGIN_MM
+    panel = _true_scale((left, low, right, y_max + MARGIN_MM))
+    panel.polygons([plate, around], Ink(line=SOFT))
+    panel.polygons([rig.on_plan(Polygon(world.bounds.exterior))], _PLAIN)
+    walls = shapely.simplify(rig.on_plan(rig.walls), UNSEEN_MM)
+    panel.polygons([walls], Ink(fill="#d9dee2", line=INK))
+    panel.polygons([piece.outline for piece in pieces], _PLAIN)
+    pegs = [peg for piece in pieces for peg in piece.pegs]
+    panel.polygons([peg.outline for peg in pegs], Ink(fill="#ffffff", line=INK))
+    cross = _CROSS_MM * np.array([[(-1.0, 0.0), (1.0, 0.0)], [(0.0, -1.0), (0.0, 1.0)]])
+    panel.lines(
+        [cross[way] + np.array([peg.x_mm, peg.y_mm]) for peg in pegs for way in (0, 1)], _THIN
+    )
+    for piece in pieces:
+        circle = shapely.maximum_inscribed_circle(piece.outline, 0.5)
+        x_mm, y_mm = shapely.get_coordinates(circle)[0].tolist()
+        panel.words((x_mm, y_mm), str(piece.number), 8.0, anchor="middle")
+    for pad in fixtures.pads:
+        _draw_cells(panel, pad)
+    for start in world.starts:  # the mouth of the trunk as a cross, and its heading
+        at = rig.on_plan(Point(start.pose.x_mm, start.pose.y_mm)).centroid
+        cos, sin = np.cos(start.pose.heading_rad), np.sin(start.pose.heading_rad)
+        mouth = np.array([(at.x + side * sin, at.y - side * cos) for side in (5.0, -5.0)])
+        ahead = np.array([(at.x, at.y), (at.x + 20.0 * cos, at.y + 20.0 * sin)])
+        panel.lines([ahead, mouth], Ink(line=INK, width_pt=1.2), rank=6)
+    _draw_ruler(panel, x_min, low + MARGIN_MM)
+    words = (
+        f"{one_line(rig.name)} at {rig.options.scale:.4g} of the map's size. Print at 100 % (as a "
+        "poster) and measure the ruler."
+    )
+    panel.words((x_min, low + MARGIN_MM - 5.0), words, 8.0)
+    return page_of_paper(panel)
+
+
+def _true_scale(box_mm: Box) -> Panel:
+    """Return a panel of which each unit is a millimetre of paper."""
+    wide_mm, high_mm = box_mm[2] - box_mm[0], box_mm[3] - box_mm[1]
+    return Panel(box=box_mm, width_pt=PT_PER_MM * wide_mm, height_pt=PT_PER_MM * high_mm)
+
+
+def _draw_cells(panel: Panel, pad: MarkerPad, shift: tuple[float, float] = (0.0, 0.0)) -> None:
+    """Draw a marker's black cells, edges sharp: no line is drawn around them."""
+    cells = shapely.union_all(black_cells(pad.marker.number, pad.square))
+    panel.polygons([translate(cells, *shift)], Ink(fill="#000000"), rank=5)
+
+
+def _draw_ruler(panel: Panel, x_mm: float, y_mm: float) -> None:
+    """Draw a ruler of 100 mm with a tick every 10 mm."""
+    ticks = [
+        np.array([(at, 0.0), (at, 4.0 if at % 50.0 == 0.0 else 2.5)])
+        for at in np.arange(0.0, RULER_MM + 1.0, 10.0).tolist()
+    ]
+    lines: list[Floats] = [np.array([(0.0, 0.0), (RULER_MM, 0.0)]), *ticks]
+    panel.lines(
+        [line + np.array([x_mm, y_mm]) for line in lines], Ink(line=INK, width_pt=0.5), rank=6
+    )
+    panel.words((x_mm + RULER_MM + 2.0, y_mm + 1.0), "100 mm", 8.0)
+
+
+# --- Result
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RigFiles(RigRecord, Result):
+    """A rig as files."""
+
+    # by name, every solid read back; empty when a rule forbids the rig
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    pictures: Mapping[str, bytes] = field(default_factory=dict)  # those of the page, by file name
+
+    @property
+    def title(self) -> str:
+        """What its page is called."""
+        return f"{self.rig.name}: test rig"
+
+    def view(self) -> Iterator[Block]:
+        """Yield where each part goes, how many there are, how they are printed, and notes."""
+        rig, options = self.rig, self.rig.options
+        yield from self._pictures("assembly")
+        sheets = f" and {counted(len(self.jobs), 'sheet')} for the laser" if self.jobs else ""
+        yield Answer(
+            f"{rig.name}: {counted(len(rig.parts), 'part')} for {rig.printer.name}{sheets} at "
+            f"{options.scale:.4g} of the map's size; every STL and 3MF read back closed and "
+            "oriented; assembled, the outsides of the walls differ from the map by "
+            f"{100 * self.comparison.share:.4f} %",
+            "bad" if self.report.findings else "good",
+        )
+        x_min, y_min, x_max, y_max = (options.scale * side for side in rig.plate.bounds)
+        size = f"{x_max - x_min:.0f} x {y_max - y_min:.0f} mm"
+        volume = Number(rig.volume_mm3, "cm3", ".0f", standing="computed", per=1000.0)
+        basis = "computed from assumed settings of the printer"
+        yield Facts(
+            (
+                Fact("size", f"{size}, obstacles {options.height_mm:g} mm high"),
+                Fact("volume", volume),
+                Fact("printing", self.printing.total.words(), detail=basis),
+            )
+        )
+        yield Notes((self.why_style, *filter(None, [shell_words(rig)])))
+        yield Notes(tuple(f"note: {note}" for note in rig.notes))
+        yield from (block for block in self.report.view() if isinstance(block, Remark))
+        yield replace(self.section, pictures=self._pictures("board", "lid"), folded=True)
+        yield self.report.applied
+
+    @property
+    def section(self) -> Section:
+        """The rig as a part of a report."""
+        marked = self.rig.options.marker_kind != "none"
+        return Section(
+            title="Test rig",
+            paragraphs=(
+                f"Printing on {self.rig.printer.name} takes about {self.printing.total.words()}: "
+                f"{BASIS}.",
+                "plan.svg is the rig's plan at true scale with markers and a ruler: lay "
+                "the rig onto it, or draw the map on paper."
+                + (" markers.svg has paper markers." if marked else ""),
+            ),
+            pictures=self._pictures("assembly", "board", "lid"),
+            tables=(
+                Rows(
+                    caption="Beds (estimate)",
+                    headings=("bed", "takes"),
+                    rows=tuple((bed.name, bed.estimate.words()) for bed in self.printing.beds),
+                ),
+                Rows(
+                    caption="Parts (computed)",
+                    headings=("number", "file", "bed", "size as printed, mm", "volume, cm3"),
+                    rows=tuple(
+                        (
+                            str(part.number or ""),
+                            f"{part.name}.stl",
+                            self.printing.bed_of(index).name,
+                            " x ".join(f"{size:.1f}" for size in part.size_mm),
+                            f"{part.volume_mm3 / 1000.0:.1f}",
+                        )
+                        for index, part in enumerate(self.rig.printed)
+                    ),
+                ),
+            ),
+        )
+
+    def _pictures(self, *kinds: str) -> tuple[Picture, ...]:
+        """Return the assembly plan or sheets that were drawn."""
+        names = [name for kind in kinds for name in sorted(self.pictures) if name.startswith(kind)]
+        return tuple(
+            Picture(
+                image=self.pictures[name],
+                caption="Where each part goes; the arrow points to the map's north."
+                if name == "assembly.svg"
+                else f"{name}: a sheet for the laser.",
+            )
+            for name in names[:MOST_SHEETS]
+        )
+
 
 SHEET_MARGIN_MM = 5.0
 _DIGIT_MM = 8.0

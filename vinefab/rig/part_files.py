@@ -1,4 +1,4 @@
-"""The files of a rig's printed parts, STL and 3MF; every file is read back and compared.
+"""The files of a rig: STL and 3MF, each read back and compared, rig.json and the part list.
 
 A new format is a `PartFormat` and one line in `PART_FORMATS`; the comparison is the same for all.
 STL: one part per file, binary. 3MF: the core of the format only, all parts of one print bed in a
@@ -6,23 +6,45 @@ file, each an object at its place. The zip is stored with fixed dates, the numbe
 that single precision takes back: the same parts give the same bytes.
 """
 
+import csv
 import io
 import math
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
 from xml.etree import ElementTree as Tree
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
+from pydantic import ConfigDict, Field
 
-from vinefab.core.errors import BadInputError, UnreadableFileError
-from vinefab.core.plain_text import GENERATOR, agreeing, counted, one_line
+from vinefab.core.errors import UnreadableFileError
+from vinefab.core.plain_text import GENERATOR, agreeing, counted, json_text, one_line, rounded
 from vinefab.core.registry import Registry
+from vinefab.core.table import TablePart, validated
 from vinefab.core.validation import Floats, Ints
-from vinefab.rig.part import Mesh, Rig, RigPart, mesh_problems
-from vinefab.rig.rig_options import Printer, RigOptions
+from vinefab.fabrication.rules.rule import RigFacts, RigPartFacts
+from vinefab.model.files.shipped import json_object, path_inside, read_bytes, read_text
+from vinefab.model.finding import CheckReport
+from vinefab.model.job import Job, Operation
+from vinefab.model.laser import FileName
+from vinefab.model.map import Map
+from vinefab.rig.build import RigComparison
+from vinefab.rig.fixtures import Fixtures
+from vinefab.rig.part import (
+    BOX_MM,
+    VOLUME_SHARE,
+    Mesh,
+    Printer,
+    Rig,
+    RigOptions,
+    RigPart,
+    mesh_problems,
+)
 from vinefab.rig.rig_plan import usable_mm
+from vinefab.rig.solid import shell_words
 
 BASIS = (
     "computed from assumed settings: plastic = min(V, A s + f (V - A s)) with volume V, surface A, "
@@ -308,21 +330,12 @@ class ReadPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PartFormat:
-    """A kind of file for printed parts: written, read back and compared with the parts.
-
-    What `read` returns is compared with the parts, the same way for every format.
-    """
+    """A kind of file for printed parts: what `read` returns is compared with the parts."""
 
     suffix: str
     write: Callable[[Sequence[PartItem], str], bytes]  # items and title; the same bytes each time
     read: Callable[[bytes], tuple[ReadPart, ...]]  # raises `UnreadableFileError`
     per_bed: bool = False  # one file per print bed instead of one per part
-
-    def __post_init__(self) -> None:
-        for name in ("write", "read"):
-            if not callable(getattr(self, name)):
-                key = f"part format {self.suffix}: {name}"
-                raise BadInputError(key, getattr(self, name), "a function")
 
 
 # --- STL
@@ -353,31 +366,22 @@ def read_stl(data: bytes) -> Mesh:
     UnreadableFileError
         If the bytes are no binary STL file with at least one triangle.
     """
-    if problem := _form_problem(data):
-        raise UnreadableFileError("STL data", problem)
-    corners = np.frombuffer(data, _RECORD, offset=_HEADER_BYTES + 4)["corners"]
-    return Mesh.of_corners(corners.astype(np.float64))
-
-
-def _form_problem(data: bytes) -> str:
-    """Return the error in the bytes, triangles aside, or an empty string."""
-    if len(data) < _HEADER_BYTES + 4:
-        return (
-            f"is truncated: {counted(len(data), 'byte')} {agreeing(len(data), 'is', 'are')} less "
-            "than a header"
-        )
-    if data[:5].lower() == b"solid":
-        return "begins with 'solid' and would be read as text"
     count = int.from_bytes(data[_HEADER_BYTES : _HEADER_BYTES + 4], "little")
     wanted = _HEADER_BYTES + 4 + count * _RECORD.itemsize
-    if len(data) != wanted:
+    found, problem = counted(len(data), "byte"), ""
+    if len(data) < _HEADER_BYTES + 4:
+        problem = f"is truncated: {found} {agreeing(len(data), 'is', 'are')} less than a header"
+    elif data[:5].lower() == b"solid":
+        problem = "begins with 'solid' and would be read as text"
+    elif len(data) != wanted:
         kind = "truncated" if len(data) < wanted else "too long"
-        return (
-            f"is {kind}: {counted(len(data), 'byte')} where {counted(count, 'triangle')} take "
-            f"{wanted}"
-        )
+        problem = f"is {kind}: {found} where {counted(count, 'triangle')} take {wanted}"
+    if problem:
+        raise UnreadableFileError("STL data", problem)
     corners = np.frombuffer(data, _RECORD, offset=_HEADER_BYTES + 4)["corners"]
-    return "" if count and np.isfinite(corners).all() else "holds no triangles, or no finite ones"
+    if not (count and np.isfinite(corners).all()):
+        raise UnreadableFileError("STL data", "holds no triangles, or no finite ones")
+    return Mesh.of_corners(corners.astype(np.float64))
 
 
 # --- 3MF
@@ -447,21 +451,21 @@ def _placed_parts(data: bytes) -> Iterator[ReadPart]:
         if numbers[:9] != [1, 0, 0, 0, 1, 0, 0, 0, 1]:
             raise ValueError("an item is turned")
         x_mm, y_mm, z_mm = numbers[9:]
-        yield ReadPart(
-            name=node.get("name", ""), mesh=_mesh(node, space), shift_mm=(x_mm, y_mm, z_mm)
+        points = np.array(
+            [
+                [float(at.attrib[axis]) for axis in ("x", "y", "z")]
+                for at in node.iterfind("mesh/vertices/vertex", space)
+            ]
         )
-
-
-def _mesh(node: Tree.Element, space: dict[str, str]) -> Mesh:
-    points = [
-        (float(at.attrib["x"]), float(at.attrib["y"]), float(at.attrib["z"]))
-        for at in node.iterfind("mesh/vertices/vertex", space)
-    ]
-    faces = [
-        (int(at.attrib["v1"]), int(at.attrib["v2"]), int(at.attrib["v3"]))
-        for at in node.iterfind("mesh/triangles/triangle", space)
-    ]
-    return Mesh.of_corners(np.array(points)[np.array(faces, dtype=np.int64)])
+        faces = [
+            [int(at.attrib[corner]) for corner in ("v1", "v2", "v3")]
+            for at in node.iterfind("mesh/triangles/triangle", space)
+        ]
+        yield ReadPart(
+            name=node.get("name", ""),
+            mesh=Mesh.of_corners(points[np.array(faces, dtype=np.int64)]),
+            shift_mm=(x_mm, y_mm, z_mm),
+        )
 
 
 def _model(items: Sequence[PartItem], title: str) -> Iterator[str]:
@@ -574,3 +578,223 @@ def _contents(
         )
         for bed in printing.beds
     ]
+
+
+RIG_NAME = "rig.json"
+"""The file by which the folder of a rig is known again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RigRecord:
+    """Content of rig.json and parts.csv."""
+
+    rig: Rig
+    world: Map
+    printing: Printing
+    comparison: RigComparison  # of the assembled rig with the map
+    report: CheckReport  # of the rules about rigs
+    jobs: Mapping[str, Job] = field(default_factory=dict)  # sheets for the laser, by file name
+    why_style: str = ""  # the chosen style and the needs of the other
+    fixtures: Fixtures = field(default_factory=Fixtures)
+
+
+def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
+    """Return rig.json.
+
+    A part's ``transform_to_map`` is a 4 x 4 matrix by rows: applied to a point of its STL file
+    (x, y, z, 1) in printed millimetres it gives map coordinates, z = 0 being the floor. Corners of
+    markers run from the upper left clockwise, in map coordinates; the base holder is in printed
+    millimetres, its pose in map coordinates.
+    """
+    rig, world, printing = record.rig, record.world, record.printing
+    base = record.fixtures.base
+    # Numbers are rounded to what they mean, so that files do not differ in a last digit; arrays
+    # (transforms, corners) and the values of the map and the rules stay.
+    parts = [
+        {
+            "name": part.name,
+            "number": part.number,
+            "file": stl_name(part),
+            "sha256": digests[stl_name(part)],
+            "bed": bed_name(printing.bed_of(index)),
+            "row": part.row,
+            "column": part.column,
+            "volume_mm3": part.volume_mm3,
+            "size_mm": part.size_mm,
+            "triangles": len(part.faces),
+            "hollow": part.hollow,
+            "colour_change_mm": part.colour_change_mm,
+            "transform_to_map": part.to_map,
+        }
+        for index, part in enumerate(rig.printed)
+    ]
+    content: dict[str, Any] = {
+        "units": "mm",
+        "map": {
+            "name": world.name,
+            "environment": world.environment,
+            "seed": world.seed,
+            "walls": world.wall_count,
+            "lower_left_mm": world.bounds.bounds[:2],
+            "size_mm": world.size_mm,
+        },
+        "printer": rig.printer.model_dump(),
+        "options": rig.options.model_dump(),
+        "style": rig.style,
+        "why_style": record.why_style,
+        "shells": {
+            "parts": sum(part.hollow for part in rig.parts),
+            "solid_parts": sum(not part.hollow for part in rig.parts),
+            "words": shell_words(rig),
+        },
+        "parts": parts[: len(rig.parts)],
+        "extras": parts[len(rig.parts) :],
+        "beds": [
+            {
+                "file": bed_name(bed),
+                "sha256": digests[bed_name(bed)],
+                "parts": [rig.printed[at.index].name for at in bed.places],
+                "estimate": asdict(bed.estimate),
+            }
+            for bed in printing.beds
+        ],
+        "laser": [
+            {
+                "file": name,
+                "sha256": digests[name],
+                "sheet_mm": (job.sheet_width_mm, job.sheet_height_mm),
+                "cut_mm": job.length_mm(Operation.CUT),
+                "mark_mm": job.length_mm(Operation.MARK),
+            }
+            for name, job in record.jobs.items()
+        ],
+        "markers": [
+            {
+                "number": marker.number,
+                "corners_mm": marker.corners_mm,
+                "z_mm": marker.z_mm,
+                "side_printed_mm": rig.options.marker_mm,
+                "made": rig.options.marker_kind,
+            }
+            for marker in record.fixtures.markers
+        ],
+        "base_holder": base
+        and {
+            "start": base.start,
+            "pose": world.starts[base.start - 1].pose.content,
+            "tube_mm": base.tube.diameter_mm,
+            "tube_standing": base.tube.standing,
+            "bore_mm": base.bore_mm,
+            "axis_mm": base.axis_mm,
+            "reach_mm": base.reach_mm,
+            "headings_deg": base.headings_deg,
+            "screws": {"thread": "M3", "count": 2, "least_length_mm": base.screw_mm},
+            "parts": [part.name for part in base.parts],
+        },
+        "estimate": {"basis": BASIS, **asdict(printing.total)},
+        "volume_mm3": rig.volume_mm3,
+        "joint_gap_mm3": rig.joint_gap_mm3,
+        "counts": rig.counts,
+        "thin_places": [asdict(place) for place in rig.thin_places],
+        "against_map": asdict(record.comparison),
+        "checks": record.report.content,
+        "notes": rig.notes,
+    }
+    exact = {key: content[key] for key in ("map", "checks")}
+    return json_text("vinefab/rig-1", {**rounded(content, 6), **exact})
+
+
+def parts_text(rig: Rig, printing: Printing) -> str:
+    """Return the part list as CSV, our mark in a comment above the column names."""
+    text = io.StringIO()
+    names = "number,file,bed,row,column,x_mm,y_mm,z_mm,volume_cm3,triangles"
+    text.write(f"# {GENERATOR}\n{names}\n")
+    table = csv.writer(text, lineterminator="\n")
+    for index, part in enumerate(rig.printed):
+        cells = [part.number or "", stl_name(part), bed_name(printing.bed_of(index))]
+        cells += [part.row or "", part.column or "", *(f"{size:.2f}" for size in part.size_mm)]
+        table.writerow([*cells, f"{part.volume_mm3 / 1000.0:.2f}", len(part.faces)])
+    return text.getvalue()
+
+
+# --- A folder read back: forms hold no more than the rules need
+
+
+Above0 = Annotated[float, Field(gt=0)]
+
+
+class PartForm(TablePart):
+    """An entry of ``parts`` or ``extras``."""
+
+    name: str
+    file: FileName
+    volume_mm3: Above0
+    size_mm: Annotated[tuple[float, float, float], Field(strict=False)]
+
+
+class RigPrinter(Printer):
+    """The printer that the rig was made for."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class OptionsForm(TablePart):
+    """The sizes of the rig."""
+
+    height_mm: Above0
+    bed_margin_mm: float
+
+
+class MapForm(TablePart):
+    """The map of the rig."""
+
+    name: str
+
+
+class RigForm(TablePart):
+    """``rig.json``."""
+
+    schema_: Literal["vinefab/rig-1"] = Field(alias="schema")
+    style: Literal["plate", "board", "sheet"]  # sheet: in layers, of earlier versions
+    map: MapForm
+    printer: RigPrinter
+    options: OptionsForm
+    parts: list[PartForm]
+    extras: list[PartForm]
+
+
+def read_rig(folder: Path) -> RigFacts:
+    """Return the facts that the rules need of a rig from its folder, every STL file read."""
+    path = folder if folder.name == RIG_NAME else folder / RIG_NAME
+    form = validated(RigForm, json_object(read_text(path), path), path)
+    printer, margin_mm = form.printer, 2.0 * form.options.bed_margin_mm
+    wide_mm, deep_mm = printer.bed_width_mm - margin_mm, printer.bed_depth_mm - margin_mm
+    layered = form.style == "sheet" and form.parts
+    return RigFacts(
+        name=form.map.name,
+        printer=printer.name,
+        room_mm=(wide_mm, deep_mm, printer.height_mm),
+        height_mm=max(part.size_mm[2] for part in form.parts)
+        if layered
+        else form.options.height_mm,
+        parts=tuple(
+            _facts(path.parent, part)
+            for part in (*form.parts, *form.extras)
+            if part.file.endswith(".stl")
+        ),
+    )
+
+
+def _facts(folder: Path, part: PartForm) -> RigPartFacts:
+    path = path_inside("file", part.file, (folder,), folder / RIG_NAME)
+    try:
+        mesh = read_stl(read_bytes(path))
+    except UnreadableFileError as error:
+        return RigPartFacts(name=part.name, size_mm=part.size_mm, problems=(error.problem,))
+    problems = mesh.form_problems()
+    if abs(mesh.volume_mm3 - part.volume_mm3) > VOLUME_SHARE * part.volume_mm3:
+        problems.append(f"has a volume of {mesh.volume_mm3:.6g} mm3, not {part.volume_mm3:.6g}")
+    span_mm = np.ptp(mesh.box_mm, axis=0)
+    if np.abs(span_mm - part.size_mm).max() > BOX_MM:
+        problems.append(f"measures {span_mm.tolist()} mm, not {list(part.size_mm)}")
+    return RigPartFacts(name=part.name, size_mm=tuple(span_mm.tolist()), problems=tuple(problems))

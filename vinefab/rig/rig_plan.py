@@ -5,7 +5,7 @@ and thickened where the printer could not print them.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -23,8 +23,7 @@ from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map, Start
 from vinefab.model.start import start_pieces
-from vinefab.rig.part import ThinPlace
-from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
+from vinefab.rig.part import GRID_MM, Printer, RigOptions, ThinPlace
 
 Polygons = NDArray[np.object_]
 """Polygons that do not overlap, shape (n,)."""
@@ -340,10 +339,19 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
     grown = inside.buffer(options.border_mm, join_style="mitre", mitre_limit=_BORDER_MITRE_LIMIT)
     plate = shapely.union_all([Polygon(piece.exterior) for piece in polygon_parts(grown)])
     border, blocked = plate.difference(inside), shapely.union_all(obstacles)
-    entries = [
-        entry_of(_scaled(start, on_plan, scale), inside, border, blocked, options)
-        for start in world.starts
-    ]
+    entries = []
+    for start in world.starts:
+        pose = start.pose
+        (x_mm, y_mm), *_ = on_plan(np.array([[pose.x_mm, pose.y_mm]])).tolist()
+        on_rig = replace(
+            start,
+            pose=replace(pose, x_mm=x_mm, y_mm=y_mm),
+            spread_x_mm=scale * start.spread_x_mm,
+            spread_y_mm=scale * start.spread_y_mm,
+            area=start.area and shapely.transform(start.area, on_plan),
+            clearance_mm=start.clearance_mm * (1.0 if start.area is None else scale),
+        )
+        entries.append(entry_of(on_rig, inside, border, blocked, options))
     notes = tuple(
         f"start {index}: {entry.note}" for index, entry in enumerate(entries, 1) if entry.note
     )
@@ -385,19 +393,6 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
         slits=slits,
         bridges=bridges,
         notes=notes,
-    )
-
-
-def _scaled(start: Start, on_plan: Callable[[Floats], Floats], scale: float) -> Start:
-    pose = start.pose
-    (x_mm, y_mm), *_ = on_plan(np.array([[pose.x_mm, pose.y_mm]])).tolist()
-    return replace(
-        start,
-        pose=replace(pose, x_mm=x_mm, y_mm=y_mm),
-        spread_x_mm=scale * start.spread_x_mm,
-        spread_y_mm=scale * start.spread_y_mm,
-        area=start.area and shapely.transform(start.area, on_plan),
-        clearance_mm=start.clearance_mm * (1.0 if start.area is None else scale),
     )
 
 
@@ -448,31 +443,24 @@ def tabs_of(seam: TileSeam, plate: BaseGeometry, solids: shapely.STRtree) -> lis
         gap = _END_HALF_MM + _FREE_MM if count > 1 else 0.0
         places = np.arange(np.ceil(left + gap), right - gap + 1e-9, _STEP_MM)
         places = places[np.argsort(np.abs(places - 0.5 * (left + right)), kind="stable")]
-        free = places[_is_free(seam, places, plate, solids)]
+        half = _END_HALF_MM + _FREE_MM
+        near = np.full_like(places, seam.at_mm - TAB_DEPTH_MM)
+        far = np.full_like(places, seam.at_mm + TAB_DEPTH_MM + _FREE_MM)
+        sides = (near, places - half, far, places + half)
+        boxes = shapely.box(*(sides if seam.upright else (sides[1], near, sides[3], far)))
+        is_free = np.asarray(shapely.contains_properly(plate, boxes), dtype=bool)
+        is_free[np.unique(solids.query(boxes, predicate="intersects")[0])] = False
+        free = places[is_free]
         for at_mm in free[:1].tolist():
-            near, end = seam.at_mm, seam.at_mm + TAB_DEPTH_MM
+            end = seam.at_mm + TAB_DEPTH_MM
             corners = [
-                (near, at_mm - _NECK_HALF_MM),
+                (seam.at_mm, at_mm - _NECK_HALF_MM),
                 (end, at_mm - _END_HALF_MM),
                 (end, at_mm + _END_HALF_MM),
-                (near, at_mm + _NECK_HALF_MM),
+                (seam.at_mm, at_mm + _NECK_HALF_MM),
             ]
             chosen.append(Polygon(corners if seam.upright else [(y, x) for x, y in corners]))
     return chosen
-
-
-def _is_free(
-    seam: TileSeam, places: Floats, plate: BaseGeometry, solids: shapely.STRtree
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    half = _END_HALF_MM + _FREE_MM
-    low, high = places - half, places + half
-    near = np.full_like(places, seam.at_mm - TAB_DEPTH_MM)
-    far = np.full_like(places, seam.at_mm + TAB_DEPTH_MM + _FREE_MM)
-    corners = (near, low, far, high) if seam.upright else (low, near, high, far)
-    boxes = shapely.box(*corners)
-    free = np.asarray(shapely.contains_properly(plate, boxes), dtype=bool)
-    free[np.unique(solids.query(boxes, predicate="intersects")[0])] = False
-    return free
 
 
 _GUARD_MM = 2.0
@@ -667,10 +655,16 @@ def dovetails_of(plan: RigPlan, cuts: Cuts, clearance_mm: float) -> tuple[list[D
     for seam, giver, taker in _seams(cuts):
         tabs = tabs_of(seam, plate, tree)
         bare += not tabs and seam.line.intersects(plate)
-        joints += [
-            Dovetail(giver=giver, taker=taker, tab=tab, socket=_socket(tab, seam, clearance_mm))
-            for tab in tabs
-        ]
+        for tab in tabs:
+            socket = tab.buffer(clearance_mm, join_style="mitre")
+            x_min, y_min, x_max, y_max = socket.bounds
+            # What lies before the seam belongs to the giver.
+            if seam.upright:
+                x_min = seam.at_mm
+            else:
+                y_min = seam.at_mm
+            beyond = shapely.intersection(socket, shapely.box(x_min, y_min, x_max, y_max))
+            joints.append(Dovetail(giver=giver, taker=taker, tab=tab, socket=beyond))
     return joints, bare
 
 
@@ -714,14 +708,3 @@ def _seams(cuts: Cuts) -> Iterator[tuple[TileSeam, Cell, Cell]]:
         for column in range(columns):
             seam = TileSeam(upright=False, at_mm=y[row], low_mm=x[column], high_mm=x[column + 1])
             yield seam, (row - 1, column), (row, column)
-
-
-def _socket(tab: Polygon, seam: TileSeam, clearance_mm: float) -> BaseGeometry:
-    """Return the socket's share beyond the seam; what lies before it belongs to the giver."""
-    socket = tab.buffer(clearance_mm, join_style="mitre")
-    x_min, y_min, x_max, y_max = socket.bounds
-    if seam.upright:
-        x_min = seam.at_mm
-    else:
-        y_min = seam.at_mm
-    return shapely.intersection(socket, shapely.box(x_min, y_min, x_max, y_max))

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
-from manifold3d import CrossSection, FillRule, Manifold, Mesh64, OpType
+from manifold3d import CrossSection, FillRule, Manifold, OpType
 from shapely import LineString, Polygon
 from shapely.affinity import scale, translate
 from shapely.geometry.base import BaseGeometry
@@ -16,8 +16,7 @@ from shapely.ops import nearest_points
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import agreeing, counted
 from vinefab.core.validation import Floats, Ints
-from vinefab.rig.part import Rig, RigPart, different_points
-from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
+from vinefab.rig.part import GRID_MM, Printer, Rig, RigOptions, RigPart, different_points
 from vinefab.rig.rig_plan import Polygons, polygon_parts, snapped_union, touching_points
 
 
@@ -59,9 +58,23 @@ def built_of(
     With ``weld_mm``, corners and edges nearer than that to each other are joined. Where prisms side
     by side meet in one upright edge, which is not printable, they are joined by a thin post.
     """
-    made = _joined(courses, pockets, weld_mm)
-    posts = _posts(courses) if _is_pinched(*made) else []
-    return _joined([*courses, *posts], pockets, weld_mm) if posts else made
+    vertices, faces = _joined(courses, pockets, weld_mm)
+    _, index = different_points(vertices)
+    edges = np.sort(index[faces[:, [0, 1, 1, 2, 2, 0]]].reshape(-1, 2), axis=1)
+    # Both ends in one number: edges are then counted without comparing rows.
+    triangles = np.unique(edges @ (len(index), 1), return_counts=True)[1]
+    if triangles.max(initial=0) <= 2:
+        return vertices, faces
+    lowest_mm, highest_mm = min(c.low_mm for c in courses), max(c.high_mm for c in courses)
+    posts = []
+    for low_mm, high_mm, here in _storeys(courses):
+        points = touching_points(snapped_union(*here))
+        if len(points):
+            discs = shapely.buffer(shapely.MultiPoint(points), _POST_MM, quad_segs=2)
+            from_mm = max(lowest_mm, low_mm - _POST_MM)
+            to_mm = min(highest_mm, high_mm + _POST_MM)
+            posts.append(Course(pieces=polygon_parts(discs), low_mm=from_mm, high_mm=to_mm))
+    return _joined([*courses, *posts], pockets, weld_mm)
 
 
 def _joined(
@@ -74,30 +87,8 @@ def _joined(
     return solid_mesh(body.simplify(weld_mm) if weld_mm else body)
 
 
-def _is_pinched(vertices: Floats, faces: Ints) -> bool:
-    """Tell whether more than two triangles meet at an edge."""
-    _, index = different_points(vertices)
-    edges = np.sort(index[faces[:, [0, 1, 1, 2, 2, 0]]].reshape(-1, 2), axis=1)
-    # Both ends in one number: edges are then counted without comparing rows.
-    return bool(np.unique(edges @ (len(index), 1), return_counts=True)[1].max(initial=0) > 2)
-
-
 _POST_MM = 0.1
 """Radius of a post: more than a wall's error of rounding, less than a line of the printer."""
-
-
-def _posts(courses: Sequence[Course]) -> list[Course]:
-    """Return thin posts where the plans of courses at one height touch in a point."""
-    lowest_mm, highest_mm = min(c.low_mm for c in courses), max(c.high_mm for c in courses)
-    posts = []
-    for low_mm, high_mm, here in _storeys(courses):
-        points = touching_points(snapped_union(*here))
-        if len(points):
-            discs = shapely.buffer(shapely.MultiPoint(points), _POST_MM, quad_segs=2)
-            from_mm = max(lowest_mm, low_mm - _POST_MM)
-            to_mm = min(highest_mm, high_mm + _POST_MM)
-            posts.append(Course(pieces=polygon_parts(discs), low_mm=from_mm, high_mm=to_mm))
-    return posts
 
 
 def _storeys(courses: Sequence[Course]) -> Iterator[tuple[float, float, list[Polygons]]]:
@@ -128,13 +119,6 @@ def solid_mesh(body: Manifold) -> tuple[Floats, Ints]:
     first, rows = faces.argmin(axis=1)[:, None], np.arange(len(faces))[:, None]
     faces = faces[rows, (first + np.arange(3)) % 3]
     return vertices[order], faces[np.lexsort(faces.T[::-1])]
-
-
-def manifold_of(vertices_mm: Floats, faces: Ints) -> Manifold:
-    """Return corners and triangles as a solid of manifold3d, empty when they do not bound one."""
-    # Copies: manifold3d does not take read-only arrays.
-    vertices = np.array(vertices_mm, dtype=np.float64, order="C")
-    return Manifold(Mesh64(vertices, np.array(faces, dtype=np.uint64, order="C")))
 
 
 def outlines_at(body: Manifold, z_mm: float) -> shapely.geometry.base.BaseGeometry:
@@ -436,7 +420,13 @@ def corbelled(
     two faces nearly coincide.
     """
     within = _in_walls(outline, wall_mm)
-    feet = [_foot(walls, within, peg) for peg in pegs]
+    feet = []
+    for peg in pegs:  # a hair more than the peg, and a neck into the nearest wall
+        middle = shapely.centroid(peg)
+        radius_mm = middle.distance(shapely.Point(peg.exterior.coords[0])) + _HAIR_MM
+        ends = [middle, nearest_points(walls, middle)[0]]
+        neck = shapely.union_all(shapely.buffer(ends, radius_mm, quad_segs=4)).convex_hull
+        feet.append(shapely.intersection(neck, within))
     target = shapely.set_precision(shapely.union_all(feet), _NEAR_MM)
     far_mm = shapely.hausdorff_distance(shapely.union_all([walls, target]), walls)
     count = max(1, math.ceil(far_mm / CORBEL_STEP_MM - _MULTIPLE)) if pegs else 0
@@ -461,15 +451,6 @@ def corbelled(
 def _in_walls(outline: Polygon, wall_mm: float) -> BaseGeometry:
     """Return an outline shrunk so that its edge lies within its walls."""
     return shapely.buffer(outline, -min(0.5 * wall_mm, _ROOT_MM), join_style="mitre")
-
-
-def _foot(walls: Polygon, within: BaseGeometry, peg: Polygon) -> BaseGeometry:
-    """Return the support of a peg: a hair more than the peg, and a neck into the nearest wall."""
-    middle = shapely.centroid(peg)
-    near = nearest_points(walls, middle)[0]
-    radius_mm = middle.distance(shapely.Point(peg.exterior.coords[0])) + _HAIR_MM
-    ends = shapely.buffer([middle, near], radius_mm, quad_segs=4)
-    return shapely.intersection(shapely.union_all(ends).convex_hull, within)
 
 
 def number_marks(number: int, outline: Polygon, wall_mm: float) -> tuple[Polygons, Polygons]:

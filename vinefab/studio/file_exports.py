@@ -190,7 +190,7 @@ class RigExport(Export):
     def make(self, source: ExportSource, progress: Progress) -> MadeExport:
         """Return the files of the rig, or what forbids them."""
         from vinefab.rig.make import RigRequest, make_rig
-        from vinefab.rig.rig_options import RigOptions, read_printer
+        from vinefab.rig.part import RigOptions, read_printer
 
         world = _map_of(source)
         options = RigOptions(style=self.style, height_mm=self.height_mm)

@@ -19,7 +19,7 @@ from vinefab.model.inputs import POINTS
 from vinefab.model.map import Map, corner_markers
 from vinefab.pages.panel import Raster, Shape
 from vinefab.pages.plan import photo_preview
-from vinefab.photos.photo_camera import projected
+from vinefab.photos.photo import projected
 
 TABLE = Map(name="table", bounds=box(0.0, 0.0, 400.0, 300.0), obstacles=())
 BRICKS = (

@@ -23,7 +23,7 @@ from vinefab.model.laser import (
     read_material,
     read_profile,
 )
-from vinefab.rig.rig_options import PrinterForm, read_printer
+from vinefab.rig.part import PrinterForm, read_printer
 from vinefab.search.settings import RunFile, read_run
 
 NEVER = (1e300, math.nan, math.inf, 10**30, 10**400, True)

@@ -19,10 +19,11 @@ from vinefab.maps.cleanup.raster import GridPlacement, Mask, raster_map
 from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 from vinefab.model.map import MARKER_SIDE_CELLS, Map
 from vinefab.photos.found_markers import FoundMarker, measured_markers, square_points
-from vinefab.photos.photo import CAMERA_GAMMA, Photo, read_photo
-from vinefab.photos.photo_camera import (
+from vinefab.photos.photo import (
+    CAMERA_GAMMA,
     AreaMm,
     ControlPoints,
+    Photo,
     PhotoCamera,
     PlanView,
     fit_camera,
@@ -30,6 +31,7 @@ from vinefab.photos.photo_camera import (
     most_pixels_per_mm,
     plane_homography,
     projected,
+    read_photo,
     rectified,
     shown_in,
 )

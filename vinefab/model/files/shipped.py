@@ -7,11 +7,13 @@ variable ``VINEFAB_PROFILES`` says; it has the same folders inside as the projec
 ``laser_profiles/recipes`` and so on.
 """
 
+import json
 import os
 from collections.abc import Sequence
 from contextlib import suppress
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError, nearest
 
@@ -190,6 +192,17 @@ _PICTURES: dict[str, tuple[bytes, ...]] = {
     "TIFF": (b"II*\0", b"MM\0*"),
 }
 """How files of pictures begin: a photo is easily given where a design or a map is asked for."""
+
+
+def json_object(text: str, path: Path) -> dict[str, Any]:
+    """Return the content of a JSON file, which has to be an object."""
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise UnreadableFileError(path, f"is not JSON: {str(error)[:100]}") from error
+    if not isinstance(content, dict):
+        raise UnreadableFileError(path, "is not a JSON object")
+    return content
 
 
 _LONGEST_PATH = 1024

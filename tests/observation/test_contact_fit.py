@@ -83,19 +83,6 @@ def test_contacts_that_one_angle_parts_give_an_interval_around_it():
     assert 3.0 < fit.value_deg < 30.0
 
 
-@pytest.mark.parametrize(("stopped", "side"), [(True, "lower"), (False, "upper")])
-def test_all_alike_give_a_bound_and_no_estimate(stopped, side):
-    fit = fit_threshold([12.0, 20.0, 31.0], [stopped] * 3, [0, 0, 1], 1.0)
-    assert fit.side == side
-    assert fit.value_deg is None
-    if stopped:
-        assert fit.high_deg == 90.0
-        assert 20.0 < fit.low_deg < 32.0
-    else:
-        assert fit.low_deg == 0.0
-        assert 12.0 < fit.high_deg < 20.0
-
-
 def test_more_contacts_narrow_the_interval_and_more_noise_widens_it():
     rng = np.random.default_rng(4)
     few, many = (
@@ -189,14 +176,21 @@ def test_photos_give_a_file_that_predictions_read(written, tmp_path):
     assert options.body_width_ratio == ratio.value
 
 
-def test_all_slid_is_said_as_a_bound(written):
-    seen = [contact(angle, stopped=False) for angle in (9.0, 20.0, 40.0)]
-    fit = fit_files(written(observation("a.jpg", seen)))
-    found = fit.contacts.head_on_half_angle_deg
-    assert (found.side, found.value) == ("upper", None)
-    words = "\n".join(fit.summary)
-    assert f"at most {found.high:g} deg (95 %)" in words
-    assert "all tips slid: contacts give an upper bound of the half-angle, no estimate" in words
+@pytest.mark.parametrize(
+    ("stopped", "side", "least", "words"),
+    [(False, "upper", 12.0, "at most {0.high_deg:g} deg (95 %)"),
+     (True, "lower", 20.0, "at least {0.low_deg:g} deg (95 %)")],
+)  # fmt: skip
+def test_all_alike_are_said_as_a_bound(written, stopped, side, least, words):
+    seen = [contact(angle, stopped=stopped) for angle in (12.0, 20.0, 31.0)]
+    fit = fit_files(written(observation("a.jpg", seen)), 1.0)
+    found, tips = fit.contacts.head_on_half_angle_deg, fit.threshold
+    assert (found.side, found.value) == (side, None)
+    assert (tips.low_deg, tips.high_deg)[stopped] == (0.0, 90.0)[stopped]
+    assert least < (tips.high_deg, tips.low_deg)[stopped] < least + 12.0
+    text = "\n".join(fit.summary)
+    assert words.format(tips) in text
+    assert "bound of the half-angle, no estimate" in text
     assert "value" not in tomllib.loads(fit.text())["head_on_half_angle_deg"]
 
 
@@ -247,9 +241,9 @@ def _grown_photos(half_angle_deg, tmp_path):
     terrain, design = Terrain.of(world), Design.read(DESIGN)
     options = GrowthOptions.of({"head_on_half_angle_deg": half_angle_deg})
     rng = np.random.default_rng(2)
-    angles, stopped, place = drawn(rng, half_angle_deg, 48, photos=8)
+    angles, stopped, place = drawn(rng, half_angle_deg, 24, photos=4)
     start = world.starts[0].pose
-    for number in range(8):
+    for number in range(4):
         x_mm, turn = start.x_mm + rng.uniform(-10, 10), rng.uniform(-0.25, 0.25)
         pose = Pose(x_mm=x_mm, y_mm=start.y_mm, heading_rad=start.heading_rad + turn)
         grown = grow_on(design, terrain, pose, options)

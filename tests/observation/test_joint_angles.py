@@ -1,6 +1,7 @@
 """Angles of joint coupons on rendered photos of inflated sheets with a known closing gain."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ from vinefab.model.laser import read_profile
 from vinefab.observation.observe_photo import joint_angle_deg
 
 GAIN = 0.6
-NAMES = ("PAIR-40-W20", "PAIR-80-W20", "PAIR-120-W20", "ELBOW-60-W20")
+NAMES = ("PAIR-40-W20", "PAIR-120-W20", "ELBOW-60-W20")
 
 
 @pytest.fixture(scope="module")
@@ -32,11 +33,12 @@ def table(tmp_path_factory):
     folder, true = tmp_path_factory.mktemp("coupons"), {}
     joint_tables()["joints_W20"].write(folder / "joints_W20.geojson")
     results = folder / "results.csv"
-    for name, look in zip(NAMES, looks(8)[4:], strict=True):
+    for name, look in zip(NAMES, looks(8)[5:], strict=True):
         robot = gained_coupon(joint_coupon(name), GAIN)
         true[name] = true_deg(robot)
         photo = folder / f"{name}.jpg"
-        photo.write_bytes(photo_of(robot, 20.0, look, off=(1.0, -1.0, 2.0)))
+        small = replace(look, pixels=(1000, 750))
+        photo.write_bytes(photo_of(robot, 20.0, small, off=(1.0, -1.0, 2.0)))
         seen = vf.observe(photo, folder / "joints_W20.geojson", name, results=results)
         assert seen.numbers["joint_angle_deg"] == pytest.approx(seen.reading.angle_deg, abs=0.01)
     return results, true

@@ -57,7 +57,7 @@ def seen_of(folder, design, seed, look=LOOK, grown_by=None):
     return truth, observe_photo(read_photo(path), WORLD, design, POSE, setup)
 
 
-@pytest.mark.parametrize(("seed", "seam_mm"), [(1, 0.4), (2, 2.0), (5, 0.4)])
+@pytest.mark.parametrize(("seed", "seam_mm"), [(1, 0.4), (2, 2.0)])
 def test_tips_are_right_or_in_doubt_and_no_stop_is_invented(tmp_path, seed, seam_mm):
     truth, seen = seen_of(tmp_path, DESIGN, seed, replace(LOOK, seam_mm=seam_mm))
     assert seen.fits

@@ -129,13 +129,13 @@ class Floor:
         return Photo(name="rendered", pixels=np.clip(np.round(seen), 0, 255).astype(np.uint8))
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def camera() -> TrueCamera:
     """Return a camera of half a megapixel; those of phones have twenty times as many."""
     return TrueCamera(focal_px=700.0, size_px=(820, 615))
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def markers() -> tuple[CornerMarker, ...]:
     world = Map(name="table", bounds=box(0.0, 0.0, 500.0, 400.0), obstacles=())
     return corner_markers(world)
@@ -147,3 +147,11 @@ def floor(markers: tuple[CornerMarker, ...]) -> Floor:
     painted = Floor.plain((-100.0, -100.0, 600.0, 500.0), 0.5)
     painted.paint(markers)
     return painted
+
+
+@pytest.fixture(scope="session")
+def photo(markers: tuple[CornerMarker, ...], camera: TrueCamera) -> Photo:
+    """Return a photo of such a floor, rendered once."""
+    painted = Floor.plain((-100.0, -100.0, 600.0, 500.0), 0.5)
+    painted.paint(markers)
+    return painted.photographed(camera, noise=4.0, blur_px=0.7)

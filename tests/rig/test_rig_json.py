@@ -74,7 +74,7 @@ def test_folders_that_are_no_rig(tmp_path, copied):
     with pytest.raises(UnreadableFileError, match="not JSON"):
         read_rig(copied)
     (copied / "rig.json").write_text("[]")
-    with pytest.raises(UnreadableFileError, match="not the JSON of a rig"):
+    with pytest.raises(UnreadableFileError, match="not a JSON object"):
         read_rig(copied)
     (copied / "rig.json").write_text('{"schema": "vinefab/rig-2"}')
     with pytest.raises(BadInputError, match="schema is 'vinefab/rig-2'"):

@@ -432,7 +432,7 @@ def read_threemf(data: bytes) -> tuple[ReadPart, ...]:
     """
     try:
         return tuple(_placed_parts(data))
-    except (ValueError, KeyError, SyntaxError, zipfile.BadZipFile) as error:
+    except (ValueError, LookupError, SyntaxError, zipfile.BadZipFile) as error:
         raise UnreadableFileError("3MF data", f"cannot be read: {error}") from error
 
 

@@ -6,7 +6,6 @@
 import math
 import sys
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from rendered_photo import CELL_MM, Look, Scene, render
 
 from vinefab.fabrication.calibration.coupons import joint_designs, joint_tables
 from vinefab.inflation.compensation import deployed_joint, flat_joint
-from vinefab.inflation.robot import InflatedRobot, inflated_robot, joints_of
+from vinefab.inflation.robot import inflated_robot, joints_of
 from vinefab.model.design import UnevenLevel
 from vinefab.model.map import Pose
 from vinefab.observation.observe_photo import joint_angle_deg, observe_photo
@@ -47,16 +46,12 @@ def true_deg(found):
     return float(turns[0] if len(turns) == 1 else np.ptp(turns))
 
 
-@dataclass
 class SheetScene(Scene):
     """A coupon on the table: its film is as high as the simulated sheet, its middle flat."""
 
-    robot: InflatedRobot = None
-    pose: Pose = None
-
-    def __post_init__(self):
-        self.deployment = _Nothing()
-        super().__post_init__()
+    def __init__(self, world, look, robot, pose):
+        super().__init__(world, _Nothing(), None, look)
+        self.robot, self.pose = robot, pose
         half = self._half_height()
         radius = float(half.max())
         away = np.where(half > 0.0, np.sqrt(np.maximum(radius**2 - half**2, 0.0)), 1e6)
@@ -116,8 +111,7 @@ def photo_of(robot, width_mm, look, off=(0.0, 0.0, 0.0)):
         y_mm=pose.y_mm + off[1],
         heading_rad=pose.heading_rad + math.radians(off[2]),
     )
-    scene = SheetScene(world=world, deployment=None, build=None, look=look, robot=robot, pose=laid)
-    return render(scene)[2]
+    return render(SheetScene(world, look, robot, laid))[2]
 
 
 def looks(count, seed=3):

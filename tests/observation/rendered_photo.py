@@ -7,7 +7,7 @@ anywhere above. Light, shadows, gloss, grain, blur, noise and JPEG are rough but
 import io
 import itertools
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -65,7 +65,7 @@ class Camera:
         corners = np.array([(x, y, 0.0) for x in (left, right) for y in (low, top)]) - place
         goal = middle - place
         for _ in range(5):
-            axes = _axes(goal / np.linalg.norm(goal), -away, math.radians(look.roll_deg))
+            axes = axes_of(goal / np.linalg.norm(goal), -away, math.radians(look.roll_deg))
             seen = (corners @ axes.T)[:, :2] / (corners @ axes.T)[:, 2:]
             shift = (seen.max(axis=0) + seen.min(axis=0)) / 2
             goal = axes[2] + shift[0] * axes[0] + shift[1] * axes[1]
@@ -84,7 +84,7 @@ class Camera:
         return local[:, :2] / local[:, 2:] * self.focal_px + np.array(self.pixels) / 2
 
 
-def _axes(forward, up, roll):
+def axes_of(forward, up, roll):
     """Return right, down and forward of a camera, shape (3, 3)."""
     right = np.cross(forward, up)
     right /= np.linalg.norm(right)
@@ -93,32 +93,79 @@ def _axes(forward, up, roll):
     return np.array([turned, np.cross(forward, turned), forward])
 
 
-@dataclass
-class Scene:
+class Raster:
+    """A table around a map in small cells, with the obstacles on it."""
+
+    def __init__(self, world, rim_mm):
+        left, low, right, top = world.bounds.bounds
+        self.low_mm = np.array([left - rim_mm, low - rim_mm])
+        self.shape = tuple(int((s + 2 * rim_mm) / CELL_MM) for s in (top - low, right - left))
+        self.x = self.low_mm[0] + (np.arange(self.shape[1]) + 0.5) * CELL_MM
+        self.y = self.low_mm[1] + (np.arange(self.shape[0]) + 0.5) * CELL_MM
+        solid = shapely.union_all(list(world.obstacles))
+        self.block = shapely.contains_xy(solid, *np.meshgrid(self.x, self.y))
+
+    def cells(self, at):
+        """Return the cells in which points lie, by number."""
+        place = ((at - self.low_mm) / CELL_MM).astype(int)
+        column, row = place[:, 0].clip(0, self.shape[1] - 1), place[:, 1].clip(0, self.shape[0] - 1)
+        return row * self.shape[1] + column
+
+
+def lamp_of(look):
+    """Return the way to the lamp."""
+    azimuth, up = (math.radians(angle) for angle in look.light_deg)
+    return np.array(
+        [math.cos(azimuth) * math.cos(up), math.sin(azimuth) * math.cos(up), math.sin(up)]
+    )
+
+
+def halfway(lamp):
+    """Return the normal that shines towards a camera above."""
+    way = lamp + np.array([0.0, 0.0, 1.0])
+    return way / np.linalg.norm(way)
+
+
+def shadow_of(height, lamp, step_mm):
+    """Return the cells that higher ones keep in the shadow."""
+    shadow = np.zeros(height.shape, bool)
+    for z in np.arange(step_mm, height.max(), step_mm):
+        reach = z / lamp[2] * lamp[:2] / CELL_MM
+        shadow |= np.roll(height, (-round(reach[1]), -round(reach[0])), axis=(0, 1)) > z
+    return shadow
+
+
+def marker_cells(marker, x, y):
+    """Return column and row of points on a marker, and whether they are white there."""
+    corner, side = marker.corners_mm[0], marker.corners_mm[1][0] - marker.corners_mm[0][0]
+    column = np.floor((x - corner[0]) / side * MARKER_SIDE_CELLS).astype(int)
+    row = np.floor((corner[1] - y) / side * MARKER_SIDE_CELLS).astype(int)
+    inside = (column >= 0) & (column < 6) & (row >= 0) & (row < 6)
+    white = np.zeros((6, 6), bool)
+    white[1:5, 1:5] = [[sign == "#" for sign in line] for line in MARKER_CELLS[marker.number]]
+    return column, row, ~inside | white[row.clip(0, 5), column.clip(0, 5)]
+
+
+def linear(colour):
+    return (np.array(colour) / 255.0) ** 2.2
+
+
+def developed(image, look, rng):
+    """Return light on pixels as a JPEG: out of focus, stored as its root, with noise."""
+    image = ndimage.gaussian_filter(image, (look.blur_px, look.blur_px, 0))
+    seen = 255.0 * np.clip(image, 0, 1) ** (1 / 2.2) + rng.normal(0.0, look.noise, image.shape)
+    buffer = io.BytesIO()
+    picture = Image.fromarray(np.clip(seen, 0, 255).astype(np.uint8))
+    picture.save(buffer, "JPEG", quality=look.jpeg)
+    return buffer.getvalue()
+
+
+class Scene(Raster):
     """A map with a robot on it, as fields over a fine raster."""
 
-    world: object
-    deployment: object
-    build: object
-    look: Look
-    low_mm: np.ndarray = field(init=False)
-
-    def __post_init__(self):
-        left, low, right, top = self.world.bounds.bounds
-        self.low_mm = np.array([left - RIM_MM, low - RIM_MM])
-        self.shape = (
-            int((top - low + 2 * RIM_MM) / CELL_MM),
-            int((right - left + 2 * RIM_MM) / CELL_MM),
-        )
-        rows, cols = self.shape
-        self.x = self.low_mm[0] + (np.arange(cols) + 0.5) * CELL_MM
-        self.y = self.low_mm[1] + (np.arange(rows) + 0.5) * CELL_MM
-        solid = shapely.unary_union(list(self.world.obstacles))
-        self.block = (
-            shapely.contains_xy(solid, *np.meshgrid(self.x, self.y))
-            if self.world.obstacles
-            else np.zeros(self.shape, bool)
-        )
+    def __init__(self, world, deployment, build, look):
+        super().__init__(world, RIM_MM)
+        self.world, self.deployment, self.build, self.look = world, deployment, build, look
         self.tubes = [
             self._tube(level) for level in range(1, int(self.deployment.tree.level.max()) + 1)
         ]
@@ -168,11 +215,6 @@ class Scene:
         window[nearer] = d[nearer]
         to[r0:r1, c0:c1][nearer] = np.stack([dx, dy], axis=-1)[nearer]
 
-    def cells(self, xy):
-        col = np.clip(((xy[:, 0] - self.low_mm[0]) / CELL_MM).astype(int), 0, self.shape[1] - 1)
-        row = np.clip(((xy[:, 1] - self.low_mm[1]) / CELL_MM).astype(int), 0, self.shape[0] - 1)
-        return row * self.shape[1] + col
-
 
 def render(scene: Scene):
     """Return the photo as an array of uint8 RGB, and the camera."""
@@ -198,23 +240,8 @@ def render(scene: Scene):
     image = colour.reshape(look.pixels[1], look.pixels[0], 3)
     u, v = np.meshgrid(np.linspace(-1, 1, look.pixels[0]), np.linspace(-1, 1, look.pixels[1]))
     image = image * (1.0 - 0.18 * (u**2 + v**2) / 2)[..., None]
-    image = ndimage.gaussian_filter(image, (look.blur_px, look.blur_px, 0))
-    image = 255.0 * np.clip(image, 0, 1) ** (1 / 2.2)
-    image = np.clip(image + rng.normal(0.0, look.noise, image.shape), 0, 255).astype(np.uint8)
-    buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, "JPEG", quality=look.jpeg)
-    return np.array(Image.open(io.BytesIO(buffer.getvalue()))), camera, buffer.getvalue()
-
-
-def _linear(colour):
-    return (np.array(colour) / 255.0) ** 2.2
-
-
-def _lamp(look):
-    azimuth, up = (math.radians(a) for a in look.light_deg)
-    return np.array(
-        [math.cos(azimuth) * math.cos(up), math.sin(azimuth) * math.cos(up), math.sin(up)]
-    )
+    data = developed(image, look, rng)
+    return np.array(Image.open(io.BytesIO(data))), camera, data
 
 
 def _floor(scene, rng):
@@ -224,44 +251,30 @@ def _floor(scene, rng):
     coarse = ndimage.zoom(rng.normal(0, 1, (6, 6)), (rows / 6, cols / 6), order=3)
     grain = rng.normal(0, 0.03, scene.shape)
     light = 1.0 + 0.08 * coarse[:rows, :cols] + grain
-    lamp = _lamp(look)
-    shadow = np.zeros(scene.shape, bool)
-    top = scene.height.max()
-    for z in np.arange(0.5, top, 0.5):
-        reach = z / lamp[2] * lamp[:2] / CELL_MM
-        moved = np.roll(scene.height, (-round(reach[1]), -round(reach[0])), axis=(0, 1))
-        shadow |= moved > z
-    soft = ndimage.gaussian_filter(shadow.astype(float), 1.5)
+    soft = ndimage.gaussian_filter(shadow_of(scene.height, lamp_of(look), 0.5).astype(float), 1.5)
     light *= 1.0 - (1.0 - look.shade) * soft
-    return light[..., None] * _linear(look.board)
+    return light[..., None] * linear(look.board)
 
 
 def _markers(scene, at, colour):
     x, y = at.T
-    placed = corner_markers(scene.world, gap_mm=scene.look.marker_gap_mm)
-    for marker, rows in zip(placed, MARKER_CELLS, strict=True):
+    for marker in corner_markers(scene.world, gap_mm=scene.look.marker_gap_mm):
         a, b = marker.corners_mm[0], marker.corners_mm[2]
-        side = b[0] - a[0]
-        col = np.floor((x - a[0]) / side * MARKER_SIDE_CELLS).astype(int)
-        row = np.floor((a[1] - y) / side * MARKER_SIDE_CELLS).astype(int)
         pad = (x > a[0] - 8) & (x < b[0] + 8) & (y < a[1] + 8) & (y > b[1] - 8)
-        inside = (col >= 0) & (col < 6) & (row >= 0) & (row < 6)
-        white = np.zeros((6, 6), bool)
-        white[1:5, 1:5] = [[c == "#" for c in line] for line in rows]
-        value = np.where(inside, white[np.clip(row, 0, 5), np.clip(col, 0, 5)], 1)
-        colour[pad] = np.where(value[pad], 0.85, 0.02)[:, None]
+        _, _, white = marker_cells(marker, x[pad], y[pad])
+        colour[pad] = np.where(white, 0.85, 0.02)[:, None]
 
 
 def _things(scene, flat, lean, colour):
     """Paint obstacles and tubes over the floor, where rays meet them first."""
-    look, lamp = scene.look, _lamp(scene.look)
+    look, lamp = scene.look, lamp_of(scene.look)
     top = max(scene.height.max(), 1.0)
     around = ndimage.maximum_filter(
         scene.height, size=int(2 * top * np.abs(lean).max() / CELL_MM) | 1
     )
     alive = np.flatnonzero(around.reshape(-1)[scene.cells(flat)] > 0)
     block = scene.block.reshape(-1)
-    film = _linear(look.film)
+    film = linear(look.film)
     before = np.full(len(flat), -1)
     for z in np.arange(top, 0.0, -0.35):
         at = flat[alive] + lean[alive] * z
@@ -270,7 +283,7 @@ def _things(scene, flat, lean, colour):
         solid = block[cell] & (z <= look.height_mm)
         is_top = solid & (before[alive] == -1) & (z > look.height_mm - 0.5)
         bright = np.where(is_top, 0.95, 0.5)
-        colour[alive[solid]] = bright[solid, None] * _linear(look.block)
+        colour[alive[solid]] = bright[solid, None] * linear(look.block)
         hit |= solid
         for radius, away, to in scene.tubes:
             d = away.reshape(-1)[cell]
@@ -281,31 +294,7 @@ def _things(scene, flat, lean, colour):
                     / radius
                 )
                 face = np.clip(normal @ lamp, 0, 1)
-                shine = look.gloss * np.clip(normal @ _half(lamp), 0, 1) ** 40
+                shine = look.gloss * np.clip(normal @ halfway(lamp), 0, 1) ** 40
                 colour[alive[on]] = (0.45 + 0.6 * face)[:, None] * film + shine[:, None]
             hit |= on
         alive = alive[~hit]
-
-
-def _half(lamp):
-    way = lamp + np.array([0.0, 0.0, 1.0])
-    return way / np.linalg.norm(way)
-
-
-def plan_arrays(photo, camera, box_mm, mm_per_pixel, plane_mm):
-    """Return what a camera straight above would have seen of a plane, with the camera known."""
-    left, low, right, top = box_mm
-    cols, rows = round((right - left) / mm_per_pixel), round((top - low) / mm_per_pixel)
-    x = left + (np.arange(cols) + 0.5) * mm_per_pixel
-    y = top - (np.arange(rows) + 0.5) * mm_per_pixel
-    gx, gy = np.meshgrid(x, y)
-    seen = (
-        camera.seen_at(np.column_stack([gx.ravel(), gy.ravel(), np.full(gx.size, plane_mm)])) - 0.5
-    )
-    out = [
-        ndimage.map_coordinates(
-            photo[..., k].astype(float), [seen[:, 1], seen[:, 0]], order=1, mode="nearest"
-        )
-        for k in range(3)
-    ]
-    return np.stack(out, axis=-1).reshape(rows, cols, 3).round().astype(np.uint8)

@@ -24,7 +24,7 @@ from vinefab.model.laser import read_profile
 from vinefab.observation.observe_photo import joint_angle_deg
 
 GAIN = 0.6
-NAMES = ("PAIR-40-W20", "PAIR-120-W20", "ELBOW-60-W20")
+NAMES = ("PAIR-120-W20", "ELBOW-60-W20")
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def table(tmp_path_factory):
     folder, true = tmp_path_factory.mktemp("coupons"), {}
     joint_tables()["joints_W20"].write(folder / "joints_W20.geojson")
     results = folder / "results.csv"
-    for name, look in zip(NAMES, looks(8)[5:], strict=True):
+    for name, look in zip(NAMES, looks(8)[6:], strict=True):
         robot = gained_coupon(joint_coupon(name), GAIN)
         true[name] = true_deg(robot)
         photo = folder / f"{name}.jpg"

@@ -43,23 +43,30 @@ DESIGN = Design(
 )
 LOOK = Unkind(
     tilt_deg=14.0, turn_deg=200.0, distance_mm=620.0, pixels=(1000, 800), height_mm=15.0,
-    opacity=0.55, wrinkle=0.05, lamp_deg=(60.0, 26.0), shade=0.2, wave_mm=1.0,
+    opacity=0.55, wrinkle=0.05, light_deg=(60.0, 26.0), shade=0.2, wave_mm=1.0,
 )  # fmt: skip
 BODY = Body(half_angle_deg=12.0, bend_per_mm=1 / 450, joint_deg=6.0, absent=0.15)
 
 
-def seen_of(folder, design, seed, look=LOOK, grown_by=None):
-    """Return the true branches of a photo and its observation by a design."""
-    truth = grow_bent(grown_by or design, WORLD, POSE, BODY, np.random.default_rng(seed))
-    path = folder / "table.jpg"
-    path.write_bytes(photographed(WORLD, truth, replace(look, seed=seed)))
-    setup = PhotoSetup(obstacle_mm=look.height_mm)
-    return truth, observe_photo(read_photo(path), WORLD, design, POSE, setup)
+@pytest.fixture(scope="module")
+def seen_of(tmp_path_factory):
+    """Return the true branches of a photo, rendered once, and its observation by a design."""
+    folder, taken = tmp_path_factory.mktemp("unkind"), {}
+
+    def see(design, seed, look=LOOK, grown_by=DESIGN):
+        path = folder / f"{seed}.jpg"
+        if seed not in taken:
+            taken[seed] = grow_bent(grown_by, WORLD, POSE, BODY, np.random.default_rng(seed))
+            path.write_bytes(photographed(WORLD, taken[seed], replace(look, seed=seed)))
+        setup = PhotoSetup(obstacle_mm=look.height_mm)
+        return taken[seed], observe_photo(read_photo(path), WORLD, design, POSE, setup)
+
+    return see
 
 
 @pytest.mark.parametrize(("seed", "seam_mm"), [(1, 0.4), (2, 2.0)])
-def test_tips_are_right_or_in_doubt_and_no_stop_is_invented(tmp_path, seed, seam_mm):
-    truth, seen = seen_of(tmp_path, DESIGN, seed, replace(LOOK, seam_mm=seam_mm))
+def test_tips_are_right_or_in_doubt_and_no_stop_is_invented(seen_of, seed, seam_mm):
+    truth, seen = seen_of(DESIGN, seed, replace(LOOK, seam_mm=seam_mm))
     assert seen.fits
     clear = [(t, b) for t, b in zip(truth, seen.compared.branches, strict=True) if not b.doubts]
     assert len(clear) >= len(truth) / 2
@@ -75,13 +82,13 @@ def test_tips_are_right_or_in_doubt_and_no_stop_is_invented(tmp_path, seed, seam
             assert branch.stop_observed not in ("head_on", "corner")
 
 
-def test_film_that_goes_on_beyond_a_tip_is_no_stop(tmp_path):
+def test_film_that_goes_on_beyond_a_tip_is_no_stop(seen_of):
     build = DESIGN.build.changed(widths_mm=(18.0, 14.0), fillet_mm=(2.0,))
     short, longer = (
         DESIGN.changed(levels=(Level.of(3, length_mm, 110.0),), build=build)
         for length_mm in (40.0, 65.0)
     )
-    truth, seen = seen_of(tmp_path, short, 3, grown_by=longer)
+    truth, seen = seen_of(short, 3, grown_by=longer)
     assert any(len(true.points_mm) > 45 for true in truth[1:])
     for true, branch in zip(truth, seen.compared.branches, strict=True):
         if len(true.points_mm) > 50 and true.level == 2:
@@ -89,9 +96,9 @@ def test_film_that_goes_on_beyond_a_tip_is_no_stop(tmp_path):
             assert branch.stop_observed not in ("head_on", "corner")
 
 
-def test_a_photo_without_a_verdict_gives_no_contact(tmp_path):
+def test_a_photo_without_a_verdict_gives_no_contact(seen_of):
     other = DESIGN.changed(levels=(Level.of(3, 20.0, 40.0), Level.of(2, 15.0, 40.0)))
-    _, seen = seen_of(tmp_path, other, 4, grown_by=DESIGN)
+    _, seen = seen_of(other, 1)
     assert not seen.fits
     assert seen.verdict.startswith("no verdict")
     for branch in seen.compared.branches:

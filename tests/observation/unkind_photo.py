@@ -6,23 +6,36 @@ may stay in), and drawn as wrinkled, translucent tubes with flat seams on a wavy
 hard lamp, through a lens that bends straight lines.
 """
 
-import io
 import math
+import sys
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import shapely
-from PIL import Image
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+sys.path.insert(0, str(Path(__file__).parent))
+
+from rendered_photo import (
+    CELL_MM,
+    Raster,
+    axes_of,
+    developed,
+    halfway,
+    lamp_of,
+    linear,
+    marker_cells,
+    shadow_of,
+)
+
 from vinefab.growth.terrain import Terrain
-from vinefab.model.map import MARKER_CELLS, MARKER_SIDE_CELLS, corner_markers
+from vinefab.model.map import corner_markers
 from vinefab.model.tree import branch_tree
 from vinefab.physics.tube import inflated_radius_mm
 
 STEP_MM = 1.0
-CELL_MM = 0.5
 RIM_MM = 70.0
 
 
@@ -181,7 +194,7 @@ class Unkind:
     opacity: float = 0.6  # of one layer of film
     wrinkle: float = 0.04  # of the radius, and of the light on it
     seam_mm: float = 0.4  # flat film on both sides of a tube
-    lamp_deg: tuple = (50.0, 30.0)  # azimuth and height
+    light_deg: tuple = (50.0, 30.0)  # azimuth and height
     shade: float = 0.25  # light that is left in shadows
     wave_mm: float = 1.0  # amplitude of the table
     bend: float = 0.0  # of straight lines, at the photo's corners, as a share
@@ -202,12 +215,7 @@ def photographed(world, branches, look):
     image = looked_at(table, place, rays_of(u, v, axes, focal, look))
     image = image.reshape(height, width, 3)
     dim = 1.0 - 0.2 * ((u / width * 2) ** 2 + (v / height * 2) ** 2) / 2
-    image = ndimage.gaussian_filter(image * dim[..., None], (look.blur_px, look.blur_px, 0))
-    seen = 255.0 * np.clip(image, 0, 1) ** (1 / 2.2) + rng.normal(0.0, look.noise, image.shape)
-    buffer = io.BytesIO()
-    picture = Image.fromarray(np.clip(seen, 0, 255).astype(np.uint8))
-    picture.save(buffer, "JPEG", quality=look.jpeg)
-    return buffer.getvalue()
+    return developed(image * dim[..., None], look, rng)
 
 
 def rays_of(u, v, axes, focal, look):
@@ -225,36 +233,21 @@ def camera_of(look, box_mm):
     away = np.array([math.cos(turn), math.sin(turn), 0.0])
     place = middle + look.distance_mm * (math.sin(tilt) * away + [0.0, 0.0, math.cos(tilt)])
     forward = (middle - place) / np.linalg.norm(middle - place)
-    right_way = np.cross(forward, -away)
-    right_way /= np.linalg.norm(right_way)
-    down = np.cross(forward, right_way)
-    across = math.cos(roll) * right_way + math.sin(roll) * down
-    axes = np.array([across, np.cross(forward, across), forward])
+    axes = axes_of(forward, -away, roll)
     corners = np.array([(x, y, 0.0) for x in (left, right) for y in (low, top)]) - place
     seen = (corners @ axes.T)[:, :2] / (corners @ axes.T)[:, 2:]
     focal = 0.94 / 2 * (np.array(look.pixels) / np.abs(seen).max(axis=0)).min()
     return place, axes, focal
 
 
-class Table:
+class Table(Raster):
     """Heights, colours and light over a raster of the table."""
 
     def __init__(self, world, branches, look, rng):
-        self.look = look
-        left, low, right, top = world.bounds.bounds
-        self.low = np.array([left - RIM_MM, low - RIM_MM])
-        rows, columns = (int((s + 2 * RIM_MM) / CELL_MM) for s in (top - low, right - left))
-        self.shape = rows, columns
-        self.x = self.low[0] + (np.arange(columns) + 0.5) * CELL_MM
-        self.y = self.low[1] + (np.arange(rows) + 0.5) * CELL_MM
+        super().__init__(world, RIM_MM)
+        self.look, self.lamp = look, lamp_of(look)
         gx, gy = np.meshgrid(self.x, self.y)
-        solid = shapely.union_all(list(world.obstacles))
-        self.block = shapely.contains_xy(solid, gx, gy)
         self.wave = look.wave_mm * np.sin(gx / 41.0 + rng.uniform(0, 6)) * np.sin(gy / 53.0)
-        lamp_a, lamp_h = (math.radians(a) for a in look.lamp_deg)
-        across = math.cos(lamp_h)
-        lamp = [math.cos(lamp_a) * across, math.sin(lamp_a) * across, math.sin(lamp_h)]
-        self.lamp = np.array(lamp)
         self.height = np.where(self.block, look.height_mm, 0.0)
         layers = [self.tube(branch, rng) for branch in branches if len(branch.points_mm)]
         self.paint_floor(world, rng)
@@ -268,8 +261,8 @@ class Table:
         line = shapely.segmentize(shapely.LineString(branch.points_mm), 0.5)
         dense = shapely.get_coordinates(line)
         reach = 1.15 * radius + look.seam_mm + 1.0
-        lo = ((dense.min(axis=0) - reach - self.low) / CELL_MM).astype(int).clip(0)
-        hi = ((dense.max(axis=0) + reach - self.low) / CELL_MM).astype(int) + 2
+        lo = ((dense.min(axis=0) - reach - self.low_mm) / CELL_MM).astype(int).clip(0)
+        hi = ((dense.max(axis=0) + reach - self.low_mm) / CELL_MM).astype(int) + 2
         box = slice(lo[1], hi[1]), slice(lo[0], hi[0])
         gx, gy = np.meshgrid(self.x[box[1]], self.y[box[0]])
         away, near = cKDTree(dense).query(
@@ -298,8 +291,7 @@ class Table:
         normal[flat] = (0.0, 0.0, 1.0)
         normal = normal / np.linalg.norm(normal, axis=1)[:, None]
         face = np.clip(normal @ self.lamp, 0.0, 1.0)
-        halfway = self.lamp + np.array([0.0, 0.0, 1.0])
-        shine = np.clip(normal @ (halfway / np.linalg.norm(halfway)), 0.0, 1.0) ** 60
+        shine = np.clip(normal @ halfway(self.lamp), 0.0, 1.0) ** 60
         # Light goes a longer way through the sides of a tube, and through one sheet in a seam.
         layers = np.where(flat, 1.4, 2.0 / np.sqrt(1.02 - out**2).clip(0.4))
         cover = 1.0 - (1.0 - look.opacity) ** (layers / 2.0)
@@ -320,29 +312,15 @@ class Table:
         )
         grain = ndimage.gaussian_filter(rng.normal(0, 1, self.shape), (0.6, 6.0)) * 0.25
         light = 1.0 + 0.07 * coarse[:rows, :columns] + 0.05 * grain
-        shadow = np.zeros(self.shape, bool)
-        for z in np.arange(1.0, self.height.max(), 1.0):
-            reach = z / self.lamp[2] * self.lamp[:2] / CELL_MM
-            moved = np.roll(self.height, (-round(reach[1]), -round(reach[0])), axis=(0, 1))
-            shadow |= moved > z
+        shadow = shadow_of(self.height, self.lamp, 1.0)
         self.light = 1.0 - (1.0 - look.shade) * ndimage.gaussian_filter(shadow.astype(float), 0.8)
         self.colour = (light * self.light)[..., None] * linear(look.board)
-        for marker, lines in zip(corner_markers(world), MARKER_CELLS, strict=True):
-            self.marker(marker.corners_mm, lines)
+        for marker in corner_markers(world):
+            column, row, white = marker_cells(marker, *np.meshgrid(self.x, self.y))
+            near = (column >= -1) & (column <= 6) & (row >= -1) & (row <= 6)
+            paper = np.where(white, 0.8, 0.02)
+            self.colour[near] = (paper * self.light)[near][:, None]
         self.colour[self.block] = linear(look.block) * 0.95
-
-    def marker(self, corners, lines):
-        gx, gy = np.meshgrid(self.x, self.y)
-        side = corners[1][0] - corners[0][0]
-        column = np.floor((gx - corners[0][0]) / side * MARKER_SIDE_CELLS).astype(int)
-        row = np.floor((corners[0][1] - gy) / side * MARKER_SIDE_CELLS).astype(int)
-        near = (column >= -1) & (column <= 6) & (row >= -1) & (row <= 6)
-        inside = (column >= 0) & (column < 6) & (row >= 0) & (row < 6)
-        white = np.zeros((6, 6), bool)
-        white[1:5, 1:5] = [[letter == "#" for letter in line] for line in lines]
-        value = ~inside | white[row.clip(0, 5), column.clip(0, 5)]
-        paper = np.where(value, 0.8, 0.02)
-        self.colour[near] = (paper * self.light)[near][:, None]
 
     def paint_film(self, cells, face, shine, cover):
         """Paint a layer of film: part of what lies below shines through, tinted."""
@@ -353,11 +331,6 @@ class Table:
         through = colour[cells] * (0.35 + 0.65 * film / film.max())
         mixed = cover[:, None] * own + (1.0 - cover[:, None]) * through
         colour[cells] = mixed + (0.45 * shine * lit)[:, None]
-
-    def cells(self, at):
-        column = ((at[:, 0] - self.low[0]) / CELL_MM).astype(int).clip(0, self.shape[1] - 1)
-        row = ((at[:, 1] - self.low[1]) / CELL_MM).astype(int).clip(0, self.shape[0] - 1)
-        return row * self.shape[1] + column
 
 
 def looked_at(table, place, rays):
@@ -385,8 +358,8 @@ def looked_at(table, place, rays):
 
 
 def bilinear(table, at):
-    column = (at[:, 0] - table.low[0]) / CELL_MM - 0.5
-    row = (at[:, 1] - table.low[1]) / CELL_MM - 0.5
+    column = (at[:, 0] - table.low_mm[0]) / CELL_MM - 0.5
+    row = (at[:, 1] - table.low_mm[1]) / CELL_MM - 0.5
     return np.stack(
         [
             ndimage.map_coordinates(table.colour[..., k], [row, column], order=1, mode="nearest")
@@ -394,7 +367,3 @@ def bilinear(table, at):
         ],
         axis=-1,
     )
-
-
-def linear(colour):
-    return (np.array(colour) / 255.0) ** 2.2

@@ -16,10 +16,12 @@ import shapely
 import trimesh
 from shapely import Polygon, box
 
+from vinefab.cli.main import main
 from vinefab.core.atomic import is_ours
-from vinefab.core.errors import UnreadableFileError
+from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.hashing import sha256_of
 from vinefab.model.map import Map, Pose, Start
+from vinefab.rig.build import build_rig
 from vinefab.rig.make import RigRequest, make_rig
 from vinefab.rig.part import Printer, RigOptions, RigPart
 from vinefab.rig.part_files import (
@@ -27,7 +29,11 @@ from vinefab.rig.part_files import (
     STL,
     THREEMF,
     PartItem,
+    packed_on_beds,
+    print_estimate,
+    printing_of,
     read_back_problems,
+    read_rig,
     read_threemf,
     stl_name,
 )
@@ -311,3 +317,141 @@ def test_admesh_finds_nothing_to_mend(made, tmp_path, program):
         assert seen["Number of parts"] == 1
         assert seen["Number of facets"] == len(part.faces)
         assert seen["Volume"] == pytest.approx(part.volume_mm3, rel=1e-4)
+
+
+# --- A folder read again
+
+
+@pytest.fixture
+def folder(made, tmp_path):
+    """The files of a rig, which may be spoilt."""
+    for name, data in made[2].items():
+        (tmp_path / name).write_bytes(data)
+    return tmp_path
+
+
+def test_a_good_rig_read_again_has_no_problems(folder):
+    facts = read_rig(folder)
+    assert facts == read_rig(folder / "rig.json")
+    assert facts.height_mm == 30.0
+    assert facts.room_mm == (140.0, 110.0, 100.0)
+    assert len(facts.parts) == 4 + 2 + 4 + 3  # cube and arrow, markers, base holder
+    assert [part.problems for part in facts.parts] == [()] * 13
+
+
+def test_spoilt_parts_are_named(folder):
+    parts = json.loads((folder / "rig.json").read_text())["parts"]
+    first, second, third = (folder / part["file"] for part in parts[:3])
+    first.write_bytes(first.read_bytes()[:-50])
+    second.unlink()
+    third.write_bytes((folder / parts[3]["file"]).read_bytes())
+    problems = [part.problems for part in read_rig(folder).parts]
+    assert "truncated" in problems[0][0]
+    assert problems[1] == ("there is no such file",)
+    assert any("volume" in problem for problem in problems[2])
+    assert problems[3:] == [()] * 10
+
+
+def test_a_rig_in_layers_of_an_earlier_version_is_read(folder):
+    content = json.loads((folder / "rig.json").read_text())
+    layered = {"name": "piece_01", "file": "layers_01.dxf", "volume_mm3": 9.0}
+    content |= {"style": "sheet", "parts": [{**layered, "size_mm": [60.0, 40.0, 42.0]}]}
+    (folder / "rig.json").write_text(json.dumps(content))
+    assert read_rig(folder).height_mm == 42.0
+
+
+def test_parts_elsewhere_are_not_read(folder, tmp_path_factory):
+    file = folder / json.loads((folder / "rig.json").read_text())["parts"][0]["file"]
+    elsewhere = tmp_path_factory.mktemp("elsewhere") / file.name
+    elsewhere.write_bytes(file.read_bytes())
+    file.unlink()
+    file.symlink_to(elsewhere)
+    with pytest.raises(BadInputError, match="allowed: a path in"):
+        read_rig(folder)
+
+
+def test_folders_that_are_no_rig(folder):
+    with pytest.raises(UnreadableFileError, match="no such file"):
+        read_rig(folder / "nowhere")
+    (folder / "rig.json").write_text("{")
+    with pytest.raises(UnreadableFileError, match="not JSON"):
+        read_rig(folder)
+    (folder / "rig.json").write_text("[]")
+    with pytest.raises(UnreadableFileError, match="not a JSON object"):
+        read_rig(folder)
+    (folder / "rig.json").write_text('{"schema": "vinefab/rig-2"}')
+    with pytest.raises(BadInputError, match="schema is 'vinefab/rig-2'"):
+        read_rig(folder)
+
+
+def test_a_rig_cannot_name_files_elsewhere(folder):
+    content = json.loads((folder / "rig.json").read_text())
+    content["parts"][0]["file"] = "../../secret.stl"
+    (folder / "rig.json").write_text(json.dumps(content))
+    with pytest.raises(BadInputError, match=r"parts\[1\].file"):
+        read_rig(folder)
+
+
+def test_check_applies_the_rules_to_it(made, folder, capsys):
+    arguments = ["check", "plain_vine", "--json", "-"]
+    made[0].write(folder / "table.geojson")
+    assert main([*arguments, "--rig", str(folder), "--map", str(folder / "table.geojson")]) == 0
+    ran = {run["id"] for run in json.loads(capsys.readouterr().out)["rules_run"]}
+    assert {"VF-R01", "VF-R02", "VF-R03", "VF-R04"} <= ran
+    (folder / "scale_cube_20mm.stl").write_bytes(b"nothing")
+    assert main([*arguments, "--rig", str(folder)]) == 1
+    found = json.loads(capsys.readouterr().out)["findings"]
+    assert [finding["id"] for finding in found if finding["severity"] == "error"] == ["VF-R01"]
+
+
+# --- Beds and estimates
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_boxes_lie_on_the_bed_and_apart(seed):
+    sizes = np.random.default_rng(seed).uniform(5, 90, (40, 2)).tolist()
+    beds = packed_on_beds(sizes, (200.0, 150.0), 5.0)
+    assert sorted(at.index for bed in beds for at in bed) == list(range(40))
+    for bed in beds:
+        boxes = [
+            box(at.x_mm, at.y_mm, at.x_mm + sizes[at.index][0], at.y_mm + sizes[at.index][1])
+            for at in bed
+        ]
+        assert shapely.box(0, 0, 200.001, 150.001).covers(shapely.union_all(boxes))
+        grown = [shapely.box(*np.add(one.bounds, (-2.49, -2.49, 2.49, 2.49))) for one in boxes]
+        tree = shapely.STRtree(grown)
+        assert len(tree.query(grown, predicate="intersects")[0]) == len(grown)
+    # Shelves waste some, but not more than about half.
+    assert len(beds) <= 2 + 2 * sum(w * h for w, h in sizes) / (200.0 * 150.0)
+
+
+def test_every_part_lies_on_one_bed(crooked_map, make_printer):
+    rig = build_rig(crooked_map(3, 7, 5), make_printer(120.0, 95.0))
+    printing = printing_of(rig)
+    assert sorted(at.index for bed in printing.beds for at in bed.places) == list(
+        range(len(rig.printed))
+    )
+    for bed in printing.beds:
+        for at in bed.places:
+            size = rig.printed[at.index].size_mm
+            assert 5.0 <= at.x_mm <= 120.0 - 5.0 - size[0] + 0.01
+            assert 5.0 <= at.y_mm <= 95.0 - 5.0 - size[1] + 0.01
+
+
+def test_the_estimate_is_the_formula(make_map, make_printer):
+    printer = make_printer(infill=0.2, shell_mm=1.0, flow_mm3_s=5.0, layer_change_s=2.0)
+    cube = build_rig(make_map(), printer).extras[0]
+    volume_mm3, skin_mm3 = cube.volume_mm3, cube.area_mm2 * 1.0
+    plastic_mm3 = skin_mm3 + 0.2 * (volume_mm3 - skin_mm3)
+    found = print_estimate([cube], printer)
+    assert cube.area_mm2 == pytest.approx(2400.0, rel=0.05)
+    assert found.plastic_mm3 == pytest.approx(plastic_mm3)
+    assert found.time_s == pytest.approx(plastic_mm3 / 5.0 + 100 * 2.0)
+    assert found.mass_g == pytest.approx(1.24e-3 * plastic_mm3)
+    assert found.filament_m == pytest.approx(1e-3 * plastic_mm3 / (np.pi * 0.875**2))
+
+
+def test_thin_parts_are_all_skin(make_map, make_printer):
+    printer = make_printer(shell_mm=3.0)
+    rig = build_rig(make_map(), printer, RigOptions(mark_depth_mm=0.0, wall_mm=0.0))
+    assert print_estimate(rig.parts, printer).plastic_mm3 == pytest.approx(rig.volume_mm3)

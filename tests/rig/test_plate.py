@@ -57,14 +57,6 @@ def test_the_volume_of_a_small_rig_is_plate_and_walls(make_map, make_printer):
     assert _problems(rig) == []
 
 
-def test_transform_puts_the_part_where_the_map_is(make_map, make_printer, faces_at):
-    world = make_map(box(30, 60, 60, 90))
-    rig = build_rig(world, make_printer(), _solid(border_mm=5.0))
-    assert rig.parts[0].to_map[:3, 3] == pytest.approx((5.0, 15.0, -3.0))
-    assert rig.parts[0].vertices_mm.min(axis=0) == pytest.approx((0.0, 0.0, 0.0))
-    assert _xor(faces_at(rig, 30.0).intersection(world.bounds), _walls(world)) < 0.1
-
-
 @pytest.mark.parametrize("bed_mm", [(400.0, 400.0), (220.0, 220.0), (120.0, 95.0), (95.0, 120.0)])
 def test_the_assembled_rig_is_the_map(crooked_map, make_printer, faces_at, bed_mm):
     world = crooked_map(3, 7, 5)
@@ -123,12 +115,11 @@ def test_holes_in_obstacles_and_bounds(make_map, make_printer, faces_at):
 )
 def test_obstacles_at_the_border(make_map, make_printer, faces_at, obstacle):
     world = make_map(obstacle, box(100, 100, 120, 120))
-    for printer in (make_printer(), make_printer(100.0, 100.0)):
-        rig = build_rig(world, printer, _solid())
-        inside = faces_at(rig, 30.0).intersection(world.bounds)
-        assert _xor(inside, _walls(world)) < 1e-3 * _walls(world).area
-        assert _problems(rig) == []
-        assert rig.parts[0].vertices_mm.min(axis=0) == pytest.approx((0, 0, 0))
+    rig = build_rig(world, make_printer(100.0, 100.0), _solid())
+    inside = faces_at(rig, 30.0).intersection(world.bounds)
+    assert _xor(inside, _walls(world)) < 1e-3 * _walls(world).area
+    assert _problems(rig) == []
+    assert rig.parts[0].vertices_mm.min(axis=0) == pytest.approx((0, 0, 0))
 
 
 def test_obstacles_that_touch_in_a_corner_are_joined_and_counted(make_map, make_printer):
@@ -221,10 +212,7 @@ def test_the_arrow_points_to_north_and_the_number_reads_from_below():
     # A 1 has its flag to the left of its stem; mirrored, to the right.
     top = digit.intersection(box(0, digit.bounds[3] - 2.5, 60, 60))
     assert top.centroid.x > digit.centroid.x
-
-
-def test_dust_has_no_room_for_a_number():
-    assert len(engraved_marks(7, box(0, 0, 8, 8))) == 0
+    assert len(engraved_marks(7, box(0, 0, 8, 8))) == 0  # dust has no room
 
 
 def test_cube_and_arrow_stand_beside_the_rig(make_map, make_printer):
@@ -241,19 +229,6 @@ def test_cube_and_arrow_stand_beside_the_rig(make_map, make_printer):
     assert tip[0] == pytest.approx(0.5 * arrow.size_mm[0])
 
 
-def test_thin_border_is_reported(make_map, make_printer):
-    rig = build_rig(make_map(), make_printer(), _solid(border_mm=0.5))
-    assert any("border is thinner" in note for note in rig.notes)
-
-
-def test_a_map_without_obstacles_is_a_tray(make_map, make_printer):
-    rig = build_rig(make_map(starts=()), make_printer(), _solid(border_mm=5.0, mark_depth_mm=0.0))
-    border_mm2 = 190 * 160 - 180 * 150
-    assert rig.volume_mm3 == pytest.approx(3.0 * 190 * 160 + 30.0 * border_mm2)
-    assert "no start" in rig.notes[0]
-    assert _problems(rig) == []
-
-
 def test_tiles_without_joints_only_meet(crooked_map, make_printer):
     world, printer = crooked_map(4, 6, 4), make_printer(130.0, 130.0)
     rig = build_rig(world, printer, _solid(joint="none", mark_depth_mm=0.0))
@@ -262,20 +237,11 @@ def test_tiles_without_joints_only_meet(crooked_map, make_printer):
     assert rig.volume_mm3 == pytest.approx(whole.volume_mm3, rel=1e-6)
 
 
-def test_tiles_turn_on_the_bed_when_that_saves_parts(make_map, make_printer, faces_at):
-    world = make_map(box(30, 60, 60, 90), bounds=box(10, 20, 290, 120))
-    rig = build_rig(world, make_printer(120.0, 320.0), _solid())
-    assert len(rig.parts) == 1
-    assert rig.parts[0].size_mm == pytest.approx((108.0, 288.0, 33.0))
-    assert _xor(faces_at(rig, 30.0).intersection(world.bounds), _walls(world)) < 0.1
-    assert np.linalg.det(rig.parts[0].to_map[:3, :3]) == pytest.approx(1.0)
-    assert _problems(rig) == []
-
-
 def test_turned_tiles_join_too(crooked_map, make_printer, faces_at):
     world = crooked_map(8, 8, 2)
     rig = build_rig(world, make_printer(120.0, 190.0), _solid())
     assert rig.parts[0].to_map[0, 1] == 1.0
+    assert np.linalg.det(rig.parts[0].to_map[:3, :3]) == pytest.approx(1.0)
     assert len(rig.parts) == 2
     walls = _walls(world)
     assert _xor(faces_at(rig, 30.0).intersection(world.bounds), walls) < 1e-4 * walls.area
@@ -302,17 +268,7 @@ def test_far_from_the_origin_nothing_is_lost(crooked_map, make_map, make_printer
     assert _problems(rig) == []
 
 
-def test_the_same_map_gives_the_same_parts(crooked_map, make_printer):
-    first, second = (build_rig(crooked_map(6, 6, 4), make_printer(), _solid()) for _ in range(2))
-    assert len(first.parts) == len(second.parts)
-    for one, other in zip(first.parts, second.parts, strict=True):
-        assert one.name == other.name
-        assert np.array_equal(one.vertices_mm, other.vertices_mm)
-        assert np.array_equal(one.faces, other.faces)
-        assert np.array_equal(one.to_map, other.to_map)
-
-
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_whatever_overlaps_comes_out_closed(make_map, make_printer, seed):
     rng = np.random.default_rng(seed)
     obstacles = []
@@ -340,33 +296,19 @@ def test_a_concave_hall_gives_one_part_for_each_piece(make_map, make_printer):
     assert _problems(rig) == []
 
 
-def test_too_tall_for_the_printer(make_map, make_printer):
-    with pytest.raises(BadInputError, match=r"height_mm is 98.* at most 97 mm"):
-        build_rig(make_map(), make_printer(), _solid(height_mm=98.0))
-
-
-def test_too_many_parts(crooked_map, make_printer):
-    with pytest.raises(BadInputError, match=r"parts is \d+; allowed: at most 5"):
-        build_rig(crooked_map(1, 10, 10), make_printer(), _solid(most_parts=5))
-
-
-def test_a_bed_too_small_for_joints(make_map, make_printer):
-    with pytest.raises(BadInputError, match=r"printer.bed"):
-        build_rig(make_map(), make_printer(50.0, 50.0), _solid())
-
-
 @pytest.mark.parametrize(
-    ("key", "value"),
+    ("options", "bed_mm", "words"),
     [
-        ("plate_mm", 0.0),
-        ("height_mm", -1.0),
-        ("border_mm", math.nan),
-        ("entry_width_mm", math.inf),
-        ("scale", 0.0),
-        ("most_parts", 0),
-        ("most_parts", 10_000),
+        ({"height_mm": 98.0}, 220.0, r"height_mm is 98.* at most 97 mm"),
+        ({"most_parts": 2}, 110.0, r"parts is \d+; allowed: at most 2"),
+        ({}, 50.0, r"printer.bed"),
+        ({"plate_mm": 0.0}, 220.0, "^plate_mm is"),
+        ({"height_mm": -1.0}, 220.0, "^height_mm is"),
+        ({"border_mm": math.nan}, 220.0, "^border_mm is"),
+        ({"entry_width_mm": math.inf}, 220.0, "^entry_width_mm is"),
+        ({"most_parts": 10_000}, 220.0, "^most_parts is"),
     ],
 )
-def test_options_out_of_range(key, value):
-    with pytest.raises(BadInputError, match=f"^{key} is"):
-        _solid(**{key: value})
+def test_what_cannot_be_printed_is_refused(make_map, make_printer, options, bed_mm, words):
+    with pytest.raises(BadInputError, match=words):
+        build_rig(make_map(), make_printer(bed_mm, bed_mm), _solid(**options))

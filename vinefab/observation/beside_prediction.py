@@ -25,6 +25,7 @@ from typing_extensions import Doc
 
 from vinefab.core.compiling import rebindable
 from vinefab.core.limits import deg, rad
+from vinefab.core.plain_text import rounded
 from vinefab.core.table import TablePart
 from vinefab.core.validation import Floats
 from vinefab.growth.arrays import Growth, Launch, Rules, TreesArrays, WallArrays
@@ -519,11 +520,13 @@ class _Looks:
             found.append(OFF_FILM)
         if branch.told_apart < LEAST_ALONE:
             found.append(ON_OTHERS)
-        off = self._launch(index)
-        if off is not None:
+        tree, parent = self.traced.tree, int(self.traced.tree.parent[index])
+        if parent >= 0 and self.traced.branches[parent].deployed:
+            planned = self._end_heading(parent) + float(tree.offset_rad[index])
+            off = abs(_turn_deg(_launch_heading(branch, radius), planned))
             most = MOST_HINGE_DEG if self._touches_wall(index) else MOST_TURN_DEG
-            found += [OTHER_WAY] if abs(off) > most else []
-            found += [SIBLING] if self._fits_absent_sibling(index, abs(off)) else []
+            found += [OTHER_WAY] if off > most else []
+            found += [SIBLING] if self._fits_absent_sibling(index, off) else []
         return found
 
     def _on_film(self, point_mm: Floats, index: int) -> bool:
@@ -572,15 +575,6 @@ class _Looks:
         if near_mm2 > MOST_NEAR * (2.0 * radius) ** 2:
             found.append(UNEXPLAINED)
         return found
-
-    def _launch(self, index: int) -> float | None:
-        """Return the difference of a branch's heading from the plan at its base, in degrees."""
-        tree, branch = self.traced.tree, self.traced.branches[index]
-        parent = int(tree.parent[index])
-        if parent < 0 or not branch.deployed or not self.traced.branches[parent].deployed:
-            return None
-        planned = self._end_heading(parent) + float(tree.offset_rad[index])
-        return _turn_deg(_launch_heading(branch, self.radius_mm[index]), planned)
 
     def _end_heading(self, index: int) -> float:
         line = self.traced.branches[index].points_mm
@@ -692,22 +686,7 @@ TOLD_APART_SHARE = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparedBranch:
-    """One branch, seen and predicted.
-
-    Parameters
-    ----------
-    stop_observed
-        ``full_length``, ``head_on``, ``corner``, ``not_deployed`` or ``unclear``.
-    mean_mm, most_mm
-        Distance of both lines at equal arc lengths, up to the shorter one's end; None unless both
-        are there.
-    hausdorff_mm
-        The largest distance from a point of one line to the other.
-    tip_and_base_seen
-        Whether both of its ends are on film.
-    doubts
-        What the photo leaves open of it. With any, nothing is claimed of its stop and contacts.
-    """
+    """One branch, seen and predicted."""
 
     id: str
     level: int
@@ -716,11 +695,13 @@ class ComparedBranch:
     predicted_mm: float
     points_mm: Floats
     predicted_points_mm: Floats
-    stop_observed: str
+    stop_observed: str  # ``full_length``, ``head_on``, ``corner``, ``not_deployed`` or ``unclear``
     stop_predicted: str
+    # distance of both lines at equal arc lengths, up to the shorter one's end; None unless
+    # both are there
     mean_mm: float | None
     most_mm: float | None
-    hausdorff_mm: float | None
+    hausdorff_mm: float | None  # the largest distance from a point of one line to the other
     width_mm: float | None
     nominal_width_mm: float
     seen: float
@@ -728,7 +709,8 @@ class ComparedBranch:
     contacts: tuple[WallMeeting, ...]
     order_observed: tuple[str, ...]
     order_predicted: tuple[str, ...]
-    tip_and_base_seen: bool
+    tip_and_base_seen: bool  # whether both of its ends are on film
+    # what the photo leaves open of it. With any, nothing is claimed of its stop and contacts
     doubts: tuple[str, ...] = ()
 
     @property
@@ -749,6 +731,36 @@ class ComparedBranch:
         return self.mean_mm / self.observed_mm
 
     @property
+    def content(self) -> dict[str, object]:
+        """The branch as it stands in JSON; ``contacts`` are read again."""
+        error = {"mean": self.mean_mm, "most": self.most_mm, "hausdorff": self.hausdorff_mm}
+        plain = {
+            "id": self.id,
+            "level": self.level,
+            "planned_mm": self.planned_mm,
+            "observed_mm": self.observed_mm,
+            "predicted_mm": self.predicted_mm,
+            "deployed_observed": self.deployed_observed,
+            "deployed_predicted": self.deployed_predicted,
+            "stop_observed": self.stop_observed,
+            "stop_predicted": self.stop_predicted,
+            "shape_error_mm": None if self.mean_mm is None else error,
+            "shape_error_share": None,
+            "width_mm": {"measured": self.width_mm, "nominal": self.nominal_width_mm},
+            "share_seen": self.seen,
+            "share_told_apart": self.told_apart,
+            "tip_and_base_seen": self.tip_and_base_seen,
+            "doubts": self.doubts,
+            "points_mm": self.points_mm.tolist(),
+            "contacts": [
+                {**contact.model_dump(), "width_mm": self.width_mm} for contact in self.contacts
+            ],
+            "contact_order_observed": self.order_observed,
+            "contact_order_predicted": self.order_predicted,
+        }
+        return {**rounded(plain, 3), "shape_error_share": rounded(self.share, 5)}
+
+    @property
     def is_ambiguous(self) -> bool:
         """Whether it could not be told from other branches."""
         return self.deployed_observed and self.told_apart < TOLD_APART_SHARE
@@ -756,22 +768,13 @@ class ComparedBranch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HalfAngleFit:
-    """How well the prediction with one head-on half-angle has the shape seen.
-
-    Parameters
-    ----------
-    mean_mm
-        Mean distance at equal arc lengths over the length of all branches that are in both.
-    same_stops
-        Branches that end as predicted.
-    log_likelihood
-        Of the shape [assumed errors], less that of the best half-angle.
-    """
+    """How well the prediction with one head-on half-angle has the shape seen."""
 
     half_angle_deg: float
+    # mean distance at equal arc lengths over the length of all branches that are in both
     mean_mm: float
-    same_stops: int
-    log_likelihood: float
+    same_stops: int  # branches that end as predicted
+    log_likelihood: float  # of the shape [assumed errors], less that of the best half-angle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

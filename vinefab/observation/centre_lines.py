@@ -76,33 +76,16 @@ _PAIRED = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TracedBranch:
-    """One branch as it was seen.
+    """One branch as it was seen."""
 
-    Parameters
-    ----------
-    points_mm
-        Its centre line from base to tip, shape (k, 2); empty if none was seen.
-    corners_mm
-        The same with straight stretches between its bends.
-    length_mm
-        Length of the line.
-    ends_early
-        Whether it is shorter than planned.
-    width_mm
-        Median inflated diameter between the edges seen; NaN where no two edges were seen.
-    seen
-        Share of its length where an edge of it was seen.
-    told_apart
-        Share of its area that no other branch covers.
-    """
-
-    points_mm: Floats
-    corners_mm: Floats
-    length_mm: float
-    ends_early: bool
+    points_mm: Floats  # its centre line from base to tip, shape (k, 2); empty if none was seen
+    corners_mm: Floats  # the same with straight stretches between its bends
+    length_mm: float  # length of the line
+    ends_early: bool  # whether it is shorter than planned
+    # median inflated diameter between the edges seen; NaN where no two edges were seen
     width_mm: float
-    seen: float
-    told_apart: float
+    seen: float  # share of its length where an edge of it was seen
+    told_apart: float  # share of its area that no other branch covers
 
     @property
     def deployed(self) -> bool:
@@ -112,24 +95,12 @@ class TracedBranch:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TracedTree:
-    """All branches of a design as they were seen.
+    """All branches of a design as they were seen."""
 
-    Parameters
-    ----------
-    tree
-        The planned branches.
-    branches
-        One for each of them.
-    film_explained
-        Share of the film that lies in them.
-    lines_supported
-        Share of their area, where it can be seen, that is film.
-    """
-
-    tree: BranchTree
-    branches: tuple[TracedBranch, ...]
-    film_explained: float
-    lines_supported: float
+    tree: BranchTree  # the planned branches
+    branches: tuple[TracedBranch, ...]  # one for each of them
+    film_explained: float  # share of the film that lies in them
+    lines_supported: float  # share of their area, where it can be seen, that is film
 
 
 def trace(film: SeenFilm, design: Design, world: Map, pose: Pose) -> TracedTree:
@@ -188,7 +159,17 @@ class _Tracing:
             self._choose(np.flatnonzero(self.tree.level == level).tolist())
             _fit(self, rounds=2)
         _fit(self, rounds=_ROUNDS)
-        lines = self._fine_lines()
+        cover, lines = self.wide_cover(), list[tuple[Floats, float, float]]()
+        for branch, chain in enumerate(self.chains):  # line, median width and share seen
+            if len(chain) < 2:
+                lines.append((np.zeros((0, 2)), float("nan"), 0.0))
+                continue
+            edges = _edges(self, branch, cover)
+            fine = edges.points + edges.smoothed()[:, None] * edges.side
+            points = np.vstack([chain[:1], fine, chain[-1:]])
+            known = edges.width[np.isfinite(edges.width)]
+            width = float(np.median(known)) if len(known) else float("nan")
+            lines.append((points, width, float(np.isfinite(edges.off).mean())))
         for branch, (points, width, _) in enumerate(lines):
             # Seams lie next to a tube: its film is as wide as it is seen.
             if len(points) and width > 2.0 * self.radius_mm[branch]:
@@ -230,21 +211,6 @@ class _Tracing:
             for branch in self.alive
         ]
         return self.coarse.cover(wide)
-
-    def _fine_lines(self) -> list[tuple[Floats, float, float]]:
-        """Return each branch's line, its median width and the share of it that was seen."""
-        cover, lines = self.wide_cover(), []
-        for branch, chain in enumerate(self.chains):
-            if len(chain) < 2:
-                lines.append((np.zeros((0, 2)), float("nan"), 0.0))
-                continue
-            edges = _edges(self, branch, cover)
-            fine = edges.points + edges.smoothed()[:, None] * edges.side
-            points = np.vstack([chain[:1], fine, chain[-1:]])
-            width = edges.width[np.isfinite(edges.width)]
-            seen = float(np.isfinite(edges.off).mean())
-            lines.append((points, float(np.median(width)) if len(width) else float("nan"), seen))
-        return lines
 
     # --- Choosing courses ---
 

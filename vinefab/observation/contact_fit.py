@@ -521,7 +521,21 @@ def fit_files(paths: Sequence[Path], error_deg: float = ANGLE_ERROR_DEG) -> Cont
             [error_deg if c.angle_error_deg is None else c.angle_error_deg for c, _ in seen],
         )
     ratio, ratio_notes = _over_photos([photo.width_ratios for photo in photos], photos)
-    breadth = _breadth(photos)
+    broad = [photo for photo in photos if photo.breadth_ratio is not None]
+    breadth: MeasuredNumber | None = None
+    if broad:  # against the nominal diameter; with its own interval where that is wider
+        table = np.array([photo.breadth_ratio for photo in broad])
+        value, low, high = _t_interval(table[:, 0])
+        own = 0.5 * (table[:, 2] - table[:, 1]).mean()
+        breadth = MeasuredNumber(
+            value=round(value, 4),
+            low=round(min(low, value - own), 4),
+            high=round(max(high, value + own), 4),
+            count=len(broad),
+            photos=len(broad),
+            source=f"{_few(len(broad))}breadth of the film from above; photos: "
+            + ", ".join(photo.photo for photo in broad),
+        )
     # Robots are grown again as wide as the nominal ones unless they clearly are not.
     clear = ratio is not None and not ratio.low <= 1.0 <= ratio.high
     shapes = _shape_fit(photos, ratio.value if clear and ratio and ratio.value else 1.0)
@@ -716,25 +730,6 @@ def _over_photos(
             f"photos: {names}",
         ),
         notes,
-    )
-
-
-def _breadth(photos: Sequence[ObservedPhoto]) -> MeasuredNumber | None:
-    """Return the film's breadth against the nominal diameter; its own interval if it is wider."""
-    found = [photo.breadth_ratio for photo in photos if photo.breadth_ratio is not None]
-    if not found:
-        return None
-    table = np.array(found)
-    value, low, high = _t_interval(table[:, 0])
-    own_mm = 0.5 * (table[:, 2] - table[:, 1]).mean()
-    return MeasuredNumber(
-        value=round(value, 4),
-        low=round(min(low, value - own_mm), 4),
-        high=round(max(high, value + own_mm), 4),
-        count=len(found),
-        photos=len(found),
-        source=f"{_few(len(found))}breadth of the film from above; photos: "
-        + ", ".join(photo.photo for photo in photos if photo.breadth_ratio is not None),
     )
 
 

@@ -46,33 +46,16 @@ class Sight:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SeenFilm:
-    """Where film is seen on a plan.
+    """Where film is seen on a plan."""
 
-    Parameters
-    ----------
-    share
-        How much of each pixel is film, 0 to 1, shape (rows, columns).
-    view
-        The plan that it was found on.
-    sight
-        How the photo sees things that are not flat.
-    solid
-        Whether each pixel lies in an obstacle or outside the bounds, on the floor.
-    colour
-        Red, green and blue of the film.
-    how
-        How it was found.
-    cautions
-        What makes it uncertain, a sentence each.
-    """
-
-    share: Floats
-    view: PlanView
-    sight: Sight
+    share: Floats  # how much of each pixel is film, 0 to 1, shape (rows, columns)
+    view: PlanView  # the plan that it was found on
+    sight: Sight  # how the photo sees things that are not flat
+    # whether each pixel lies in an obstacle or outside the bounds, on the floor
     solid: NDArray[np.bool_]
-    colour: FilmColour | None
-    how: str
-    cautions: tuple[str, ...] = ()
+    colour: FilmColour | None  # red, green and blue of the film
+    how: str  # how it was found
+    cautions: tuple[str, ...] = ()  # what makes it uncertain, a sentence each
     _hidden: dict[float, NDArray[np.bool_]] = field(default_factory=dict)  # by height
 
     def moved(self, points_mm: Floats, from_mm: float, to_mm: float) -> Floats:
@@ -103,28 +86,21 @@ class SeenFilm:
         """Return the mask of points at a height that obstacles hide from the camera, (n,)."""
         if self.sight.camera is None or self.sight.obstacle_mm <= z_mm:
             return np.zeros(len(points_mm), dtype=np.bool_)
-        if z_mm not in self._hidden:
-            self._hidden[z_mm] = self._hidden_raster(z_mm)
+        times = max(1, round(HIDDEN_CELL_MM / self.view.mm_per_pixel))
+        if z_mm not in self._hidden:  # cells of about 1 mm
+            rows, columns = (size // times + 1 for size in self.solid.shape)
+            x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
+            points = self.view.to_map(times * np.column_stack([x.ravel(), y.ravel()]))
+            top = self.moved(points, z_mm, self.sight.obstacle_mm)
+            steps = int(np.hypot(*(top - points).T).max() / HIDDEN_CELL_MM) + 1
+            hidden = np.zeros(len(points), dtype=np.bool_)
+            for share in np.arange(1, steps + 1) / steps:  # sight lines are straight
+                hidden |= self.is_solid(points + share * (top - points))
+            self._hidden[z_mm] = hidden.reshape(rows, columns)
         raster = self._hidden[z_mm]
-        cells = np.floor(self.view.to_pixels(points_mm) / self._times).astype(np.int64)
+        cells = np.floor(self.view.to_pixels(points_mm) / times).astype(np.int64)
         row, column = cells[:, 1].clip(0, len(raster) - 1), cells[:, 0].clip(0, raster.shape[1] - 1)
         return np.asarray(raster[row, column])
-
-    @property
-    def _times(self) -> int:
-        return max(1, round(HIDDEN_CELL_MM / self.view.mm_per_pixel))
-
-    def _hidden_raster(self, z_mm: float) -> NDArray[np.bool_]:
-        """Return the mask of the cells, of about 1 mm, that obstacles hide at a height."""
-        rows, columns = (size // self._times + 1 for size in self.solid.shape)
-        x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
-        points = self.view.to_map(self._times * np.column_stack([x.ravel(), y.ravel()]))
-        top = self.moved(points, z_mm, self.sight.obstacle_mm)
-        steps = int(np.hypot(*(top - points).T).max() / HIDDEN_CELL_MM) + 1
-        hidden = np.zeros(len(points), dtype=np.bool_)
-        for share in np.arange(1, steps + 1) / steps:  # sight lines are straight
-            hidden |= self.is_solid(points + share * (top - points))
-        return hidden.reshape(rows, columns)
 
 
 def solid_raster(world: Map, view: PlanView) -> NDArray[np.bool_]:
@@ -168,14 +144,19 @@ def found_film(
     film, how = _film_hue(hue, floor, inner, block, _strip(view, pose, widths_mm[0]), colour)
     cautions: tuple[str, ...] = ()
     if film is not None:
-        share = _by_hue(hue, floor, film, block)
+        # The place of each pixel between the floor's hue and the film's.
+        way = film - floor
+        share = np.clip(((hue - floor) @ way) / float(way @ way), 0.0, 1.0)
+        if block is not None:
+            to_block = np.hypot(*np.moveaxis(hue - block, -1, 0))
+            to_mixed = np.hypot(*np.moveaxis(hue - floor - share[..., None] * way, -1, 0))
+            share = np.where(to_block < to_mixed, 0.0, share)
     else:
         share, how = _by_light(light, inner, _strip(view, pose, widths_mm[0]))
         cautions = ("film and floor have the same hue: shadows may have been taken for film",)
-    share = scipy.ndimage.gaussian_filter(share, 0.5)
-    share[
-        scipy.ndimage.binary_erosion(solid, iterations=max(1, round(1.0 / view.mm_per_pixel)))
-    ] = 0.0
+    share = scipy.ndimage.gaussian_filter(np.asarray(share, dtype=np.float64), 0.5)
+    inside = scipy.ndimage.binary_erosion(solid, iterations=max(1, round(1.0 / view.mm_per_pixel)))
+    share[inside] = 0.0
     share = _without_gloss(share, view.mm_per_pixel)
     is_film = share > 0.5
     if is_film[~solid].mean() < LEAST_FILM_SHARE:
@@ -245,10 +226,6 @@ def _light_and_hue(pixels: NDArray[np.uint8]) -> tuple[Floats, Floats]:
     return lab[..., 0], lab[..., 1:] / lab[..., :1]
 
 
-def _hue_of(colour: FilmColour) -> Floats:
-    return np.asarray(_light_and_hue(np.full((1, 1, 3), colour, dtype=np.uint8))[1][0, 0])
-
-
 def _mode(hues: Floats, step: float = 0.012) -> Floats:
     """Return the most frequent hue among many, shape (n, 2)."""
     cells = np.round(hues / step).astype(np.int64)
@@ -278,7 +255,7 @@ def _film_hue(
 ) -> tuple[Floats | None, str]:
     """Return the film's hue and how it is known; None where film has the floor's hue."""
     if colour is not None:
-        given = _hue_of(colour)
+        given = _light_and_hue(np.full((1, 1, 3), colour, dtype=np.uint8))[1][0, 0]
         if np.hypot(*(given - floor)) < LEAST_HUE_STEP:
             return None, "by lightness"
         near = inner & (np.hypot(*np.moveaxis(hue - given, -1, 0)) < np.hypot(*(given - floor)) / 2)
@@ -294,18 +271,6 @@ def _film_hue(
     if other.mean() < LEAST_FILM_SHARE:
         return None, "by lightness"
     return _mode(hue[other]), "by its difference from floor and obstacles"
-
-
-def _by_hue(hue: Floats, floor: Floats, film: Floats, block: Floats | None) -> Floats:
-    """Return the place of each pixel between the floor's hue and the film's, 0 to 1."""
-    way = film - floor
-    along = ((hue - floor) @ way) / float(way @ way)
-    share = np.clip(along, 0.0, 1.0)
-    if block is not None:
-        to_block = np.hypot(*np.moveaxis(hue - block, -1, 0))
-        to_mixed = np.hypot(*np.moveaxis(hue - floor - share[..., None] * way, -1, 0))
-        share = np.where(to_block < to_mixed, 0.0, share)
-    return np.asarray(share, dtype=np.float64)
 
 
 def _by_light(

@@ -72,30 +72,18 @@ _NOT_DRAWN = ("defs", "metadata", "namedview", "image", "clipPath", "mask", "sym
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PhotoSetup:
-    """How a photo is to be read.
+    """How a photo is to be read."""
 
-    Parameters
-    ----------
-    markers
-        Markers by which it is rectified; those of the map if None.
-    corners_px
-        Where the corners of the box of the bounds are in the photo, (column, row), shape (4, 2):
-        lower left, lower right, upper right, upper left; instead of markers.
-    obstacle_mm
-        Height of the obstacles, which hide what lies behind them; None if unknown.
-    film_colour
-        Red, green and blue of the film, if it is to be given.
-    outline
-        Areas of film outlined by hand, instead of its colour.
-    outline_in_pixels
-        Whether the outline is in pixels of the photo; else it is in map millimetres.
-    """
-
+    # markers by which it is rectified; those of the map if None
     markers: tuple[CornerMarker, ...] | None = None
+    # where the corners of the box of the bounds are in the photo, (column, row), shape (4,
+    # 2): lower left, lower right, upper right, upper left; instead of markers
     corners_px: Floats | None = None
+    # height of the obstacles, which hide what lies behind them; None if unknown
     obstacle_mm: float | None = None
-    film_colour: FilmColour | None = None
-    outline: BaseGeometry | None = None
+    film_colour: FilmColour | None = None  # red, green and blue of the film, if it is to be given
+    outline: BaseGeometry | None = None  # areas of film outlined by hand, instead of its colour
+    # whether the outline is in pixels of the photo; else it is in map millimetres
     outline_in_pixels: bool = False
 
     @classmethod
@@ -184,22 +172,20 @@ class _RigForm(TablePart):
 def _outline(path: Path, *, is_svg: bool) -> BaseGeometry:
     """Return the areas in a file, as one."""
     with located(path):
-        areas = list(_svg_areas(path)) if is_svg else _geojson_areas(path)
+        if is_svg:
+            areas = list(_svg_areas(path))
+        else:
+            content = json_object(read_text(path, _MOST_OUTLINE_BYTES), path)
+            try:
+                found = shapely.from_geojson(json.dumps(content))
+            except (ShapelyError, ValueError, TypeError) as error:
+                raise UnreadableFileError(path, f"is not GeoJSON: {str(error)[:100]}") from error
+            parts = shapely.get_parts(shapely.get_parts(found))
+            areas = [one for one in parts if isinstance(one, Polygon) and not one.is_empty]
         if not areas:
             allowed = "closed areas: polygons of GeoJSON, or paths, polygons, rects of SVG"
             raise BadInputError("--outline", "no areas", allowed)
     return shapely.union_all([shapely.make_valid(area) for area in areas])
-
-
-def _geojson_areas(path: Path) -> list[Polygon]:
-    content = json_object(read_text(path, _MOST_OUTLINE_BYTES), path)
-    try:
-        found = shapely.from_geojson(json.dumps(content))
-    except (ShapelyError, ValueError, TypeError) as error:
-        raise UnreadableFileError(path, f"is not GeoJSON: {str(error)[:100]}") from error
-    parts = shapely.get_parts(found)
-    flat = [piece for part in parts for piece in shapely.get_parts(part)]
-    return [piece for piece in flat if isinstance(piece, Polygon) and not piece.is_empty]
 
 
 def _svg_areas(path: Path) -> Iterator[Polygon]:
@@ -249,43 +235,26 @@ _ENDINGS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Observation(WrittenResult):
-    """A photo's robot, traced and compared.
+    """A photo's robot, traced and compared."""
 
-    Parameters
-    ----------
-    photo, map_file, design_file
-        How they are called.
-    rectified_by
-        The features by which the photo was rectified.
-    error_mm
-        Root mean square distance, in the map, of the points that it was rectified by; None where
-        they are just enough, so that no error shows.
-    film, traced, compared
-        What was found.
-    cautions
-        What makes it uncertain, a sentence each.
-    settings
-        How the photo was read.
-    reading
-        The angle of a joint coupon; None for a robot.
-    path
-        The page (HTML) or the numbers (JSON); None if none was asked for.
-    """
-
+    # how they are called
     photo: str
     map_file: str
     design_file: str
     world: Map
     design: Design
-    rectified_by: str
+    rectified_by: str  # the features by which the photo was rectified
+    # root mean square distance, in the map, of the points that it was rectified by; None
+    # where they are just enough, so that no error shows
     error_mm: float | None
+    # what was found
     film: SeenFilm
     traced: TracedTree
     compared: Compared
-    cautions: tuple[str, ...]
-    settings: Mapping[str, object] = field(default_factory=dict)
-    reading: JointReading | None = None
-    path: Path | None = None
+    cautions: tuple[str, ...]  # what makes it uncertain, a sentence each
+    settings: Mapping[str, object] = field(default_factory=dict)  # how the photo was read
+    reading: JointReading | None = None  # the angle of a joint coupon; None for a robot
+    path: Path | None = None  # the page (HTML) or the numbers (JSON); None if none was asked for
 
     @property
     def trunk_width_mm(self) -> dict[str, float] | None:
@@ -480,7 +449,7 @@ class Observation(WrittenResult):
                 "how": film.how,
                 "width_mm": self.trunk_width_mm,
             },
-            "branches": [_branch_data(branch) for branch in branches],
+            "branches": [branch.content for branch in branches],
             "summary.branches": len(branches),
             "summary.not_deployed_observed": [b.id for b in branches if not b.deployed_observed],
             "summary.deployed_otherwise_than_predicted": self.not_as_predicted,
@@ -525,36 +494,6 @@ class Observation(WrittenResult):
             "as predicted: every branch ended as simulated, "
             f"{self.mean_error_mm:.1f} mm off its predicted line in the mean (measured)"
         )
-
-
-def _branch_data(branch: ComparedBranch) -> dict[str, object]:
-    """Return the data of a branch for JSON; ``contacts`` are read again."""
-    error = {"mean": branch.mean_mm, "most": branch.most_mm, "hausdorff": branch.hausdorff_mm}
-    plain = {
-        "id": branch.id,
-        "level": branch.level,
-        "planned_mm": branch.planned_mm,
-        "observed_mm": branch.observed_mm,
-        "predicted_mm": branch.predicted_mm,
-        "deployed_observed": branch.deployed_observed,
-        "deployed_predicted": branch.deployed_predicted,
-        "stop_observed": branch.stop_observed,
-        "stop_predicted": branch.stop_predicted,
-        "shape_error_mm": None if branch.mean_mm is None else error,
-        "shape_error_share": None,
-        "width_mm": {"measured": branch.width_mm, "nominal": branch.nominal_width_mm},
-        "share_seen": branch.seen,
-        "share_told_apart": branch.told_apart,
-        "tip_and_base_seen": branch.tip_and_base_seen,
-        "doubts": branch.doubts,
-        "points_mm": branch.points_mm.tolist(),
-        "contacts": [
-            {**contact.model_dump(), "width_mm": branch.width_mm} for contact in branch.contacts
-        ],
-        "contact_order_observed": branch.order_observed,
-        "contact_order_predicted": branch.order_predicted,
-    }
-    return {**rounded(plain, 3), "shape_error_share": rounded(branch.share, 5)}
 
 
 def _branch_section(branches: Sequence[ComparedBranch]) -> Section:
@@ -770,6 +709,17 @@ def _camera(
     spread, camera = marker_spread(control), fit_camera(photo, control)
     side_mm = float(np.hypot(*(control.points_mm[1] - control.points_mm[0])))
     if spread.is_wrong_layout or camera.residual_mm > MOST_OFF_SIDE * side_mm:
+        x_mm, y_mm = spread.out_mm
+        if not spread.is_wrong_layout:
+            where = f"{camera.residual_mm:.1f} mm off (measured)"
+        elif abs(x_mm - y_mm) <= max(0.5, 0.1 * spread.most_mm):
+            where = f"{spread.most_mm:.1f} mm farther {'out' if x_mm > 0.0 else 'in'}"
+        else:
+            axes = zip("xy", spread.out_mm, strict=True)
+            known = [f"{axis} {off_mm:+.1f}" for axis, off_mm in axes if math.isfinite(off_mm)]
+            where = f"{', '.join(known)} mm farther out"
+        if spread.is_wrong_layout:
+            where += ", by how large they look (measured)"
         other = "--corners goes without markers"
         allowed = (
             f"{DEFAULT_MARKER_MM:g} mm wide, {DEFAULT_MARKER_GAP_MM:g} mm outside the bounds' box; "
@@ -777,21 +727,8 @@ def _camera(
         )
         if setup.markers is not None:
             allowed = f"where --rig says, {side_mm:g} mm wide: is it the file of this rig? {other}"
-        raise BadInputError("markers", _place_words(spread, camera), allowed, photo.name)
+        raise BadInputError("markers", where, allowed, photo.name)
     return camera, f"{len(control.points_px) // 4} corner markers", spread
-
-
-def _place_words(spread: MarkerSpread, camera: PhotoCamera) -> str:
-    if not spread.is_wrong_layout:
-        return f"{camera.residual_mm:.1f} mm off (measured)"
-    x_mm, y_mm = spread.out_mm
-    if abs(x_mm - y_mm) <= max(0.5, 0.1 * spread.most_mm):
-        where = f"{spread.most_mm:.1f} mm farther {'out' if x_mm > 0.0 else 'in'}"
-    else:
-        axes = zip("xy", spread.out_mm, strict=True)
-        known = [f"{axis} {off_mm:+.1f}" for axis, off_mm in axes if math.isfinite(off_mm)]
-        where = f"{', '.join(known)} mm farther out"
-    return f"{where}, by how large they look (measured)"
 
 
 def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list[str]:

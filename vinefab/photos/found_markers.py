@@ -37,29 +37,18 @@ def _mean_side(corners: Floats) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FoundMarker:
-    """A marker as it is seen in a photo.
+    """A marker as it is seen in a photo."""
 
-    Parameters
-    ----------
-    corners_px
-        Of its black frame, shape (4, 2): (column, row) of the upper left one, as it was printed,
-        and the others clockwise; middles of pixels end in .5.
-    noise_px
-        How far they may be off: standard deviation, from the residuals of the fit.
-    blur_px
-        How far light is spread over its edges: standard deviation.
-    mixing
-        Exponent by which mixed light is stored: 1 / 2.2 of a lens out of focus, 1 of a picture
-        that was smoothed or made smaller as it was stored. Between, the middle of an edge lies at
-        another brightness.
-    misfit
-        Root mean square of the residuals of the fit, over the contrast of black and white.
-    """
-
+    # of its black frame, shape (4, 2): (column, row) of the upper left one, as it was
+    # printed, and the others clockwise; middles of pixels end in .5
     corners_px: Floats
-    noise_px: float
-    blur_px: float
+    noise_px: float  # how far they may be off: standard deviation, from the residuals of the fit
+    blur_px: float  # how far light is spread over its edges: standard deviation
+    # exponent by which mixed light is stored: 1 / 2.2 of a lens out of focus, 1 of a picture
+    # that was smoothed or made smaller as it was stored. Between, the middle of an edge lies
+    # at another brightness
     mixing: float
+    # root mean square of the residuals of the fit, over the contrast of black and white
     misfit: float
 
     @property

@@ -43,22 +43,14 @@ CAMERA_GAMMA = 2.2
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Photo:
-    """A photo or a scan as a person looks at it.
+    """A photo or a scan as a person looks at it."""
 
-    Parameters
-    ----------
-    name
-        Of its file, for messages.
-    pixels
-        Red, green and blue, uint8, shape (rows, columns, 3); turned upright, transparent parts
-        white. Places in it are (column, row) with the middle of the first pixel at (0.5, 0.5).
-    focal_px
-        Focal length by the file's EXIF data; None where it has none, or where its picture was
-        cropped later.
-    """
-
-    name: str
+    name: str  # of its file, for messages
+    # red, green and blue, uint8, shape (rows, columns, 3); turned upright, transparent parts
+    # white. Places in it are (column, row) with the middle of the first pixel at (0.5, 0.5)
     pixels: NDArray[np.uint8]
+    # focal length by the file's EXIF data; None where it has none, or where its picture was
+    # cropped later
     focal_px: float | None = None
 
     @property
@@ -167,23 +159,13 @@ WIDEST_35MM_MM = 13.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ControlPoints:
-    """Points of a photo whose places in the map are known; at least two.
+    """Points of a photo whose places in the map are known; at least two."""
 
-    Parameters
-    ----------
-    points_px
-        Where they are seen, (column, row), shape (n, 2); middles of pixels end in .5.
-    points_mm
-        Where they are in the map, shape (n, 2).
-    z_mm
-        Their height above the floor.
-    noise_px
-        How far their places in the photo may be off (standard deviation; assumed).
-    """
-
+    # where they are seen, (column, row), shape (n, 2); middles of pixels end in .5
     points_px: Floats
-    points_mm: Floats
-    z_mm: float = 0.0
+    points_mm: Floats  # where they are in the map, shape (n, 2)
+    z_mm: float = 0.0  # their height above the floor
+    # how far their places in the photo may be off (standard deviation; assumed)
     noise_px: float = LEAST_NOISE_PX
 
     def __post_init__(self) -> None:
@@ -197,36 +179,22 @@ class ControlPoints:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PhotoCamera:
-    """How a photo sees planes at any height.
+    """How a photo sees planes at any height."""
 
-    Parameters
-    ----------
-    homography
-        Shape (3, 3): map coordinates (x, y, 1) at height ``z_mm`` to the photo.
-    rise
-        Shape (3,): what is added to its last column per mm of height; zero where the focal length
-        is unknown, as if the camera were far away.
-    z_mm
-        Height of the control points.
-    residual_mm
-        Root mean square distance, in the map, between the control points and where the photo
-        shows them; 0 where they are just enough to fit.
-    focal_px
-        Focal length; None where it is unknown.
-    focal_share
-        How far it may be off, as a share (standard deviation); infinite where it is unknown.
-    parallax_mm_per_mm
-        Worst error of the places of points one millimetre above or below the control points
-        (within the control points): 95 % of the focal length's error; where that is
-        unknown, all of the parallax of a lens of 13 mm (assumed).
-    """
-
-    homography: Floats
+    homography: Floats  # shape (3, 3): map coordinates (x, y, 1) at height ``z_mm`` to the photo
+    # shape (3,): what is added to its last column per mm of height; zero where the focal
+    # length is unknown, as if the camera were far away
     rise: Floats
-    z_mm: float
+    z_mm: float  # height of the control points
+    # root mean square distance, in the map, between the control points and where the photo
+    # shows them; 0 where they are just enough to fit
     residual_mm: float
-    focal_px: float | None
+    focal_px: float | None  # focal length; None where it is unknown
+    # how far it may be off, as a share (standard deviation); infinite where it is unknown
     focal_share: float
+    # worst error of the places of points one millimetre above or below the control points
+    # (within the control points): 95 % of the focal length's error; where that is unknown,
+    # all of the parallax of a lens of 13 mm (assumed)
     parallax_mm_per_mm: float
 
     def at(self, plane_mm: float) -> Floats:
@@ -441,20 +409,12 @@ def _unknown_slope(photo: Photo, control: ControlPoints, homography: Floats) -> 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlanView:
-    """A rectified photo.
+    """A rectified photo."""
 
-    Parameters
-    ----------
-    pixels
-        Red, green and blue, uint8, shape (rows, columns, 3); the first row is the topmost.
-    mm_per_pixel
-        Side of a pixel on the plane that the photo was rectified to.
-    left_mm, top_mm
-        Map coordinates of the upper left corner of the upper left pixel.
-    """
-
+    # red, green and blue, uint8, shape (rows, columns, 3); the first row is the topmost
     pixels: NDArray[np.uint8]
-    mm_per_pixel: float
+    mm_per_pixel: float  # side of a pixel on the plane that the photo was rectified to
+    # map coordinates of the upper left corner of the upper left pixel
     left_mm: float
     top_mm: float
 

@@ -441,7 +441,17 @@ def compare_with_map(rig: Rig, world: Map) -> RigComparison:
     free = shapely.buffer(free, -rim, join_style="mitre")
     shapely.prepare(free)
     cuts = [_cut(rig, bodies, share * options.height_mm / options.scale) for share in _HEIGHTS]
-    outsides = [[_filled(shape, free) for shape in cut] for cut in cuts]
+    outsides = []
+    for cut in cuts:  # without their cavities: the holes that no free space reaches
+        filled = []
+        for shape in cut:
+            pieces = polygon_parts(shape, shapely.Polygon())
+            for index in np.flatnonzero(shapely.get_num_interior_rings(pieces) > 0):
+                rings = np.asarray(pieces[index].interiors, dtype=object)
+                is_open = shapely.intersects(free, shapely.polygons(rings))
+                pieces[index] = shapely.Polygon(pieces[index].exterior, list(rings[is_open]))
+            filled.append(shapely.MultiPolygon(list(pieces)))
+        outsides.append(filled)
     built, outside = (shapely.union_all(shapes) for shapes in (cuts[0], outsides[0]))
     areas = [np.array([shape.area for shape in shapes]) for shapes in outsides]
     leaning_mm2 = float(sum(np.abs(area - areas[0]).sum() for area in areas[1:]))
@@ -485,16 +495,6 @@ def _areas(geometry: BaseGeometry) -> BaseGeometry:
     """Drop the lines and points of an overlay; further overlays cannot take the mixture."""
     # What an overlay returns does not overlap: no need to join it once more.
     return shapely.MultiPolygon(list(polygon_parts(geometry)))
-
-
-def _filled(shape: BaseGeometry, free: BaseGeometry) -> BaseGeometry:
-    """Return a cross-section without its cavities: the holes that no free space reaches."""
-    pieces = polygon_parts(shape, shapely.Polygon())
-    for index in np.flatnonzero(shapely.get_num_interior_rings(pieces) > 0):
-        rings = np.asarray(pieces[index].interiors, dtype=object)
-        open_there = shapely.intersects(free, shapely.polygons(rings))
-        pieces[index] = shapely.Polygon(pieces[index].exterior, list(rings[open_there]))
-    return shapely.MultiPolygon(list(pieces))
 
 
 def _cut(rig: Rig, bodies: list[Manifold], z_mm: float) -> list[BaseGeometry]:

@@ -416,11 +416,21 @@ def board_jobs(
         marks: list[LineString] = []
         for piece in near:
             rings = map(shapely.get_coordinates, shapely.get_rings(piece.outline))
-            marks += _lines_within(tile, [*map(LineString, rings), *_number_marks(piece)])
+            lines = [*map(LineString, rings)]
+            # The number, in the largest circle within the piece that no peg takes, if it fits.
+            taken = shapely.union_all([peg.outline.buffer(0.5) for peg in piece.pegs])
+            rooms: Iterable[Polygon] = polygon_parts(shapely.difference(piece.outline, taken))
+            room = max(rooms, key=shapely.area, default=None)
+            if room is not None:
+                circle, text = shapely.maximum_inscribed_circle(room, 0.05), str(piece.number)
+                fits_mm = 1.6 * circle.length / math.hypot(1.0, 0.9 * len(text))
+                if fits_mm >= _SMALLEST_DIGIT_MM:
+                    at = shapely.get_coordinates(circle)[0].tolist()
+                    lines += centred(strokes(text, min(_DIGIT_MM, fits_mm)), *at)
+            marks += _lines_within(tile, lines)
         holes = [peg for peg in pegs if tile.intersects(shapely.Point(peg.x_mm, peg.y_mm))]
         marks += _lines_within(tile, markers.marks)
-        taken = [*(piece.outline for piece in near), *markers.squares]
-        marks += _compass(tile, number, taken)
+        marks += _compass(tile, number, [*(piece.outline for piece in near), *markers.squares])
         jobs.append(_job(f"{name} board {number}", tile, (marks, holes, gap_mm), options))
     return jobs
 
@@ -505,22 +515,6 @@ def _lines_within(tile: Polygon, lines: Sequence[LineString]) -> Iterator[LineSt
         for line in shapely.get_parts(cut):
             if isinstance(line, LineString) and line.length > 0.0:
                 yield line
-
-
-def _number_marks(piece: LoosePiece) -> list[LineString]:
-    """Return a piece's number in the largest circle within it that no peg takes, if it fits."""
-    pegs = shapely.union_all([peg.outline.buffer(0.5) for peg in piece.pegs])
-    rooms: Iterable[Polygon] = polygon_parts(shapely.difference(piece.outline, pegs))
-    room = max(rooms, key=shapely.area, default=None)
-    if room is None:
-        return []
-    circle = shapely.maximum_inscribed_circle(room, 0.05)
-    text = str(piece.number)
-    height_mm = min(_DIGIT_MM, 1.6 * circle.length / math.hypot(1.0, 0.9 * len(text)))
-    if height_mm < _SMALLEST_DIGIT_MM:
-        return []
-    x_mm, y_mm = shapely.get_coordinates(circle)[0].tolist()
-    return centred(strokes(text, height_mm), x_mm, y_mm)
 
 
 def _compass(tile: Polygon, number: int, taken: list[Polygon]) -> list[LineString]:

@@ -767,34 +767,32 @@ def read_rig(folder: Path) -> RigFacts:
     """Return the facts that the rules need of a rig from its folder, every STL file read."""
     path = folder if folder.name == RIG_NAME else folder / RIG_NAME
     form = validated(RigForm, json_object(read_text(path), path), path)
+    parts = []
+    for part in (one for one in (*form.parts, *form.extras) if one.file.endswith(".stl")):
+        file = path_inside("file", part.file, (path.parent,), path)
+        try:
+            mesh = read_stl(read_bytes(file))
+        except UnreadableFileError as error:
+            facts = RigPartFacts(name=part.name, size_mm=part.size_mm, problems=(error.problem,))
+            parts.append(facts)
+            continue
+        problems, volume_mm3 = mesh.form_problems(), mesh.volume_mm3
+        if abs(volume_mm3 - part.volume_mm3) > VOLUME_SHARE * part.volume_mm3:
+            problems.append(f"has a volume of {volume_mm3:.6g} mm3, not {part.volume_mm3:.6g}")
+        span_mm = np.ptp(mesh.box_mm, axis=0)
+        if np.abs(span_mm - part.size_mm).max() > BOX_MM:
+            problems.append(f"measures {span_mm.tolist()} mm, not {list(part.size_mm)}")
+        size_mm = (float(span_mm[0]), float(span_mm[1]), float(span_mm[2]))
+        parts.append(RigPartFacts(name=part.name, size_mm=size_mm, problems=tuple(problems)))
     printer, margin_mm = form.printer, 2.0 * form.options.bed_margin_mm
     wide_mm, deep_mm = printer.bed_width_mm - margin_mm, printer.bed_depth_mm - margin_mm
-    layered = form.style == "sheet" and form.parts
+    height_mm = form.options.height_mm
+    if form.style == "sheet" and form.parts:
+        height_mm = max(part.size_mm[2] for part in form.parts)
     return RigFacts(
         name=form.map.name,
         printer=printer.name,
         room_mm=(wide_mm, deep_mm, printer.height_mm),
-        height_mm=max(part.size_mm[2] for part in form.parts)
-        if layered
-        else form.options.height_mm,
-        parts=tuple(
-            _facts(path.parent, part)
-            for part in (*form.parts, *form.extras)
-            if part.file.endswith(".stl")
-        ),
+        height_mm=height_mm,
+        parts=tuple(parts),
     )
-
-
-def _facts(folder: Path, part: PartForm) -> RigPartFacts:
-    path = path_inside("file", part.file, (folder,), folder / RIG_NAME)
-    try:
-        mesh = read_stl(read_bytes(path))
-    except UnreadableFileError as error:
-        return RigPartFacts(name=part.name, size_mm=part.size_mm, problems=(error.problem,))
-    problems = mesh.form_problems()
-    if abs(mesh.volume_mm3 - part.volume_mm3) > VOLUME_SHARE * part.volume_mm3:
-        problems.append(f"has a volume of {mesh.volume_mm3:.6g} mm3, not {part.volume_mm3:.6g}")
-    span_mm = np.ptp(mesh.box_mm, axis=0)
-    if np.abs(span_mm - part.size_mm).max() > BOX_MM:
-        problems.append(f"measures {span_mm.tolist()} mm, not {list(part.size_mm)}")
-    return RigPartFacts(name=part.name, size_mm=tuple(span_mm.tolist()), problems=tuple(problems))

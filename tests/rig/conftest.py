@@ -15,13 +15,13 @@ def _up(x_mm, y_mm, spread_x_mm=0.0):
     return Start(pose=pose, spread_x_mm=spread_x_mm)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def up_start():
     """Makes a start that heads along +y."""
     return _up
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_map():
     """Makes a map of 180 x 150 mm, lower left at (10, 20), unless told otherwise."""
 
@@ -36,7 +36,7 @@ def make_map():
     return make
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_printer():
     def make(width_mm=220.0, depth_mm=220.0, **others):
         return Printer(
@@ -46,7 +46,7 @@ def make_printer():
     return make
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def crooked_map(make_map):
     """Makes a map of convex polygons, one in each cell of a grid with a pitch of 40 mm."""
 
@@ -66,7 +66,7 @@ def crooked_map(make_map):
     return make
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def faces_at():
     """Returns the plan, in map coordinates, of a rig's upward faces at a height of the map.
 
@@ -86,7 +86,7 @@ def faces_at():
     return plan
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def stl_problems():
     """Returns what is wrong with an STL file of a part, the part's own file unless given."""
 

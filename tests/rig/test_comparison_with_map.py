@@ -9,7 +9,7 @@ from vinefab.rig.build import build_rig, compare_with_map
 from vinefab.rig.part import RigOptions
 
 
-@pytest.fixture(params=[0.0, None])
+@pytest.fixture(scope="module", params=[0.0, None])
 def crooked(request, crooked_map, make_printer):
     """A rig on plates, solid and hollow."""
     wall_mm = request.param

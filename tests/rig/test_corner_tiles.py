@@ -132,7 +132,7 @@ def test_a_rig_without_corners_says_where_its_tiles_go(make_map, make_printer):
 
 
 def test_markers_stand_clear_of_a_high_border(make_map, make_printer):
-    low, high = RigOptions(height_mm=5.0), RigOptions(height_mm=60.0, border_mm=6.0)
+    low, high = RigOptions(height_mm=5.0), RigOptions(style="plate", height_mm=60.0, border_mm=6.0)
     assert marker_gap_mm(low) == 12.0
     assert marker_gap_mm(high) == 36.0
     made = make_rig(make_map(*WALLS), make_printer(), high, BARE)
@@ -246,7 +246,7 @@ def test_the_plan_of_a_board_numbers_its_pieces_and_their_pegs(make_map, make_pr
 
 
 def test_without_markers_there_is_none(make_map, make_printer):
-    options = RigOptions(markers="none", base_start=0)
+    options = RigOptions(style="plate", markers="none", base_start=0)
     made = make_rig(make_map(*WALLS), make_printer(), options, BARE)
     assert json.loads(made.files["rig.json"])["markers"] == []
     assert len(made.rig.extras) == 2

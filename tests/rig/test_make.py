@@ -20,6 +20,7 @@ from vinefab.rig.rig_plan import plan_of
 PRINTER = Printer(name="bench", bed_width_mm=220, bed_depth_mm=220, height_mm=100)
 START = Start(pose=Pose(x_mm=90.0, y_mm=10.0, heading_rad=math.pi / 2))
 BARE = RigRequest(pictures=False)
+PLATE = RigOptions(style="plate")
 
 
 def _map(*obstacles, bounds=None):
@@ -30,17 +31,15 @@ def _map(*obstacles, bounds=None):
 
 def test_a_map_without_obstacles_is_refused_unless_wanted():
     with pytest.raises(BadInputError, match=r"number of obstacles is 0; .*--allow-empty"):
-        make_rig(_map(), PRINTER, RigOptions(), BARE)
+        make_rig(_map(), PRINTER, PLATE, BARE)
     with pytest.raises(BadInputError, match="number of obstacles"):
-        make_rig(_map(box(500, 0, 510, 10)), PRINTER, RigOptions(), BARE)
-    assert make_rig(
-        _map(), PRINTER, RigOptions(), RigRequest(allow_empty=True, pictures=False)
-    ).files
+        make_rig(_map(box(500, 0, 510, 10)), PRINTER, PLATE, BARE)
+    assert make_rig(_map(), PRINTER, PLATE, RigRequest(allow_empty=True, pictures=False)).files
 
 
 def test_bounds_with_a_corner_to_go_around_are_enough():
     hall = box(0, 0, 180, 150) - box(60, 60, 180, 150)
-    assert make_rig(_map(bounds=hall), PRINTER, RigOptions(), BARE).files
+    assert make_rig(_map(bounds=hall), PRINTER, PLATE, BARE).files
 
 
 @pytest.mark.parametrize(
@@ -72,9 +71,7 @@ def test_corridors_and_heights_are_compared_with_the_robot():
     # 20 mm between the blocks; the trunk of plain_vine inflates to 25.5 mm, 30.6 mm with 1.2.
     world = _map(box(30, 60, 80, 100), box(100, 60, 150, 100))
     design = Design.read("plain_vine")
-    made = make_rig(
-        world, PRINTER, RigOptions(height_mm=30.0), RigRequest(design=design, pictures=False)
-    )
+    made = make_rig(world, PRINTER, PLATE, RigRequest(design=design, pictures=False))
     checks = json.loads(made.files["rig.json"])["checks"]
     assert [run["id"] for run in checks["rules_run"]] == ["VF-R01", "VF-R02", "VF-R03", "VF-R04"]
     found = {finding["id"]: finding for finding in checks["findings"]}
@@ -84,7 +81,7 @@ def test_corridors_and_heights_are_compared_with_the_robot():
     large = make_rig(
         world,
         PRINTER,
-        RigOptions(height_mm=40.0, scale=1.3),
+        PLATE.changed(height_mm=40.0, scale=1.3),
         RigRequest(design=design, pictures=False),
     )
     assert large.report.findings == ()
@@ -101,7 +98,7 @@ def test_both_styles_are_made_of_one_plan(monkeypatch):
 
 
 def test_without_a_robot_these_rules_are_skipped_with_the_reason():
-    made = make_rig(_map(box(30, 60, 80, 100)), PRINTER, RigOptions(), BARE)
+    made = make_rig(_map(box(30, 60, 80, 100)), PRINTER, PLATE, BARE)
     assert [skip.rule for skip in made.report.skipped] == ["VF-R03", "VF-R04"]
     assert any("needs a" in line and "VF-R04" in line for line in made.summary)
 
@@ -111,7 +108,7 @@ def test_thickened_walls_narrow_the_corridors():
     world = _map(box(30, 60, 80, 60.4), box(30, 80, 80, 100))
     design = Design.read("plain_vine")
     made = make_rig(
-        world, PRINTER, RigOptions(height_mm=40.0), RigRequest(design=design, pictures=False)
+        world, PRINTER, PLATE.changed(height_mm=40.0), RigRequest(design=design, pictures=False)
     )
     (finding,) = made.report.findings
     assert 19.25 <= finding.measured <= 19.4 + 1e-6
@@ -120,7 +117,7 @@ def test_thickened_walls_narrow_the_corridors():
 
 def test_a_slanted_plate_is_no_empty_map():
     world = _map(Polygon([(20, 40), (40, 40), (20, 60)]))
-    assert make_rig(world, PRINTER, RigOptions(), BARE).comparison.share < 1e-3
+    assert make_rig(world, PRINTER, PLATE, BARE).comparison.share < 1e-3
 
 
 def test_pictures_drawing_and_page_come_with_the_files():

@@ -61,7 +61,7 @@ def _is_wall(shape, wall_mm):
     return bool((shapely.area(lost) < corners_mm2 + wall_mm**2).all()) and not opened.is_empty
 
 
-@effort(max_examples=5)
+@effort(max_examples=3)
 @given(
     seed=st.integers(0, 10_000),
     scale=st.sampled_from([0.3, 0.6, 1.0]),
@@ -285,37 +285,33 @@ def _read(gcode: str) -> _Sliced:
     return _Sliced(1000.0 * float(plastic[1]), time_s)
 
 
-def _parts_to_slice():
-    """A solid piece, a shell, a closed shell, and tiles with both."""
+def _part_to_slice(kind):
+    """Return a solid piece, a shell, a closed shell, or a tile of either kind, and its printer."""
     printer = read_printer("generic_220")
     world = grid_map(3, GridOptions(columns=2, rows=2, size_mm=180.0))
-    kinds = {"shell": {}, "solid": {"wall_mm": 0.0}, "closed": {"top_mm": 0.8}}
-    found = {}
-    for kind, sizes in kinds.items():
-        rig, _ = build_board(world, printer, BOARD.changed(**sizes))
-        found[kind] = max(rig.parts, key=lambda part: min(part.size_mm[:2]) < 100)
-    found["plate"] = build_rig(world, printer).parts[0]
-    found["solid plate"] = build_rig(world, printer, RigOptions(wall_mm=0.0)).parts[0]
-    return printer, found
+    sizes = {"solid": {"wall_mm": 0.0}, "closed": {"top_mm": 0.8}}.get(kind.split()[0], {})
+    if kind.endswith("plate"):
+        return printer, build_rig(world, printer, RigOptions(**sizes)).parts[0]
+    rig, _ = build_board(world, printer, BOARD.changed(**sizes))
+    return printer, max(rig.parts, key=lambda part: min(part.size_mm[:2]) < 100)
+
+
+def _compare_with_slicer(kind, path, slicer):
+    printer, part = _part_to_slice(kind)
+    path.write_bytes(STL.write([PartItem(part=part)], "part"))
+    seen, estimate = _sliced(slicer, path, printer), print_estimate([part], printer)
+    assert estimate.plastic_mm3 == pytest.approx(seen.plastic_mm3, rel=0.25)
+    return seen, estimate
 
 
 @pytest.mark.parametrize("kind", ["shell", "solid"])
 def test_slic3r_needs_as_much_filament(kind, tmp_path, program):
-    printer, parts = _parts_to_slice()
-    path = tmp_path / "part.stl"
-    path.write_bytes(STL.write([PartItem(part=parts[kind])], "part"))
-    seen = _sliced(program("slic3r", "slic3r"), path, printer)
-    estimate = print_estimate([parts[kind]], printer)
-    assert estimate.plastic_mm3 == pytest.approx(seen.plastic_mm3, rel=0.25)
+    _compare_with_slicer(kind, tmp_path / "part.stl", program("slic3r", "slic3r"))
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["shell", "solid", "closed", "plate", "solid plate"])
 def test_prusa_slicer_takes_as_long(kind, tmp_path, program):
-    printer, parts = _parts_to_slice()
-    path = tmp_path / "part.stl"
-    path.write_bytes(STL.write([PartItem(part=parts[kind])], "part"))
-    seen = _sliced(program("prusa-slicer", "prusa-slicer"), path, printer)
-    estimate = print_estimate([parts[kind]], printer)
-    assert estimate.plastic_mm3 == pytest.approx(seen.plastic_mm3, rel=0.25)
+    slicer = program("prusa-slicer", "prusa-slicer")
+    seen, estimate = _compare_with_slicer(kind, tmp_path / "part.stl", slicer)
     assert estimate.time_s == pytest.approx(seen.time_s, rel=0.25)

@@ -1,4 +1,5 @@
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,11 +11,14 @@ from vinefab.model.map import Pose, Start
 from vinefab.rig.build import build_rig
 from vinefab.rig.part import RigOptions
 from vinefab.rig.rig_plan import (
+    TileSeam,
     bridged,
+    cuts_of,
     patches_for,
     plan_of,
     polygon_parts,
     snapped_union,
+    tabs_of,
     thin_parts,
     touching_points,
 )
@@ -266,3 +270,57 @@ def test_an_area_far_inside_has_an_entry_at_its_pose_only(planned):
     assert plate.contains(Point(125, 100))
     assert "only its pose has an entry" in notes[0]
     assert "comes up from below" in notes[0]
+
+
+# --- Cuts and joints
+
+
+def test_cuts_go_between_obstacles_where_they_can(make_printer):
+    # An alley at x = 170..178; the even cut at x = 150 would divide an obstacle.
+    solids = polygon_parts(box(100, 10, 170, 90), box(178, 10, 260, 90))
+    cuts = cuts_of((0, 0, 300, 100), solids, make_printer(), RigOptions())
+    assert len(list(cuts.cells())) == 2
+    assert 172 <= cuts.x_mm[1] <= 176
+    assert cuts.y_mm == (0, 100)
+
+
+def test_cuts_keep_away_from_corners(make_printer):
+    # Every line divides the long obstacle; the even one would also cut off a thin tip.
+    solids = polygon_parts(box(10, 10, 290, 30), box(149, 50, 250, 80))
+    cuts = cuts_of((0, 0, 300, 100), solids, make_printer(), RigOptions())
+    assert cuts.x_mm[1] < 147
+
+
+def test_tiles_never_exceed_the_bed(make_printer):
+    rng = np.random.default_rng(6)
+    solids = polygon_parts(*(box(x, 1, x + 30, 50) for x in rng.uniform(0, 2000, 40)))
+    for width in rng.uniform(211, 2000, 40):
+        cuts = cuts_of((0, 0, width, 60), solids, make_printer(), RigOptions(bed_margin_mm=5.0))
+        sizes = np.diff(cuts.x_mm)
+        assert sizes.max() <= 202.0 + 1e-3
+        assert len(list(cuts.cells())) == np.ceil(width / 202.0)
+
+
+def test_tabs_stand_free_and_apart():
+    plate = box(0, 0, 400, 300)
+    solids = polygon_parts(box(195, 60, 230, 110), box(150, 160, 215, 200))
+    seam = TileSeam(upright=True, at_mm=200.0, low_mm=0.0, high_mm=300.0)
+    tabs = tabs_of(seam, plate, shapely.STRtree(solids))
+    assert len(tabs) == 3
+    for tab in tabs:
+        assert tab.bounds[0] == 200.0
+        assert tab.bounds[2] == 208.0
+        assert tab.distance(shapely.union_all(solids)) >= 2.0
+        assert tab.is_valid
+    gaps = [one.distance(other) for one, other in pairwise(tabs)]
+    assert min(gaps) > 4.0
+
+
+def test_no_tab_where_there_is_no_room():
+    seam = TileSeam(upright=False, at_mm=50.0, low_mm=0.0, high_mm=200.0)
+    full = shapely.STRtree(polygon_parts(box(0, 40, 200, 60)))
+    assert tabs_of(seam, box(0, 0, 200, 100), full) == []
+    empty = shapely.STRtree([])
+    assert tabs_of(seam, box(0, 0, 200, 52), empty) == []  # the plate ends just behind the seam
+    short = TileSeam(upright=False, at_mm=50.0, low_mm=0.0, high_mm=30.0)
+    assert tabs_of(short, box(0, 0, 200, 100), empty) == []

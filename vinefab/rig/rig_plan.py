@@ -465,58 +465,37 @@ def tabs_of(seam: TileSeam, plate: BaseGeometry, solids: shapely.STRtree) -> lis
 
 _GUARD_MM = 2.0
 _CORNER_COST_MM = 20.0
+_HAIR_MM = 1e-9
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Edges:
-    """Edges of polygons, solid on their left."""
+def cut_costs_mm(solids: Polygons, axis: int, at_mm: Floats, even_mm: float) -> Floats:
+    """Return the costs of cutting polygons along straight lines, in millimetres of cut obstacle.
 
-    # end points, one edge per row
-    start_mm: Floats
-    end_mm: Floats
+    A corner within 2 mm of the line counts like 20 mm of obstacle, because a thin tip would be cut
+    off; between equals the more even cut is cheaper.
 
-    @classmethod
-    def of(cls, solids: Polygons) -> "Edges":
-        """Return the edges of all rings of polygons that do not overlap."""
-        rings = shapely.get_rings(shapely.orient_polygons(solids))
-        points, ring = shapely.get_coordinates(rings, return_index=True)
-        same = ring[1:] == ring[:-1]
-        return cls(start_mm=points[:-1][same], end_mm=points[1:][same])
-
-    def turned(self) -> "Edges":
-        """Swap x and y; reversing the edges keeps the solid on their left."""
-        return Edges(start_mm=self.end_mm[:, ::-1], end_mm=self.start_mm[:, ::-1])
-
-    def costs_mm(self, lines_mm: Floats, even_mm: float) -> Floats:
-        """Return the costs of cutting along upright lines, in millimetres of cut obstacle.
-
-        A corner within 2 mm of the line counts like 20 mm of obstacle, because a thin tip would
-        be cut off; between equals the more even cut is cheaper.
-
-        Parameters
-        ----------
-        lines_mm
-            Their x, shape (m,).
-        """
-        near = np.sort(self.start_mm[:, 0])
-        corners = np.searchsorted(near, lines_mm + _GUARD_MM, side="right")
-        corners = corners - np.searchsorted(near, lines_mm - _GUARD_MM)
-        crossed_mm = np.array([self.length_mm(x_mm) for x_mm in lines_mm])
-        uneven_mm = 1e-3 * np.abs(lines_mm - even_mm)
-        return np.asarray(crossed_mm + _CORNER_COST_MM * corners + uneven_mm, dtype=np.float64)
-
-    def length_mm(self, x_mm: float) -> float:
-        """Return the length of the upright line x = x_mm in the solids.
-
-        Along the line, an edge that runs to the right has the solid above it, one that runs to
-        the left has it below: the lengths add up as signed heights, without any sorting.
-        """
-        start_x, end_x = self.start_mm[:, 0], self.end_mm[:, 0]
-        crossing: NDArray[np.bool_] = (start_x <= x_mm) != (end_x <= x_mm)
-        start, end = self.start_mm[crossing], self.end_mm[crossing]
-        share = (x_mm - start[:, 0]) / (end[:, 0] - start[:, 0])
-        y_mm = start[:, 1] + share * (end[:, 1] - start[:, 1])
-        return float(-(np.sign(end[:, 0] - start[:, 0]) * y_mm).sum())
+    Parameters
+    ----------
+    axis
+        0 for upright lines, 1 for level ones.
+    at_mm
+        Their x or y, shape (m,).
+    """
+    rings = [shapely.get_coordinates(ring)[:-1] for ring in shapely.get_rings(solids)]
+    corners = np.concatenate([np.zeros((0, 2)), *rings])
+    near = np.sort(corners[:, axis])
+    count = np.searchsorted(near, at_mm + _GUARD_MM, side="right")
+    count = count - np.searchsorted(near, at_mm - _GUARD_MM)
+    # A hair on, where the line runs along an edge: there is an obstacle on one side only.
+    ends = np.empty((len(at_mm), 2, 2))
+    ends[:, :, axis] = at_mm[:, None] + _HAIR_MM
+    across = corners[:, 1 - axis]
+    ends[:, :, 1 - axis] = across.min(initial=0.0), across.max(initial=0.0)
+    lines = shapely.linestrings(ends)
+    line, piece = shapely.STRtree(solids).query(lines, predicate="intersects")
+    cut_mm = shapely.length(shapely.intersection(lines[line], solids[piece]))
+    crossed_mm = np.bincount(line, cut_mm, minlength=len(lines))
+    return np.asarray(crossed_mm + _CORNER_COST_MM * count + 1e-3 * np.abs(at_mm - even_mm))
 
 
 _LEAST_TILE_MM = 5.0 * TAB_DEPTH_MM
@@ -555,10 +534,9 @@ def cuts_of(
     bed_mm = usable_mm(printer, options)
     if turn:
         bed_mm = bed_mm[1], bed_mm[0]
-    edges = Edges.of(solids)
     return Cuts(
-        x_mm=_lines((box_mm[0], box_mm[2]), columns, bed_mm[0], edges),
-        y_mm=_lines((box_mm[1], box_mm[3]), rows, bed_mm[1], edges.turned()),
+        x_mm=_lines((box_mm[0], box_mm[2]), columns, bed_mm[0], solids, 0),
+        y_mm=_lines((box_mm[1], box_mm[3]), rows, bed_mm[1], solids, 1),
         turned=turn,
     )
 
@@ -598,7 +576,7 @@ def _count(length_mm: float, bed_mm: float) -> int:
 
 
 def _lines(
-    span_mm: tuple[float, float], count: int, bed_mm: float, edges: Edges
+    span_mm: tuple[float, float], count: int, bed_mm: float, solids: Polygons, axis: int
 ) -> tuple[float, ...]:
     """Place the cuts one after another, each where it costs least."""
     tile_mm = bed_mm - TAB_DEPTH_MM
@@ -611,7 +589,9 @@ def _lines(
         choices = np.arange(np.ceil(low / _STEP_MM), np.floor(high / _STEP_MM) + 1.0) * _STEP_MM
         if len(choices) == 0:
             choices = np.array([round(even_mm, 3)])
-        lines.append(float(choices[np.argmin(edges.costs_mm(choices, even_mm))]))
+        costs_mm = cut_costs_mm(solids, axis, choices, even_mm)
+        # To a micrometre: rounding must not tell two lines that cost the same.
+        lines.append(float(choices[np.argmin(np.round(costs_mm, 6))]))
     return (*lines, span_mm[1])
 
 

@@ -491,7 +491,7 @@ def cut_costs_mm(solids: Polygons, axis: int, at_mm: Floats, even_mm: float) -> 
     ends[:, :, axis] = at_mm[:, None] + _HAIR_MM
     across = corners[:, 1 - axis]
     ends[:, :, 1 - axis] = across.min(initial=0.0), across.max(initial=0.0)
-    lines = shapely.linestrings(ends)
+    lines = np.asarray(shapely.linestrings(ends), dtype=np.object_)
     line, piece = shapely.STRtree(solids).query(lines, predicate="intersects")
     cut_mm = shapely.length(shapely.intersection(lines[line], solids[piece]))
     crossed_mm = np.bincount(line, cut_mm, minlength=len(lines))

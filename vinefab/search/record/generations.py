@@ -84,6 +84,7 @@ class Progress:
     fabricable_share: float  # share of this generation's points with a manufacturable design
     elapsed_s: float  # of all sessions together
     left_s: float  # for the rest, at this pace
+    evaluations: int = 0  # designs evaluated so far
     history: Sequence[Generation] = ()  # every generation so far
     # Whether the best so far passes the full check, joints by the table; None where that is not
     # asked, or only a simulation tells.

@@ -375,7 +375,6 @@ class Recorder:
         self._reported: Progress | None = None
         self._pending = _PendingGenerations((), {})
         self._written_s = -math.inf
-        self._totals = _RunningTotals(0, -math.inf, 0.0)
 
     def __enter__(self) -> "Recorder":
         return self
@@ -416,8 +415,8 @@ class Recorder:
         history, self._unreported = self._unreported, None
         if history is not None and self._progress is not None:
             with self._ledger.spending("store"):
-                self._totals = self._totals.after(history)
-                self._reported = self._judged(self._totals.progress(history, self._search))
+                progress = _progress_after(self._reported, history, self._search)
+                self._reported = self._judged(progress)
                 self._progress(self._reported)
 
     def _write(self) -> None:
@@ -443,45 +442,34 @@ class _PendingGenerations(NamedTuple):
         )
 
 
-class _RunningTotals(NamedTuple):
-    """The totals of a run so far."""
-
-    generations: int
-    best: float  # best fitness
-    elapsed_s: float
-    evaluations: int = 0  # designs evaluated
-
-    def after(self, history: Sequence[Generation]) -> "_RunningTotals":
-        """Return the totals after more generations."""
-        new = history[self.generations :]
-        return _RunningTotals(
-            len(history),
-            max([self.best, *(generation.best for generation in new)]),
-            self.elapsed_s + sum(generation.seconds for generation in new),
-            self.evaluations + sum(len(generation.fitness) for generation in new),
-        )
-
-    def share(self, search: SearchSettings) -> float:
-        """Return the share of the run that is done, by the limit that is nearest."""
-        shares = [self.generations / search.generations]
-        if search.evaluations:
-            shares.append(self.evaluations / search.evaluations)
-        if search.wall_time_s:
-            shares.append(self.elapsed_s / search.wall_time_s)
-        return min(1.0, max(shares))
-
-    def progress(self, history: Sequence[Generation], search: SearchSettings) -> Progress:
-        """Return the progress after the last generation."""
-        last = history[-1]
-        designs = last.composite[np.isfinite(last.composite)]
-        return Progress(
-            generation=self.generations,
-            generations=search.generations,
-            best=self.best,
-            mean=float(designs.mean()) if len(designs) else 0.0,
-            spread=float(designs.std()) if len(designs) else 0.0,
-            fabricable_share=last.fabricable_share,
-            elapsed_s=self.elapsed_s,
-            left_s=self.elapsed_s * (1.0 / self.share(search) - 1.0),
-            history=history,
-        )
+def _progress_after(
+    before: Progress | None, history: Sequence[Generation], search: SearchSettings
+) -> Progress:
+    """Return the progress after the last generation, from that after an earlier one."""
+    new = history if before is None else history[before.generation :]
+    best, elapsed_s, evaluations = -math.inf, 0.0, 0
+    if before is not None:
+        best, elapsed_s, evaluations = before.best, before.elapsed_s, before.evaluations
+    best = max([best, *(generation.best for generation in new)])
+    elapsed_s += sum(generation.seconds for generation in new)
+    evaluations += sum(len(generation.fitness) for generation in new)
+    # The share that is done is by the limit that is nearest.
+    shares = [len(history) / search.generations]
+    if search.evaluations:
+        shares.append(evaluations / search.evaluations)
+    if search.wall_time_s:
+        shares.append(elapsed_s / search.wall_time_s)
+    last = history[-1]
+    designs = last.composite[np.isfinite(last.composite)]
+    return Progress(
+        generation=len(history),
+        generations=search.generations,
+        best=best,
+        mean=float(designs.mean()) if len(designs) else 0.0,
+        spread=float(designs.std()) if len(designs) else 0.0,
+        fabricable_share=last.fabricable_share,
+        elapsed_s=elapsed_s,
+        left_s=elapsed_s * (1.0 / min(1.0, max(shares)) - 1.0),
+        evaluations=evaluations,
+        history=history,
+    )

@@ -255,7 +255,8 @@ type Answers = {
   live: LiveAnswer;
   before: LiveAnswer;
   front: { front_mm: number; full_mm: number; robot_svg: string };
-  cut: { cut: Record<string, CutNote>; outline_svg: string; outline_box: number[] | null; outline_problem?: string };
+  tip: { level: number | null; values: { length?: number; angle_deg?: number } };
+  cut: { cut: Record<string, CutNote>; outline_svg: string; outline_box: number[] | null };
   inflated: { svg: string; box: number[]; blocks: Block[] };
   rules: RulesAnswer;
   fix: FixAnswer;
@@ -280,12 +281,11 @@ type LiveAnswer = {
   ground_key: string;
   facts: {
     branches: number; text: string;
-    deployed?: number; grown_mm?: number; planned_mm?: number; pressure_needed_kpa?: number | null; inflated_mm?: number[];
+    deployed?: number; grown_mm?: number; planned_mm?: number; pressure_needed_kpa?: number | null;
   };
   // where a map is open
   ground_svg?: string | null;
   view_box?: string;
-  map_size_mm?: number[];
   targets?: TargetFound[];
   targets_svg?: string;
   obstacle?: { index: number; frame: Frame; path: string; svg: string } | null;
@@ -346,11 +346,9 @@ type RulesAnswer = CheckReport & {
 };
 
 type FixAnswer = {
-  nothing_to_fix: boolean; failed: boolean; lines: string[]; in_the_way: string[];
-  changes: { what: string; before: unknown; after: unknown; unit: string; text: string }[];
-  cost: number;
+  lines: string[];
+  changes: string[];
   design: Design | null;
-  report: CheckReport | null;
   locks_changed?: string[];
   keep: string[]; keep_words: string[];
   scores: { task: string; before: number; after: number }[]; scores_note: string;
@@ -360,7 +358,7 @@ type FamilyMap = {
   key: string; name: string; source: MapSource; view_box: string;
   ground_svg: string | null; robot_svg: string | null; score: number | null;
   // once it is evaluated
-  scores?: number[]; pose?: Pose; grown_share?: number; branches?: number; deployed?: number; stops?: Record<string, number>;
+  scores?: number[]; pose?: Pose; grown_share?: number; branches?: number; deployed?: number;
 };
 type Spread = { maps: number; mean: number; low: number | null; high: number | null };
 type Difference = Spread & { better: number; worse: number };
@@ -412,7 +410,6 @@ type RequestAnswers = {
   autosaves: { autosaves: Autosave[] };
   open_autosave: { key: string; kept_at: string; state: StudioState; file: { path?: string; name?: string } | null };
   drop_autosave: Record<string, never>;
-  tip: { level: number | null; values: { length?: number; angle_deg?: number } };
   search_propose: Proposal;
   search_start: BegunSearch;
   search_stop: { folder: string; state: string };
@@ -435,9 +432,9 @@ type Front = { objectives: Objective[]; points: FrontPoint[]; is_final: boolean 
 type RunState = "running" | "ended" | "stopped" | "failed" | "unfinished" | "unreadable";
 
 type SearchEvent = {
-  event: "search"; folder: string; state: RunState; share: number; generations: number; most_generations: number | null;
+  event: "search"; folder: string; state: RunState; share: number; generations: number;
   evaluations: number; task: string | null; curve: number[][]; best: Design | null; best_score: number | null;
-  best_words: string; best_breaks: boolean; front: Front | null; line: string; command: string;
+  best_words: string; front: Front | null; line: string; command: string;
 };
 
 type ListedRun = {

@@ -18,13 +18,12 @@ from vinefab.studio.file_exports import EXPORTS, SNAPSHOT
 from vinefab.studio.file_store import FILE_REQUESTS
 from vinefab.studio.searches import SEARCH_REQUESTS
 from vinefab.studio.state import Family, Frame
-from vinefab.studio.workspace import TIP
 
 STATE = Path(__file__).with_name("state.d.ts")
 TABLES = (Design, GrowthOptions, Family, Frame, Target)
 NAMES = {
     "Panel": PANELS,
-    "RequestName": (*FILE_REQUESTS, TIP, *SEARCH_REQUESTS),
+    "RequestName": (*FILE_REQUESTS, *SEARCH_REQUESTS),
     "ExportKind": (*EXPORTS, SNAPSHOT),
     "Severity": map(str, Severity),
     "Tone": get_args(Tone),

@@ -15,7 +15,7 @@ from vinefab.model.target import Target
 from vinefab.studio.executors import PANELS, answer_of
 from vinefab.studio.file_store import FILE_REQUESTS
 from vinefab.studio.searches import SEARCH_REQUESTS
-from vinefab.studio.workspace import TIP, LaunchOptions, StudioWorkspace
+from vinefab.studio.server import LaunchOptions, StudioWorkspace
 
 PAGE = STATE.parent
 KEY = "abcdef012345"
@@ -38,6 +38,7 @@ def test_the_development_packages_are_pinned_without_an_address():
 PANEL_ASKS = {
     "live": [{"obstacle": 0}, {"ground": False, "scores": False}],
     "front": [{"front_mm": 120.0}],
+    "tip": [{"branch": "0.1", "to": [150.0, 150.0]}],
     "export": [
         {"what": "command", "exports": {"package": {"out": "made", "options": {}}}},
         {"what": "picture", "out": "grown.svg", "options": {}},
@@ -63,7 +64,6 @@ def request_asks(state):
         "keep_autosave": [{"key": KEY, "state": state, "file": {"path": "mine.toml"}}],
         "open_autosave": [{"key": KEY}],
         "drop_autosave": [{"key": "fedcba543210"}],
-        TIP: [{"branch": "0.1", "to": [150.0, 150.0]}],
     }
 
 
@@ -89,7 +89,7 @@ def answers(workspace):
         for ask in PANEL_ASKS.get(panel, [{}]):
             yield f'Answers["{panel}"]', answer_of(panel, state, ask, lambda *_: None)
     asks = request_asks(state)
-    for name in [*FILE_REQUESTS, TIP, *SEARCH_REQUESTS]:
+    for name in [*FILE_REQUESTS, *SEARCH_REQUESTS]:
         for ask in [] if name in RUNS else asks.get(name, [{}]):
             yield f'RequestAnswers["{name}"]', workspace.answer(name, state, ask)
 

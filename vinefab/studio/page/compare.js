@@ -1,6 +1,6 @@
 // The comparison of this version with the one before, in every number that a change is made for.
 
-import { el, paused } from "studio/dom.js";
+import { button, el, optionsOf, paused } from "studio/dom.js";
 import { familyConditions, isClear, signed } from "studio/family_panel.js";
 
 const REST_MS = 500;
@@ -110,8 +110,14 @@ function version(design, state) {
 
 /** @param {HTMLElement} root @param {App} app */
 export function mount(root, app) {
-  const choice = el("select", { id: "compare-with" }, Object.entries(RULES).map(([key, [text]]) => el("option", { value: key }, text)));
-  const keep = el("button", { type: "button", id: "keep-reference" }, "Keep this as reference");
+  const choice = el("select", { id: "compare-with" }, optionsOf(Object.entries(RULES).map(([key, [text]]) => [key, text])));
+  const keep = button("Keep this as reference", () => {
+    kept.kept = now;
+    keptAt = new Date().toTimeString().slice(0, 5);
+    choice.value = "kept";
+    show();
+    app.say(`Kept as reference: ${now.design.name} as it is now`);
+  }, { id: "keep-reference" });
   const rule = el("span", { class: "facts rule" });
   const bodies = GROUPS.map(() => el("tbody"));
   const tables = GROUPS.map((name, index) => el("table", { class: "differences" },
@@ -252,13 +258,6 @@ export function mount(root, app) {
   choice.addEventListener("change", () => {
     show();
     compareAtRest();
-  });
-  keep.addEventListener("click", () => {
-    kept.kept = now;
-    keptAt = new Date().toTimeString().slice(0, 5);
-    choice.value = "kept";
-    show();
-    app.say(`Kept as reference: ${now.design.name} as it is now`);
   });
 
   // ---- what happens

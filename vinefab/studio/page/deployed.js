@@ -1,6 +1,6 @@
 // The inflated body in place of the flat sheet: simulated off the live path, dropped by a change.
 
-import { el, shownBlocks } from "studio/dom.js";
+import { button, el, shownBlocks } from "studio/dom.js";
 import { problemOf } from "studio/connection.js";
 
 const STILL_MS = 400;
@@ -10,11 +10,10 @@ export const patternOf = ({ design, recipe, recipe_stamp }) => JSON.stringify([d
 
 /** Return the toggle, what stands below the drawing, and what is to be drawn. @param {App} app @param {() => void} redraw */
 export function deployedView(app, redraw) {
-  const toggle = el("button", {
-    type: "button", id: "deployed-toggle", "aria-pressed": "false",
+  const toggle = button("Inflated", () => turn(!isOn), {
+    id: "deployed-toggle", "aria-pressed": "false",
     title: "Flat: the sheet as it is cut. Deployed: its shape under pressure (simulated, some seconds)",
-    onclick: () => turn(!isOn),
-  }, "Inflated");
+  });
   const bar = el("progress", { max: 1, value: 0, "aria-label": "Simulating the shape under pressure" });
   const step = el("span", { class: "step" });
   const box = el("section", { class: "deployed", id: "deployed", "aria-label": "Deployed shape", hidden: true });

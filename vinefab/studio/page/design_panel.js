@@ -1,7 +1,7 @@
 // The design: every value with a slider, an exact number, its unit and range, and a lock.
 
 import { patternOf } from "studio/deployed.js";
-import { el, number, setAt, svgEl, valueAt } from "studio/dom.js";
+import { button, el, number, optionsOf, setAt, svgEl, valueAt } from "studio/dom.js";
 
 /** @param {string} prefix @param {string} key */
 const join = (prefix, key) => (prefix ? `${prefix}.${key}` : key);
@@ -72,11 +72,16 @@ export function parameter(name, row, app, drag, tree = DESIGN) {
   const least = row.least ?? -Infinity;
   const most = row.most ?? Infinity;
   const exact = el("input", { type: "number", id, min: row.least, max: row.most, step: "any", "data-key": row.key });
-  const lock = el("button", {
-    type: "button", class: "lock", "aria-pressed": "false",
+  const lock = button(svgEl("svg", { width: 14, height: 15, "aria-hidden": "true" },
+    svgEl("path", { class: "shackle", d: "M4 7V4.5a3 3 0 0 1 6 0V7" }), svgEl("rect", { x: 2.5, y: 7, width: 9, height: 7, rx: 1 })),
+  () => app.store.change(`lock of ${title}`.toLowerCase(), (state) => {
+    const locks = new Set(state.locks);
+    if (!locks.delete(row.key)) locks.add(row.key);
+    state.locks = [...locks].sort();
+  }), {
+    class: "lock", "aria-pressed": "false",
     "aria-label": `Lock ${title}`, title: "Locked: neither the hand, the fix nor a search changes it",
-  }, svgEl("svg", { width: 14, height: 15, "aria-hidden": "true" },
-    svgEl("path", { class: "shackle", d: "M4 7V4.5a3 3 0 0 1 6 0V7" }), svgEl("rect", { x: 2.5, y: 7, width: 9, height: 7, rx: 1 })));
+  });
 
   /** @param {number} value @param {string} [group] */
   const set = (value, group) => {
@@ -96,13 +101,6 @@ export function parameter(name, row, app, drag, tree = DESIGN) {
     if (exact.validity.valid && exact.value !== "") set(Number(exact.value));
     else app.say(`${title}: ${row.least} to ${row.most} ${row.unit}`, "error");
     show(app.store.get());
-  });
-  lock.addEventListener("click", () => {
-    app.store.change(`lock of ${title}`.toLowerCase(), (state) => {
-      const locks = new Set(state.locks);
-      if (!locks.delete(row.key)) locks.add(row.key);
-      state.locks = [...locks].sort();
-    });
   });
 
   /** @param {StudioState} state */
@@ -226,8 +224,8 @@ export function mount(root, app) {
     name.value = app.store.get().design.name;
   });
   const { form } = app.hello;
-  const more = el("button", { type: "button", onclick: () => app.store.change("a level more", (state) => addLevel(form, state.design)) }, "Add a level");
-  const less = el("button", { type: "button", onclick: () => app.store.change("a level less", (state) => removeLevel(form, state)) }, "Remove the last");
+  const more = button("Add a level", () => app.store.change("a level more", (state) => addLevel(form, state.design)));
+  const less = button("Remove the last", () => app.store.change("a level less", (state) => removeLevel(form, state)));
   const body = el("div", { class: "parameters" });
   root.append(el("div", { class: "field" }, el("label", { for: "design-name" }, "Name"), name), body);
   root.parentElement?.append(hintLine(root.parentElement));
@@ -243,7 +241,7 @@ export function mount(root, app) {
    */
   function choiceField(key, row, options, chosen, set) {
     const id = idOf("choice", key);
-    const select = el("select", { id }, options.map(([value, text]) => el("option", { value }, text)));
+    const select = el("select", { id }, optionsOf(options));
     select.addEventListener("change", () => app.store.change(row.label.toLowerCase(), (state) => set(state, select.value)));
     return {
       box: labelled(id, row, select),

@@ -32,6 +32,12 @@ export function el(tag, attributes = {}, ...children) {
   return filled(document.createElement(tag), attributes, children);
 }
 
+/** Return a button. @param {Child} content @param {(event: MouseEvent) => unknown} onclick */
+export const button = (content, onclick, attributes = {}) => el("button", { type: "button", onclick, ...attributes }, content);
+
+/** Return the options of a select: values, and their words where these differ. @param {readonly (readonly string[])[]} entries */
+export const optionsOf = (entries) => entries.map(([value, words = value]) => el("option", { value }, words));
+
 /** Where arrow keys go, up counted positive. @type {Record<string, Place | undefined>} */
 export const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
@@ -42,18 +48,17 @@ export const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], A
  */
 export function copyable(app, what) {
   const text = el("code", { class: "command", tabindex: 0, "aria-label": `Command ${what}` });
-  const button = el("button", { type: "button", "aria-label": `Copy the command ${what}` }, "Copy");
-  button.addEventListener("click", async () => {
+  const copy = button("Copy", async () => {
     try {
       await navigator.clipboard.writeText(text.textContent);
-      button.textContent = "Copied";
-      setTimeout(() => { button.textContent = "Copy"; }, COPIED_MS);
+      copy.textContent = "Copied";
+      setTimeout(() => { copy.textContent = "Copy"; }, COPIED_MS);
     } catch {
       getSelection()?.selectAllChildren(text);
       app.say("The command is selected: copy it by hand");
     }
-  });
-  return { text, button };
+  }, { "aria-label": `Copy the command ${what}` });
+  return { text, copy };
 }
 
 /** @param {Block} one */
@@ -127,12 +132,9 @@ export function paused(fn, wait_ms) {
   };
 }
 
-/** @param {unknown} node @param {string} part */
-const memberOf = (node, part) => /** @type {Record<string, unknown> | null | undefined} */ (node)?.[part];
-
 /** Return the value at a dotted key, `level.0.length`. @param {unknown} tree @param {string} key */
 export function valueAt(tree, key) {
-  return key.split(".").reduce(memberOf, tree);
+  return key.split(".").reduce((node, part) => /** @type {Record<string, unknown> | null | undefined} */ (node)?.[part], tree);
 }
 
 /** Set the value at a dotted key. @param {object} tree @param {string} key @param {unknown} value */

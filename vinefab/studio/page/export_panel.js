@@ -1,6 +1,6 @@
 // Exports: each with its choices, and the command line that writes the same bytes.
 
-import { copyable, el, paused, shownBlocks } from "studio/dom.js";
+import { button, copyable, el, optionsOf, paused, shownBlocks } from "studio/dom.js";
 import { problemOf } from "studio/connection.js";
 
 const WAIT_MS = 150;
@@ -81,15 +81,15 @@ function entry(kind, app, write) {
     const parts = option.kind ? [label, input] : [input, label];
     return { ...option, input, line: el("span", { class: "option" }, ...parts) };
   });
-  const button = el("button", { type: "button", class: "primary", disabled: true, onclick: write }, `Write ${kind.title.toLowerCase()}`);
+  const start = button(`Write ${kind.title.toLowerCase()}`, write, { class: "primary", disabled: true });
   const command = copyable(app, `for the ${kind.name}`);
-  const line = el("div", { class: "line" }, command.text, command.button);
+  const line = el("div", { class: "line" }, command.text, command.copy);
   const note = el("p", { class: "note" }, "Reading what would be written …");
   const result = el("div", { class: "result", role: "status" });
   const box = el(
     "section", { class: "export", "data-export": kind.name, "aria-label": kind.title },
     el("div", { class: "head" }, el("h3", {}, kind.title), el("span", { class: "about" }, kind.about),
-      el("label", { for: id("out") }, kind.place), out, button),
+      el("label", { for: id("out") }, kind.place), out, start),
     el("div", { class: "options" }, ...options.map((option) => option.line)), line, note, result,
   );
 
@@ -106,7 +106,7 @@ function entry(kind, app, write) {
         const wanted = choices?.(state);
         if (!wanted || !("options" in input) || wanted.join() === [...input.options].map((one) => one.value).join()) continue;
         const before = input.value || String(value);
-        input.replaceChildren(...wanted.map((name) => el("option", { value: name }, name || "none")));
+        input.replaceChildren(...optionsOf(wanted.map((name) => [name, name || "none"])));
         input.value = wanted.includes(before) ? before : wanted[0];
       }
     },
@@ -115,7 +115,7 @@ function entry(kind, app, write) {
       const known = found.commands[kind.name];
       for (const option of options) option.line.hidden = option.when ? !option.when(found) : false;
       line.hidden = !known?.command;
-      button.disabled = false;
+      start.disabled = false;
       command.text.textContent = known?.command ?? "";
       note.dataset.kind = known?.error ? "error" : "info";
       note.textContent = known?.error ?? kind.note ?? (known?.inputs?.length ? `Written beside it first, as no file has them as they are here: ${known.inputs.join(", ")}` : "");
@@ -154,16 +154,20 @@ function showWritten(place, answer) {
 
 /** @param {HTMLElement} root @param {App} app */
 export function mount(root, app) {
-  const open = el("button", { type: "button", "aria-haspopup": "dialog" }, "Export");
+  const open = button("Export", () => {
+    for (const one of entries) one.showState(app.store.get());
+    entries.at(-1)?.check("family", Boolean(app.answers.family));
+    dialog.showModal();
+    showCommands();
+  }, { "aria-haspopup": "dialog" });
   const entries = EXPORTS.map((kind) => entry(kind, app, () => write(kind.name)));
   const bar = el("progress", { max: 1, value: 0, "aria-label": "Progress of the export" });
   const words = el("span", { class: "words", role: "status" });
-  const stop = el("button", { type: "button", onclick: () => app.cancel("export") }, "Stop");
+  const stop = button("Stop", () => app.cancel("export"));
   const working = el("div", { class: "working", hidden: true }, bar, words, stop);
-  const close = el("button", { type: "button" }, "Close");
   const dialog = el(
     "dialog", { class: "exports", "aria-labelledby": "export-title" },
-    el("div", { class: "title" }, el("h2", { id: "export-title" }, "Export"), working, close),
+    el("div", { class: "title" }, el("h2", { id: "export-title" }, "Export"), working, button("Close", () => { dialog.close(); })),
     el("p", { class: "about" }, "Each command, run in the folder where the studio was started, writes the same bytes. Nothing that vinefab did not write is overwritten."),
     ...entries.map((one) => one.box),
   );
@@ -228,13 +232,6 @@ export function mount(root, app) {
     bar.value = share;
     words.textContent = text;
   });
-  open.addEventListener("click", () => {
-    for (const one of entries) one.showState(app.store.get());
-    entries.at(-1)?.check("family", Boolean(app.answers.family));
-    dialog.showModal();
-    showCommands();
-  });
-  close.addEventListener("click", () => dialog.close());
   dialog.addEventListener("input", showCommands);
   open.disabled = !app.live;
   if (!app.live) open.title = "A snapshot cannot export: open it with vinefab studio";

@@ -1,6 +1,6 @@
 // Many maps: the design on a family of maps, its scores, and where its body usually lies.
 
-import { el, fillSvg, number, paused, svgEl, ticks, WAYS } from "studio/dom.js";
+import { button, el, fillSvg, number, optionsOf, paused, svgEl, ticks, WAYS } from "studio/dom.js";
 import { isStale, isStopped } from "studio/connection.js";
 
 const STILL_MS = 120;
@@ -236,15 +236,14 @@ export function mount(root, app) {
     numberField("Seed", "seed", app, "Seed of the first map; the others follow"),
     numberField("Poses", "poses", app, "Deployments on each map, from poses drawn around its start"),
   ];
-  const sort = el("select", { id: "family-sort" }, SORTS.map(([value, text]) => el("option", { value }, text)));
-  const views = ["maps", "heat"].map((name) => el("button", {
-    type: "button", "aria-pressed": String(name === view), "data-view": name, onclick: () => setView(name),
-  }, name === "maps" ? "Maps" : "Where it goes"));
+  const sort = el("select", { id: "family-sort" }, optionsOf(SORTS));
+  const views = ["maps", "heat"].map((name) => button(name === "maps" ? "Maps" : "Where it goes", () => setView(name),
+    { "aria-pressed": String(name === view), "data-view": name }));
   const chart = svgEl("svg", { class: "score-chart", role: "img" });
   const summary = el("p", { class: "summary" });
   const change = el("p", { class: "summary change" });
   const status = el("span", { role: "status" });
-  const stop = el("button", { type: "button", onclick: () => app.cancel("family") }, "Stop");
+  const stop = button("Stop", () => app.cancel("family"));
   const busy = el("p", { class: "facts busy", hidden: true }, status, " ", stop);
   const grid = el("div", { class: "tiles", role: "list", "aria-label": "Maps of the family" });
   root.append(
@@ -281,7 +280,7 @@ export function mount(root, app) {
     files.focus();
     try {
       const { maps } = await app.request("choices");
-      listed.replaceChildren(...maps.map(({ path }) => el("option", { value: path }, path)));
+      listed.replaceChildren(...optionsOf(maps.map(({ path }) => [path])));
       markListed();
       if (!listed.hidden) listed.focus();
     } catch (error) {
@@ -302,7 +301,7 @@ export function mount(root, app) {
     const names = answer?.environments ?? [family.environment ?? "grid"];
     if (environment.dataset.names !== names.join()) {
       environment.dataset.names = names.join();
-      environment.replaceChildren(...names.map((name) => el("option", { value: name }, name)), el("option", { value: "files" }, "map files"));
+      environment.replaceChildren(...optionsOf([...names.map((name) => [name]), ["files", "map files"]]));
     }
     const isFiles = Boolean(family.files?.length);
     if (isFiles && filesLine.hidden && app.live) showFiles();
@@ -321,7 +320,7 @@ export function mount(root, app) {
   /** @param {string} name */
   function setView(name) {
     view = name;
-    for (const button of views) button.setAttribute("aria-pressed", String(button.dataset.view === name));
+    for (const one of views) one.setAttribute("aria-pressed", String(one.dataset.view === name));
     grid.hidden = name !== "maps";
     chart.toggleAttribute("hidden", name !== "maps");
     heat.box.hidden = name !== "heat";
@@ -432,12 +431,12 @@ export function mount(root, app) {
     const svg = svgEl("svg", { class: "plan", viewBox: entry.view_box, "aria-hidden": "true" }, parts.ground, parts.robot);
     const value = el("span", { class: "value" });
     const difference = el("span", { class: "difference" });
-    const button = el("button", { type: "button", "data-key": entry.key, onclick: () => open(tiles.get(entry.key)?.entry ?? entry) },
-      svg, el("span", { class: "caption" }, el("span", { class: "name" }, entry.name), value, difference));
-    const item = el("div", { role: "listitem", class: "tile", "data-key": entry.key }, button);
+    const opens = button([svg, el("span", { class: "caption" }, el("span", { class: "name" }, entry.name), value, difference)],
+      () => open(tiles.get(entry.key)?.entry ?? entry), { "data-key": entry.key });
+    const item = el("div", { role: "listitem", class: "tile", "data-key": entry.key }, opens);
     svg.style.setProperty("--mm-per-px", (Number(entry.view_box.split(" ")[2]) / 120).toFixed(3));
     watcher.observe(item);
-    return { ...parts, item, button, value, difference, entry, drawn: {} };
+    return { ...parts, item, button: opens, value, difference, entry, drawn: {} };
   }
 
   /** Draw what has changed of a map that is in view. @param {Tile} [tile] */

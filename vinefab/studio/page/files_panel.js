@@ -1,6 +1,6 @@
 // Files: what is open, opening, saving, changes from outside, and unsaved work that is kept.
 
-import { el, number, paused } from "studio/dom.js";
+import { button, el, number, paused } from "studio/dom.js";
 import { problemOf } from "studio/connection.js";
 
 const KEY = "vinefab-studio-tab";
@@ -30,9 +30,9 @@ function mountLive(root, app, name, mark) {
   let key = tabKey();
   const { restored } = app;
 
-  const open = button("Open", "Open a design, map or recipe (Ctrl-O)", () => openDialog.show());
-  const save = button("Save", "Save the design (Ctrl-S)", () => saveDesign());
-  const saveAs = button("Save as", "Save the design in another file (Ctrl-Shift-S)", () => saveAsDialog.show());
+  const open = button("Open", () => openDialog.show(), { title: "Open a design, map or recipe (Ctrl-O)" });
+  const save = button("Save", () => saveDesign(), { title: "Save the design (Ctrl-S)" });
+  const saveAs = button("Save as", () => saveAsDialog.show(), { title: "Save the design in another file (Ctrl-Shift-S)" });
   root.append(el("span", { class: "group", role: "group", "aria-label": "File" }, open, save, saveAs));
 
   const openDialog = createOpenDialog(root, app, choose);
@@ -40,16 +40,12 @@ function mountLive(root, app, name, mark) {
 
   // What is open --------------------------------------------------------------------------------
 
-  function isDirty() {
-    return plainText(store.get().design) !== plainText(app.file.saved_design);
-  }
-
   function isUnsaved() {
     return app.file.dirty || (store.get().map?.edits.length ?? 0) > 0 || Boolean(store.get().map?.targets);
   }
 
   function show() {
-    app.file.dirty = isDirty();
+    app.file.dirty = plainText(store.get().design) !== plainText(app.file.saved_design);
     const shown = app.file.name ?? app.file.path;
     name.textContent = shown;
     name.title = app.file.writable ? app.file.path : `${app.file.path}: read only; Save as writes a copy`;
@@ -66,12 +62,6 @@ function mountLive(root, app, name, mark) {
     writeKnown(known);
     app.remember();
     show();
-  }
-
-  /** @param {StudioState} state */
-  function followUndo(state) {
-    const path = state.opened ?? first;
-    if (path !== app.file.path && known[path]) setFile(known[path]);
   }
 
   // Opening -------------------------------------------------------------------------------------
@@ -353,7 +343,8 @@ function mountLive(root, app, name, mark) {
   const first = app.file.path;
   known[first] = app.file;
   store.subscribe((state) => {
-    followUndo(state);
+    const path = state.opened ?? first;
+    if (path !== app.file.path && known[path]) setFile(known[path]); // undo goes back to its file
     show();
     keepSoon();
   });
@@ -393,11 +384,6 @@ function fileOf({ path, name, writable, stamp }, design) {
   return { path, name, writable, stamp, saved_design: structuredClone(design) };
 }
 
-/** @param {string} text @param {string} title @param {() => unknown} onclick */
-function button(text, title, onclick) {
-  return el("button", { type: "button", title, onclick }, text);
-}
-
 /** Return the bars below the header, one of each kind. @param {HTMLElement} root */
 function createNotes(root) {
   const place = el("div", { class: "file-notes" });
@@ -414,8 +400,8 @@ function createNotes(root) {
       clear(kind);
       const bar = el(
         "div", { class: "file-note", role: "alert", "data-note": kind }, el("span", {}, text),
-        actions.map(([label, fn]) => button(label, "", () => { clear(kind); fn(); })),
-        actions.length ? null : button("Close", "", () => clear(kind)),
+        actions.map(([label, fn]) => button(label, () => { clear(kind); fn(); })),
+        actions.length ? null : button("Close", () => clear(kind)),
       );
       bars.set(kind, bar);
       place.append(bar);
@@ -437,9 +423,8 @@ function askUser(root, { title, text, lines = [], choices }) {
       lines.length ? el("ul", {}, lines.map((line) => el("li", {}, line))) : null,
       el(
         "div", { class: "buttons" },
-        choices.map(([value, label], place) =>
-          el("button", { type: "button", class: place ? null : "primary", onclick: () => { dialog.close(value); } }, label)),
-        el("button", { type: "button", onclick: () => { dialog.close(""); } }, "Cancel"),
+        choices.map(([value, label], place) => button(label, () => { dialog.close(value); }, { class: place ? null : "primary" })),
+        button("Cancel", () => { dialog.close(""); }),
       ),
     );
     dialog.addEventListener("close", () => {
@@ -467,7 +452,7 @@ function createOpenDialog(root, app, choose) {
     el("h2", { id: "open-title" }, "Open"),
     el("div", { class: "field" }, el("label", { for: "open-search" }, "Find"), search),
     list, problem, where,
-    el("div", { class: "buttons" }, el("button", { type: "button", onclick: () => { dialog.close(); } }, "Close")),
+    el("div", { class: "buttons" }, button("Close", () => { dialog.close(); })),
   );
   root.append(dialog);
   let groups = /** @type {[title: string, kind: Kind, entries: Openable[]][]} */ ([]);
@@ -482,11 +467,10 @@ function createOpenDialog(root, app, choose) {
       if (!shown.length) return "";
       return el(
         "section", { "aria-label": title }, el("h3", {}, title),
-        shown.map((entry) => el(
-          "button", { type: "button", class: "choice", "data-kind": kind, onclick: () => take(kind, entry) },
+        shown.map((entry) => button([
           el("span", {}, entry.name),
           el("span", { class: "standing" }, entry.about ?? (entry.where === "folder" ? entry.path : entry.where)),
-        )),
+        ], () => take(kind, entry), { class: "choice", "data-kind": kind })),
       );
     }));
     if (!list.querySelector("button")) list.replaceChildren(el("p", {}, "Nothing is called so."));
@@ -560,7 +544,7 @@ function createSaveAsDialog(root, app, writeAs) {
     el("p", { class: "standing" }, `In ${app.hello.folder}, or in the folder of a file that was named with the command`),
     el("div", { class: "field" }, renames, el("label", { for: "save-renames" }, "Name the design after the file")),
     problem,
-    el("div", { class: "buttons" }, save, el("button", { type: "button", onclick: () => { dialog.close(); } }, "Cancel")),
+    el("div", { class: "buttons" }, save, button("Cancel", () => { dialog.close(); })),
   );
   const dialog = el(
     "dialog", { class: "files-dialog save-as", "aria-labelledby": "save-title" },

@@ -1,16 +1,14 @@
 // The growth options in force, each to be changed: by them every robot of the page is grown.
 
 import { dragSteps, labelled, parameter } from "studio/design_panel.js";
-import { el, setAt, valueAt } from "studio/dom.js";
+import { button, el, optionsOf, setAt, valueAt } from "studio/dom.js";
 
 /** @param {HTMLElement} root @param {App} app */
 export function mount(root, app) {
   const drag = dragSteps();
   const text = el("p", { class: "facts" });
   const origin = el("p", { class: "facts" });
-  const reset = el("button", {
-    type: "button", onclick: () => app.store.change("usual growth options", (state) => { state.growth = {}; }),
-  }, "As usual for this design");
+  const reset = button("As usual for this design", () => app.store.change("usual growth options", (state) => { state.growth = {}; }));
   const tree = {
     /** @param {StudioState} state @param {{ key: string }} row */
     valueOf({ growth }, { key }) {
@@ -31,7 +29,7 @@ export function mount(root, app) {
   function choice(row) {
     const id = `growth-${row.key}`;
     const input = row.flag ? el("input", { type: "checkbox", id })
-      : el("select", { id }, row.choices.map((value) => el("option", { value }, value)));
+      : el("select", { id }, optionsOf(row.choices.map((value) => [value])));
     const now = () => ("checked" in input ? input.checked : input.value);
     input.addEventListener("change", () => app.store.change(row.label.toLowerCase(), (state) => tree.write(state, row, now())));
     return {

@@ -1,6 +1,6 @@
 // The map: the robot grown on it, the start and the obstacles to be dragged, the length grown.
 
-import { el, fillSvg, number, paused, shownBlocks, svgEl, WAYS } from "studio/dom.js";
+import { button, el, fillSvg, number, optionsOf, paused, shownBlocks, svgEl, WAYS } from "studio/dom.js";
 import { isStale } from "studio/connection.js";
 import { mapTools, thingsRow } from "studio/map_tools.js";
 import { createView, ZOOM } from "studio/view.js";
@@ -43,11 +43,15 @@ export function mount(root, app) {
   const view = createView(svg, tools.scale);
   const front = el("input", { type: "range", id: "front", min: 0, max: 1000, step: 1, value: 1000 });
   const frontOut = el("output", { for: "front", class: "value" });
-  const play = el("button", { type: "button", id: "play" }, "Grow");
+  const play = button("Grow", () => {
+    if (playing) return stop();
+    play.textContent = "Stop";
+    playing = requestAnimationFrame((now) => step(now, now));
+  }, { id: "play" });
   const headline = el("p", { class: "headline", id: "targets" });
   const scores = el("div", { class: "scores", id: "scores" });
   const facts = el("p", { class: "facts", id: "facts" });
-  const growth = el("button", { type: "button", class: "link", onclick: () => document.getElementById("tab-growth")?.click() }, "By which rules?");
+  const growth = button("By which rules?", () => document.getElementById("tab-growth")?.click(), { class: "link" });
   const widthLine = el("summary");
   const widthTable = el("div");
   const width = el("details", { class: "width", hidden: true }, widthLine, widthTable);
@@ -55,13 +59,29 @@ export function mount(root, app) {
   const place = el("select", { id: "environment" });
   const seed = el("input", { type: "number", id: "seed", min: 0, step: 1 });
   const ghost = el("input", { type: "checkbox", id: "ghost", checked: true });
-  const add = el("button", { type: "button" }, "Add an obstacle");
-  const aim = el("button", { type: "button", "aria-pressed": "false", title: "Then click where the robot is to come" }, "Add a target");
-  const bigger = el("button", { type: "button", "aria-label": "Zoom in" }, "+");
-  const smaller = el("button", { type: "button", "aria-label": "Zoom out" }, "−");
-  const fit = el("button", { type: "button", "aria-label": "Whole map", title: "Whole map" }, "⤢");
+  const add = button("Add an obstacle", () => {
+    const [mx, my, size] = middle();
+    const half = Math.max(LEAST_OBSTACLE_MM, 0.03 * size);
+    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => snapped([mx + i * half, my + j * half]));
+    chosen = { kind: "obstacle", id: layers.ground.querySelectorAll("[data-obstacle]").length };
+    edit("obstacle added", ["add", corners]);
+    svg.focus();
+  });
+  const aim = button("Add a target", (event) => {
+    tools.turn(false);
+    // By key there is no place to click: it stands in the middle, to be moved.
+    if (!event.detail) {
+      const [x, y] = middle();
+      addTarget([x, y]);
+    }
+    else aim.setAttribute("aria-pressed", String(aim.getAttribute("aria-pressed") !== "true"));
+  }, { "aria-pressed": "false", title: "Then click where the robot is to come" });
+  const zoom = el("div", { class: "zoom" },
+    button("+", () => view.zoom(1 / ZOOM), { "aria-label": "Zoom in" }),
+    button("−", () => view.zoom(ZOOM), { "aria-label": "Zoom out" }),
+    button("⤢", () => view.fit(), { "aria-label": "Whole map", title: "Whole map" }));
 
-  const canvas = el("div", { class: "canvas" }, svg, el("div", { class: "zoom" }, bigger, smaller, fit), ...tools.overlay);
+  const canvas = el("div", { class: "canvas" }, svg, zoom, ...tools.overlay);
   const things = thingsRow(app, { choose, change: changeThing, remove: removeChosen, home: () => app.store.change("start of the map", (state) => { state.pose = null; }) });
   root.append(
     canvas,
@@ -93,7 +113,10 @@ export function mount(root, app) {
     lastMoved = 0;
     try {
       await app.ask("live", { have: ground, ground: !isShaping, scores: !isShaping || isHeld, obstacle: chosen?.kind === "obstacle" ? chosen.id : null });
-      if (since) requestAnimationFrame(() => setTimeout(() => keepTiming(performance.now() - since)));
+      if (since) requestAnimationFrame(() => setTimeout(() => {
+        app.timings.push(performance.now() - since);
+        if (app.timings.length > 5000) app.timings.splice(0, 1000);
+      }));
     } catch (error) {
       if (isStale(error)) lastMoved ||= since;
       app.fail(error);
@@ -102,20 +125,7 @@ export function mount(root, app) {
 
   const askHeld = paused(() => { if (dragging && answer?.isUnscored) ask(true); }, HELD_MS);
 
-  /** @param {number} ms */
-  function keepTiming(ms) {
-    app.timings.push(ms);
-    if (app.timings.length > 5000) app.timings.splice(0, 1000);
-  }
-
   // ---- showing
-
-  /** @param {LiveAnswer} found */
-  function showRobot(found) {
-    fillSvg(layers.robot, found.robot_svg ?? "");
-    if (share < 1) showFront(layers.robot, share * fullMm);
-    showGrown();
-  }
 
   function showGrown() {
     const at = share * fullMm;
@@ -177,9 +187,8 @@ export function mount(root, app) {
     things.show(chosen, valuesOf(chosen), count, targets.map(({ name }) => name));
     headline.hidden = !targets.length;
     headline.dataset.tone = found.targets_tone ?? "";
-    headline.replaceChildren(el("b", {}, `Targets: ${found.targets_headline ?? "nothing grows"}`), ...targets.map(({ name, state, touched }) => el("button", {
-      type: "button", class: touched ? "touched" : "", onclick: () => choose({ kind: "target", id: name }),
-    }, `${name} ${state ?? ""}`)));
+    headline.replaceChildren(el("b", {}, `Targets: ${found.targets_headline ?? "nothing grows"}`), ...targets.map(({ name, state, touched }) =>
+      button(`${name} ${state ?? ""}`, () => choose({ kind: "target", id: name }), { class: touched ? "touched" : "" })));
   }
 
   /** @param {Chosen} thing @returns {ThingValues} */
@@ -234,7 +243,9 @@ export function mount(root, app) {
     if (found.view_box) view.whole(/** @type {Box} */ (found.view_box.split(/[ ,]+/).map(Number)));
     fullMm = found.front_full_mm ?? 0;
     showGhost();
-    showRobot(found);
+    fillSvg(layers.robot, found.robot_svg ?? "");
+    if (share < 1) showFront(layers.robot, share * fullMm);
+    showGrown();
     showPose(found);
     showThings(found);
     showFacts(found);
@@ -266,11 +277,6 @@ export function mount(root, app) {
   front.addEventListener("input", () => {
     stop();
     setShare(Number(front.value) / 1000);
-  });
-  play.addEventListener("click", () => {
-    if (playing) return stop();
-    play.textContent = "Stop";
-    playing = requestAnimationFrame((now) => step(now, now));
   });
 
   // ---- the start
@@ -362,15 +368,6 @@ export function mount(root, app) {
   /** @param {Place} place @returns {Place} */
   const snapped = ([x, y]) => [tools.mm(x), tools.mm(y)];
 
-  function addObstacle() {
-    const [mx, my, size] = middle();
-    const half = Math.max(LEAST_OBSTACLE_MM, 0.03 * size);
-    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => snapped([mx + i * half, my + j * half]));
-    chosen = { kind: "obstacle", id: layers.ground.querySelectorAll("[data-obstacle]").length };
-    edit("obstacle added", ["add", corners]);
-    svg.focus();
-  }
-
   /** @param {Place} place */
   function addTarget(place) {
     aim.setAttribute("aria-pressed", "false");
@@ -387,21 +384,10 @@ export function mount(root, app) {
     else changeTargets(`target ${gone.id} deleted`, (targets, map) => { map.targets = targets.filter((one) => one.name !== gone.id); });
   }
 
-  add.addEventListener("click", addObstacle);
-  aim.addEventListener("click", (event) => {
-    tools.turn(false);
-    // By key there is no place to click: it stands in the middle, to be moved.
-    if (!event.detail) {
-      const [x, y] = middle();
-      addTarget([x, y]);
-    }
-    else aim.setAttribute("aria-pressed", String(aim.getAttribute("aria-pressed") !== "true"));
-  });
-
   /** @param {string} branch @param {Place} to @param {string} group */
   async function moveTip(branch, to, group) {
     try {
-      const { level, values } = await app.request("tip", { branch, to });
+      const { level, values } = await app.ask("tip", { branch, to }, { state: app.store.get() });
       if (level === null) return;
       app.store.change(`tip of ${branch}`, ({ design }) => {
         const rounded = Object.entries(values).map(([name, value]) => [name, Math.round(100 * value) / 100]);
@@ -433,7 +419,7 @@ export function mount(root, app) {
     const names = new Set([...(app.hello.environments ?? []), environment].filter(Boolean));
     const file = path.split("/").at(-1);
     const edited = state.map?.edits.length || state.map?.targets ? ", changed" : "";
-    const options = [...names].map((name) => el("option", { value: name }, name));
+    const options = optionsOf([...names].map((name) => [name]));
     if (file || !state.map) options.unshift(el("option", { value: "" }, file || "none"));
     options.find((option) => option.value === environment)?.append(edited);
     place.replaceChildren(...options);
@@ -596,9 +582,6 @@ export function mount(root, app) {
     }
   }
 
-  bigger.addEventListener("click", () => view.zoom(1 / ZOOM));
-  smaller.addEventListener("click", () => view.zoom(ZOOM));
-  fit.addEventListener("click", () => view.fit());
   ghost.addEventListener("change", () => {
     app.showGhost = ghost.checked;
     showGhost();
@@ -628,7 +611,7 @@ export function mount(root, app) {
   });
   app.on("engine", () => ask());
   app.on("again", () => ask());
-  for (const button of [add, aim]) button.disabled = !app.live;
+  for (const one of [add, aim]) one.disabled = !app.live;
   showSource(app.store.get());
   if (app.live) ask();
 }

@@ -1,13 +1,10 @@
 // Tools of the map: scale bar, place under the pointer, snapping, measuring, legend; what is chosen, as numbers.
 
-import { el, fillSvg, number, svgEl } from "studio/dom.js";
+import { button, el, fillSvg, number, optionsOf, svgEl } from "studio/dom.js";
 
 const WIDEST_PX = 110;
 const STEPS_MM = [1, 2, 5, 10, 20, 50];
 const STEP_DEG = 5;
-
-/** What a hand sets needs no more digits than a laser has. @param {number} value */
-const hundredth = (value) => Math.round(100 * value) / 100;
 
 /** Return the tools: their elements, how a value snaps, and what a drag does while one is on. @param {App} app @param {SVGElement} layer */
 export function mapTools(app, layer) {
@@ -19,10 +16,8 @@ export function mapTools(app, layer) {
       fillSvg(picture, sign);
       return el("li", {}, picture, words);
     })));
-  const step = el("select", { id: "snap" }, [["", "off"], ...STEPS_MM.map((mm) => [String(mm), `${mm} mm, ${STEP_DEG}°`])]
-    .map(([value, text]) => el("option", { value }, text)));
-  const measure = el("button", { type: "button", "aria-pressed": "false", title: "Drag from one place to another" }, "Measure");
-  measure.addEventListener("click", () => turn(!isOn()));
+  const step = el("select", { id: "snap" }, optionsOf([["", "off"], ...STEPS_MM.map((mm) => [String(mm), `${mm} mm, ${STEP_DEG}°`])]));
+  const measure = button("Measure", () => turn(!isOn()), { "aria-pressed": "false", title: "Drag from one place to another" });
   const isOn = () => measure.getAttribute("aria-pressed") === "true";
 
   /** @param {boolean} on */
@@ -41,8 +36,8 @@ export function mapTools(app, layer) {
     bar.textContent = mm >= 1000 ? `${mm / 1000} m` : `${number(mm, 3)} mm`;
   }
 
-  /** @param {number} value @param {number} size */
-  const snapTo = (value, size) => hundredth(size ? Math.round(value / size) * size : value);
+  /** What a hand sets needs no more digits than a laser has. @param {number} value @param {number} size */
+  const snapTo = (value, size) => Math.round(100 * (size ? Math.round(value / size) * size : value)) / 100;
   return {
     overlay: [legend, el("div", { class: "rulers" }, bar, cursor)],
     controls: [el("label", {}, "Snap ", step), measure],
@@ -88,8 +83,8 @@ export function thingsRow(app, { choose, change, remove, home }) {
     if (kind === "obstacle") choose({ kind, id: Number(rest[0]) });
     else choose(kind === "target" ? { kind, id: rest.join(" ") } : null);
   });
-  const gone = el("button", { type: "button", onclick: remove }, "Delete it");
-  const back = el("button", { type: "button", onclick: home }, "As in the map");
+  const gone = button("Delete it", remove);
+  const back = button("As in the map", home);
   const box = el("span", { class: "numbers" });
   const row = el("div", { class: "toolbar things" }, select, box, gone, back);
   let built = "";
@@ -128,7 +123,7 @@ export function thingsRow(app, { choose, change, remove, home }) {
         listed = names;
         const options = [["start", "Start"], ...targets.map((name) => [`target ${name}`, `Target ${name}`]),
           ...Array.from({ length: count }, (_, index) => [`obstacle ${index}`, `Obstacle ${index + 1}`])];
-        select.replaceChildren(...options.map(([value, text]) => el("option", { value }, text)));
+        select.replaceChildren(...optionsOf(options));
       }
       const kind = chosen?.kind ?? "start";
       if (kind !== built) build(kind);

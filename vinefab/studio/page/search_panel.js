@@ -1,6 +1,6 @@
 // Searches: settings around the design, one search at a time, its curve, its best robot, its front.
 
-import { copyable, el, number, paused, svgEl, ticks, WAYS } from "studio/dom.js";
+import { button, copyable, el, number, optionsOf, paused, svgEl, ticks, WAYS } from "studio/dom.js";
 import { isStale, problemOf } from "studio/connection.js";
 
 const STATES = {
@@ -139,8 +139,8 @@ function frontChart(front, place, chosen, choose) {
 
 /** Return a line with a command that can be copied, and how to set it. @param {App} app @param {string} what */
 function commandLine(app, what) {
-  const { text, button } = copyable(app, what);
-  const line = el("div", { class: "command-line" }, text, button);
+  const { text, copy } = copyable(app, what);
+  const line = el("div", { class: "command-line" }, text, copy);
   const set = (/** @type {string} */ command) => {
     text.textContent = command;
     line.hidden = !command;
@@ -160,7 +160,7 @@ function numberInput(id, least, most) {
 
 /** @param {HTMLSelectElement} select @param {string[][]} entries @param {string} chosen */
 function options(select, entries, chosen) {
-  select.replaceChildren(...entries.map(([value, text]) => el("option", { value }, text)));
+  select.replaceChildren(...optionsOf(entries));
   if (entries.some(([value]) => value === chosen)) select.value = chosen;
 }
 
@@ -239,15 +239,12 @@ function settings() {
     ranges.replaceChildren(...rows);
   }
 
-  const around = el("button", { type: "button", onclick: () => { edited = {}; showRanges(); } }, "Around the design");
-  const usual = el("button", {
-    type: "button",
-    onclick: () => {
-      const { values = [], deeper = {} } = proposal ?? {};
-      edited = Object.fromEntries(values.map(({ key, label }) => [key, deeper[label].slice(0, 2).map(Number)]));
-      showRanges();
-    },
-  }, "Usual ranges");
+  const around = button("Around the design", () => { edited = {}; showRanges(); });
+  const usual = button("Usual ranges", () => {
+    const { values = [], deeper = {} } = proposal ?? {};
+    edited = Object.fromEntries(values.map(({ key, label }) => [key, deeper[label].slice(0, 2).map(Number)]));
+    showRanges();
+  });
 
   /** @param {Proposal} found @param {StudioState} state */
   function show(found, state) {
@@ -336,10 +333,15 @@ export function mount(root, app) {
   const line = el("p", { class: "facts", role: "status" });
   const best = el("p", { class: "best" });
   const curve = el("div", { class: "curve-box" });
-  const stop = el("button", { type: "button" }, "Stop");
-  const resume = el("button", { type: "button" }, "Resume");
-  const on_map = el("button", { type: "button", "aria-pressed": "false", title: "The map shows the best robot so far; yours comes back when this is turned off" }, "Show the best on the map");
-  const take = el("button", { type: "button", class: "primary" }, "Take the best");
+  const stop = button("Stop", () => ask("search_stop"));
+  const resume = button("Resume", () => { if (event) resumeRun(event.folder); });
+  const on_map = button("Show the best on the map", () => {
+    const is_on = on_map.getAttribute("aria-pressed") !== "true";
+    endPreview();
+    on_map.setAttribute("aria-pressed", String(is_on));
+    showBest();
+  }, { "aria-pressed": "false", title: "The map shows the best robot so far; yours comes back when this is turned off" });
+  const take = button("Take the best", () => takeDesign(event?.best, `best of ${event?.folder}`), { class: "primary" });
   const command = commandLine(app, "of the search");
   const card = el("div", { class: "card", hidden: true }, state_word, bar, line, curve, best, el("div", { class: "buttons wrap" }, on_map, take, stop, resume), command.line);
 
@@ -347,21 +349,32 @@ export function mount(root, app) {
   const front_axis = el("select", { "aria-label": "Value along the chart" });
   const front_box = el("div", {});
   const front_words = el("p", { class: "facts", role: "status" });
-  const take_point = el("button", { type: "button", class: "primary", disabled: true }, "Take this one");
-  const back = el("button", { type: "button", disabled: true }, "Back to mine");
+  const take_point = button("Take this one", () => takeDesign(chosen?.design, `${chosen?.point.label} of ${front?.folder}`), { class: "primary", disabled: true });
+  const back = button("Back to mine", () => endPreview(), { disabled: true });
   const front_card = el("div", { class: "card", hidden: true }, front_title, front_axis, front_box, front_words, el("div", { class: "buttons" }, take_point, back));
 
   const form = settings();
   const folder = el("input", { type: "text", id: "search-folder", spellcheck: "false" });
-  const start = el("button", { type: "button", class: "primary", disabled: true }, "Start");
+  const start = button("Start", async () => {
+    if (!form.isShown()) return;
+    const given = form.asked(app.store.get());
+    const found = await ask("search_start", { ...given, folder: folder.value });
+    if (!found) return;
+    endPreview();
+    delete folder.dataset.edited;
+    fresh.open = false;
+    is_running = true;
+    showStart();
+    app.say(`Searching: ${found.command}`);
+    root.scrollTo({ top: 0 });
+  }, { class: "primary", disabled: true });
   const start_command = commandLine(app, "to start");
   const waiting = el("p", { class: "facts" }, "Reading what can be searched …");
   const problem = el("p", { class: "problem", hidden: true });
   const fresh = el("details", { class: "new", open: true }, el("summary", {}, "A new search"), waiting, form.box, field("Folder", folder), problem, el("div", { class: "buttons" }, start), start_command.line);
 
   const runs = el("ul", { class: "runs" });
-  const again = el("button", { type: "button" }, "Look again");
-  const earlier = el("details", {}, el("summary", {}, "Searches in this folder"), runs, el("div", { class: "buttons" }, again));
+  const earlier = el("details", {}, el("summary", {}, "Searches in this folder"), runs, el("div", { class: "buttons" }, button("Look again", () => listRuns())));
   root.append(heading, card, front_card, fresh, earlier);
 
   let event = /** @type {SearchEvent | null} */ (null); // the last of the search that is shown
@@ -437,8 +450,8 @@ export function mount(root, app) {
     stop.hidden = !is_running;
     resume.hidden = found.state !== "stopped" && !(found.state === "failed" && found.generations);
     showStart();
-    for (const button of [on_map, take]) button.disabled = !found.best || !app.live;
-    for (const button of [stop, resume]) button.disabled = !app.live;
+    for (const one of [on_map, take]) one.disabled = !found.best || !app.live;
+    for (const one of [stop, resume]) one.disabled = !app.live;
     command.set(found.command);
     showBest();
     if (found.front?.points.length) showFront(found.folder, found.front);
@@ -515,12 +528,12 @@ export function mount(root, app) {
     const [sign, word] = STATES[run.state];
     const can_load = run.best_score !== null && run.best_score !== undefined;
     /** @param {string} text @param {string} about @param {(folder: string) => void} act */
-    const button = (text, about, act, disabled = false) =>
-      el("button", { type: "button", "aria-label": `${about} ${run.folder}`, disabled, onclick: () => act(run.folder) }, text);
+    const acts = (text, about, act, disabled = false) =>
+      button(text, () => act(run.folder), { "aria-label": `${about} ${run.folder}`, disabled });
     const buttons = [
-      run.state === "unfinished" ? button("Resume", "Resume", resumeRun, event?.state === "running") : null,
-      can_load ? button("Take the best", "Take the best of", loadBest) : null,
-      run.objectives?.length ? button("Front", "Show the front of", loadFront) : null,
+      run.state === "unfinished" ? acts("Resume", "Resume", resumeRun, event?.state === "running") : null,
+      can_load ? acts("Take the best", "Take the best of", loadBest) : null,
+      run.objectives?.length ? acts("Front", "Show the front of", loadFront) : null,
     ];
     return el("li", {},
       el("p", { class: "state", "data-state": run.state }, `${sign} ${word}: ${run.folder}`),
@@ -565,37 +578,12 @@ export function mount(root, app) {
     start_command.set(found.command);
   }
 
-  start.addEventListener("click", async () => {
-    if (!form.isShown()) return;
-    const given = form.asked(app.store.get());
-    const found = await ask("search_start", { ...given, folder: folder.value });
-    if (!found) return;
-    endPreview();
-    delete folder.dataset.edited;
-    fresh.open = false;
-    is_running = true;
-    showStart();
-    app.say(`Searching: ${found.command}`);
-    root.scrollTo({ top: 0 });
-  });
-  stop.addEventListener("click", () => ask("search_stop"));
-  resume.addEventListener("click", () => { if (event) resumeRun(event.folder); });
-  take.addEventListener("click", () => takeDesign(event?.best, `best of ${event?.folder}`));
-  take_point.addEventListener("click", () => takeDesign(chosen?.design, `${chosen?.point.label} of ${front?.folder}`));
-  back.addEventListener("click", endPreview);
-  on_map.addEventListener("click", () => {
-    const is_on = on_map.getAttribute("aria-pressed") !== "true";
-    endPreview();
-    on_map.setAttribute("aria-pressed", String(is_on));
-    showBest();
-  });
   front_axis.addEventListener("change", drawFront);
   folder.addEventListener("change", () => {
     if (folder.value) folder.dataset.edited = "true";
     else delete folder.dataset.edited;
     propose();
   });
-  again.addEventListener("click", listRuns);
   earlier.addEventListener("toggle", () => { if (earlier.open) listRuns(); });
   app.on("search", (found) => {
     const was = event?.state;

@@ -1,7 +1,7 @@
 // The sheet: what is cut, with findings in place; pressure, film and time; the fix with its preview.
 
 import { deployedView, patternOf } from "studio/deployed.js";
-import { counted, el, fillSvg, number, svgEl } from "studio/dom.js";
+import { button, counted, el, fillSvg, number, optionsOf, svgEl } from "studio/dom.js";
 import { isStale, problemOf } from "studio/connection.js";
 import { createView } from "studio/view.js";
 
@@ -14,8 +14,6 @@ const RIM_MM = 15;
 const KINDS = [["branches", "branches"], ["length", "lengths"], ["angle", "angles"], ["width", "widths"]];
 const WORDS = { error: "error", warning: "warning", info: "note" };
 
-/** @param {Child} content @param {() => unknown} onclick */
-const button = (content, onclick, attributes = {}) => el("button", { type: "button", onclick, ...attributes }, content);
 /** What the rules depend on, of a state. @param {StudioState} state */
 const concern = ({ design, map, pose, recipe, recipe_stamp, growth }) =>
   JSON.stringify([design, map, pose, recipe, recipe_stamp, growth]);
@@ -71,7 +69,7 @@ function layersView(job) {
         });
         return el("label", {}, input, ` ${LAYERS[kind]}`);
       }));
-      piece.replaceChildren(...[["", "all pieces"], ...names.map((name) => [name, `piece ${name}`])].map(([value, text]) => el("option", { value }, text)));
+      piece.replaceChildren(...optionsOf([["", "all pieces"], ...names.map((name) => [name, `piece ${name}`])]));
       piece.hidden = names.length < 2;
     }
     apply();
@@ -229,7 +227,8 @@ function gaugeView(gauge) {
   const at = (/** @type {number} */ kpa) => percent(kpa / top);
   /** @param {number} from @param {number} to */
   const wide = (from, to) => percent(Math.max(0, to - from) / top);
-  const bar = svgEl("svg", { class: "gauge", role: "img", width: "100%", height: 34, "aria-label": gaugeWords(gauge) },
+  const aria = `Needed ${number(loose.kpa, 1)} to ${number(tight.kpa, 1)} kPa, working ${number(working, 1)} kPa, allowed ${number(allowed, 1)} kPa`;
+  const bar = svgEl("svg", { class: "gauge", role: "img", width: "100%", height: 34, "aria-label": aria },
     svgEl("rect", { class: "track", x: 0, y: 10, width: "100%", height: 14, rx: 2 }),
     svgEl("rect", { class: "beyond", x: at(allowed), y: 10, width: wide(allowed, top), height: 14 }),
     svgEl("rect", { class: "needed", x: 0, y: 13, width: at(loose.kpa), height: 8 }),
@@ -262,12 +261,6 @@ function gaugeVerdict(gauge) {
   if (gauge.working_kpa > gauge.allowed_kpa) return ["bad", "✕ the working pressure is more than allowed"];
   if (gauge.working_kpa < gauge.needed_loose.kpa) return ["poor", `▲ the working pressure is too low for tip ${gauge.needed_loose.branch}`];
   return gauge.is_open_tight ? ["good", "✓ enough"] : ["poor", "▲ enough if film is stored loosely"];
-}
-
-/** @param {Gauge} gauge */
-function gaugeWords(gauge) {
-  return `Needed ${number(gauge.needed_loose.kpa, 1)} to ${number(gauge.needed_tight.kpa, 1)} kPa, `
-    + `working ${number(gauge.working_kpa, 1)} kPa, allowed ${number(gauge.allowed_kpa, 1)} kPa`;
 }
 
 /** Return film, sheet, pieces and time, each with its standing, and every line of the bill folded. @param {RulesAnswer} answer */
@@ -383,11 +376,6 @@ export function mount(root, app) {
     timer = setTimeout(ask, STILL_MS);
   }
 
-  /** Ask at once: what was dragged is released. */
-  function release() {
-    if (timer) ask();
-  }
-
   function showFreshness() {
     const stale = !isFresh() && app.live;
     root.classList.toggle("stale", stale);
@@ -411,16 +399,12 @@ export function mount(root, app) {
   }
 
   /** @param {RulesAnswer} found */
-  function showVerdict({ manufacturable, errors, warnings }) {
-    const words = manufacturable ? "manufacturable" : "not manufacturable";
-    const text = `${manufacturable ? "✓" : "✕"} ${words}: ${counted(errors, "error")}, ${counted(warnings, "warning")}`;
+  function show(found) {
+    const { manufacturable, errors, warnings } = found;
+    const words = manufacturable ? "✓ manufacturable" : "✕ not manufacturable";
+    const text = `${words}: ${counted(errors, "error")}, ${counted(warnings, "warning")}`;
     if (verdict.textContent !== text) verdict.textContent = text;
     verdict.dataset.kind = manufacturable ? (warnings ? "warning" : "ok") : "error";
-  }
-
-  /** @param {RulesAnswer} found */
-  function show(found) {
-    showVerdict(found);
     gauge.replaceChildren(gaugeView(found.gauge));
     bill.replaceChildren(billView(found));
     if (selected !== null && !found.findings.some((finding) => finding.fingerprint === selected)) {
@@ -508,18 +492,15 @@ export function mount(root, app) {
       button("Cancel", () => startWaiving("")));
     form.addEventListener("submit", (event) => {
       event.preventDefault();
-      if (reason.value.trim()) waive(finding, reason.value.trim());
+      const words = reason.value.trim();
+      if (!words) return;
+      waiving = "";
+      app.store.change(`waive ${finding.rule}`, (state) => {
+        state.design.waive = (state.design.waive ?? []).filter((one) => one.fingerprint !== name);
+        state.design.waive.push({ fingerprint: name, reason: words });
+      });
     });
     return form;
-  }
-
-  /** @param {Finding} finding @param {string} reason */
-  function waive(finding, reason) {
-    waiving = "";
-    app.store.change(`waive ${finding.rule}`, (state) => {
-      state.design.waive = (state.design.waive ?? []).filter((one) => one.fingerprint !== finding.fingerprint);
-      state.design.waive.push({ fingerprint: finding.fingerprint, reason });
-    });
   }
 
   /** @param {string} name */
@@ -563,7 +544,7 @@ export function mount(root, app) {
   app.onProgress("rules", (_, text) => { if (!isFresh()) busy.textContent = `checking: ${text}`; });
   app.store.subscribe(() => { follow(); });
   app.onPreview((design) => { fix.previewed(design); follow(); draw(); });
-  for (const name of ["pointerup", "keyup", "change"]) addEventListener(name, release, true);
+  for (const name of ["pointerup", "keyup", "change"]) addEventListener(name, () => { if (timer) ask(); }, true); // released: at once
   app.on("again", () => { asked = cutAsked = ""; askCut(); ask(); });
   follow();
   ask();
@@ -670,7 +651,7 @@ function fixView(app, rules) {
     box.replaceChildren(
       el("h3", {}, "Proposed change"),
       el("p", {}, found.lines[0]),
-      el("ul", { class: "changes" }, ...found.changes.map((change) => el("li", {}, change.text))),
+      el("ul", { class: "changes" }, ...found.changes.map((text) => el("li", {}, text))),
       ...found.keep_words.map((words) => el("p", { class: "note" }, words)),
       ...(found.locks_changed ?? []).map((key) => el("p", { class: "note warning" }, `${key} is locked, but a fix has no way to keep it`)),
       scoresView(found),

@@ -723,8 +723,7 @@ def studio(
     if missing:
         allowed = "together with the packages of the studio: pip install 'vinefab[studio]'"
         raise BadInputError("vinefab studio", f"without {', '.join(missing)}", allowed)
-    from vinefab.studio.server import serve
-    from vinefab.studio.workspace import LaunchOptions
+    from vinefab.studio.server import LaunchOptions, serve
 
     page = page_path("snapshot", snapshot, force=force)
     opened = LaunchOptions(
@@ -740,8 +739,8 @@ def studio(
             raise BadInputError("family", family, "to be given together with --snapshot")
         serve(opened, port=port, browser=browser, say=lambda words: note(words, only_in_shell=True))
         return None
-    from vinefab.studio.snapshot import SnapshotOptions, write_snapshot
-    from vinefab.studio.workspace import StudioWorkspace
+    from vinefab.studio.file_exports import SnapshotOptions, write_snapshot
+    from vinefab.studio.server import StudioWorkspace
 
     options = SnapshotOptions(family=family, file=opened.design)
     with told("snapshot", progress) as tell:

@@ -31,6 +31,7 @@ PANELS = {
     "live": ("live_answers.live_answer", LIVE),
     "before": ("live_answers.live_answer", LIVE),  # of the version that is compared with
     "front": ("live_answers.front_answer", LIVE),
+    "tip": ("live_answers.tip_answer", LIVE),
     "cut": ("pattern_answers.cut_answer", CUT),
     "inflated": ("pattern_answers.inflated_answer", "inflated"),
     "rules": ("sheet_answers.rules_answer", "rules"),
@@ -117,8 +118,24 @@ class ProcessExecutor:
                 )  # fmt: skip
                 self._process.start()
                 theirs.close()
+            pipe = self._pipe
+
+            def exchange() -> Any:  # noqa: ANN401  plain values
+                try:
+                    pipe.send(question)
+                    while True:
+                        kind, content = pipe.recv()
+                        if kind != "progress":
+                            break
+                        progress(*content)
+                except (EOFError, OSError) as error:
+                    raise WorkerEndedError from error
+                if kind == "error":
+                    raise content
+                return content
+
             try:
-                return await asyncio.to_thread(_exchange, self._pipe, question, progress)
+                return await asyncio.to_thread(exchange)
             except (asyncio.CancelledError, WorkerEndedError):
                 self.close()
                 raise
@@ -130,21 +147,6 @@ class ProcessExecutor:
         if process is not None:
             process.kill()
             process.join()
-
-
-def _exchange(pipe: Pipe, question: Question, progress: Progress) -> Any:  # noqa: ANN401
-    try:
-        pipe.send(question)
-        while True:
-            kind, content = pipe.recv()
-            if kind != "progress":
-                break
-            progress(*content)
-    except (EOFError, OSError) as error:
-        raise WorkerEndedError from error
-    if kind == "error":
-        raise content
-    return content
 
 
 def answer_questions(pipe: Pipe) -> None:

@@ -8,16 +8,20 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from threading import Thread
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import shapely
+from annotated_types import Interval
+from pydantic import Field
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import PAIRED_TAILS, group_means, mean_interval
-from vinefab.core.validation import Floats, number
+from vinefab.core.table import Table, validated
+from vinefab.core.validation import Floats
 from vinefab.core.view import Rows, plain_blocks
 from vinefab.growth.batch import Batch, GrowthBlock, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
@@ -67,6 +71,34 @@ SILENT_S = 0.3
 
 COMPILING = "compiling the simulator, once on this computer"
 
+_Score = Annotated[float, Interval(ge=-1e12, le=1e12)]
+
+
+class FamilyRequest(Table):
+    """The request of the panel."""
+
+    quick: Annotated[bool, Doc("something is dragged: fast areas, as many maps as time allows")] = (
+        False
+    )
+    soon: Annotated[bool, Doc("as many maps as the interpreter can do until code is loaded")] = (
+        False
+    )
+    compiled: Annotated[bool, Doc("false: another process compiles just now, not done twice")] = (
+        True
+    )
+    heat: Annotated[bool, Doc("the page shows where bodies lie")] = True
+    have: Annotated[
+        tuple[str, ...], Field(strict=False), Doc("keys of maps whose ground the page holds")
+    ] = ()
+    draw: Annotated[
+        tuple[str, ...] | None, Field(strict=False), Doc("keys of maps that it shows; null: all")
+    ] = None
+    scores_before: Annotated[
+        Mapping[str, _Score],
+        Field(alias="before"),
+        Doc("by the maps' keys, of the version to compare with"),
+    ] = {}
+
 
 def family_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Return the scores of a design on many maps: an entry for each, and their statistics.
@@ -78,20 +110,15 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress
     state
         What is open on the page; its map and pose play no part.
     ask
-        ``quick``: for while something is dragged, the task's fast approximations, on as many maps
-        as there is time for. ``soon``: as many maps as the interpreter can do while the simulator
-        is compiled; else that is waited for. ``compiled = false``: another process compiles it just
-        now, which is not done twice. ``have``: keys of maps whose ground the page holds.
-        ``draw``: keys of the maps whose robot it shows, all if not given. ``heat``: whether it
-        shows where bodies lie. ``before``: by the maps' keys the scores of the version to compare
-        with.
+        A `FamilyRequest`.
     """
-    asked = _Request.of(ask)
+    asked = validated(FamilyRequest, ask, PAGE)
     places = _CACHE.places(state.family, progress)
     trial = _tried(state, asked, places, progress)
     by_map = [list(trial.deployments[rows]) for rows in trial.rows]
     means = trial.means
-    pairs = [(asked.before[key], mean) for key, mean in means.items() if key in asked.before]
+    before = asked.scores_before
+    pairs = [(before[key], mean) for key, mean in means.items() if key in before]
     widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
     entries: list[dict[str, Any]] = []
     for place in places:
@@ -119,7 +146,6 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress
             "grown_share": float(np.mean(shares)),
             "branches": len(first.tree),
             "deployed": int(first.deployed.sum()),
-            "stops": first.stops,
         }
         if asked.draw is None or entry["key"] in asked.draw:
             entry["robot_svg"] = robot_svg(first, widths_mm, detail=False)
@@ -134,51 +160,11 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress
         "maps": entries,
         "evaluated": len(by_map),
         "environments": list(ENVIRONMENTS),
-        "distribution": _distribution(list(means.values()), list(asked.before.values())),
+        "distribution": _distribution(list(means.values()), list(before.values())),
         "difference": _difference(pairs, QUICK_ERROR if asked.quick else 0.0),
         "grown_share": float(np.mean([entry["grown_share"] for entry in entries[: len(by_map)]])),
         "heat": heat_cells(places, by_map, widths_mm) if asked.heat else None,
     }
-
-
-# --- What is asked ------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Request:
-    """The request of the panel, see `family_answer`."""
-
-    quick: bool
-    soon: bool
-    compiled: bool
-    heat: bool
-    have: frozenset[str]
-    draw: frozenset[str] | None
-    before: Mapping[str, float]
-
-    @classmethod
-    def of(cls, ask: Mapping[str, Any]) -> "_Request":
-        before, draw = ask.get("before") or {}, ask.get("draw")
-        if not isinstance(before, Mapping):
-            raise BadInputError("before", before, "scores by the maps' keys", PAGE)
-        return cls(
-            quick=bool(ask.get("quick", False)),
-            soon=bool(ask.get("quick", False) or ask.get("soon", False)),
-            compiled=bool(ask.get("compiled", True)),
-            heat=bool(ask.get("heat", True)),
-            have=_keys("have", ask.get("have") or []),
-            draw=None if draw is None else _keys("draw", draw),
-            before={
-                str(key): number(f"before.{key}", score, -1e12, 1e12)
-                for key, score in before.items()
-            },
-        )
-
-
-def _keys(name: str, given: object) -> frozenset[str]:
-    if not isinstance(given, list):
-        raise BadInputError(name, given, "a list of maps' keys", PAGE)
-    return frozenset(map(str, given))
 
 
 # --- Maps, prepared once ------------------------------------------------------------------------
@@ -297,11 +283,11 @@ class _Trial:
 
 
 def _tried(
-    state: StudioState, asked: _Request, places: Sequence[FamilyMap], progress: Progress
+    state: StudioState, asked: FamilyRequest, places: Sequence[FamilyMap], progress: Progress
 ) -> _Trial:
     """Grow a design and score it, on all maps or, where that would take too long, on the first."""
     task = make_task(state.task)
-    compiled = _COMPILER.has(task, progress, wait=not asked.soon)
+    compiled = _COMPILER.has(task, progress, wait=not (asked.quick or asked.soon))
     count = state.family.poses
     if not compiled:
         most = MOST_FAMILY_INTERPRETED // (count * state.design.branch_count)

@@ -1,37 +1,72 @@
-"""Exports: what the user chooses, the command, and the files that the command would write."""
+"""Exports: what the user chooses, the command, and the files that the command would write.
 
+A snapshot is the state of the studio as one HTML file that needs neither server nor network. It is
+the same page: its styles stand in the file, its modules as ``data:`` addresses of an import map,
+and the state with the answers of the panels as JSON. Nothing in it depends on the day or the
+computer, so the same state gives the same bytes. The map is in it too, so that it opens elsewhere.
+"""
+
+import base64
+import json
 import os
+import re
 import shlex
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, ClassVar
 
-from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_bytes, write_folder
+from vinefab.core import __version__
+from vinefab.core.atomic import (
+    ensure_own_folder,
+    ensure_writable,
+    write_bytes,
+    write_folder,
+    write_text,
+)
 from vinefab.core.errors import (
     BadInputError,
     CannotWriteError,
     ForeignFileError,
     UnknownNameError,
+    UnreadableFileError,
     VinefabError,
 )
 from vinefab.core.front_door import front_door
+from vinefab.core.hashing import marked
+from vinefab.core.plain_text import GENERATOR, plain
 from vinefab.core.registry import with_parameters
-from vinefab.core.validation import whole
+from vinefab.core.validation import check_plain, whole
 from vinefab.core.verbs import Call
 from vinefab.core.view import Block, plain_blocks
 from vinefab.growth.options import GrowthChoice, GrowthOptions
 from vinefab.model.design import Design, design_text
-from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE, path_inside
+from vinefab.model.files.shipped import (
+    DEFAULT_PRINTER,
+    DEFAULT_RECIPE,
+    path_inside,
+    read_bytes,
+    read_text,
+)
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile, RecipeStatus
 from vinefab.model.map import Map, Pose, Start, map_text
-from vinefab.studio.executors import Progress
-from vinefab.studio.snapshot import SnapshotOptions, write_snapshot
-from vinefab.studio.state import PAGE, StudioState, is_name, mapping_at
+from vinefab.pages.plan_svg import legend_rows
+from vinefab.studio.executors import Progress, answer_of
+from vinefab.studio.live_answers import load_kernel
+from vinefab.studio.server import MODULES, PAGE_FOLDER
+from vinefab.studio.state import (
+    PAGE,
+    StudioState,
+    design_form,
+    growth_form,
+    is_name,
+    mapping_at,
+    world_of,
+)
 
 # ruff: noqa: PLC0415  what an export needs is loaded when it is made: a command line is quick
 
@@ -89,7 +124,7 @@ class MadeExport:
     beside: Mapping[str, bytes] = field(default_factory=dict)  # further files, by path
     view: tuple[Block, ...] = ()  # what the command would say
     refused: str = ""  # why nothing may be written
-    findings: tuple[Mapping[str, Any], ...] = ()  # as in ``vinefab/checks-1``
+    report: CheckReport | None = None
 
 
 class Export(ABC):
@@ -147,7 +182,7 @@ class PackageExport(Export):
         made = MadeExport(
             view=tuple(prepared.report.view()),
             refused=prepared.refusal(allow_uncalibrated=self.allow_uncalibrated),
-            findings=_findings(prepared.report),
+            report=prepared.report,
         )
         if made.refused:
             return made
@@ -204,7 +239,7 @@ class RigExport(Export):
             files=made.files,
             view=tuple((made.report if blocking else made).view()),
             refused=f"{blocking} forbid it" if blocking else "",
-            findings=_findings(made.report),
+            report=made.report,
         )
 
 
@@ -337,11 +372,6 @@ def _map_of(source: ExportSource) -> Map:
     return source.world
 
 
-def _findings(report: CheckReport) -> tuple[Mapping[str, Any], ...]:
-
-    return tuple([finding.content for finding in report.findings])
-
-
 SNAPSHOT = "snapshot"
 """The export without a command: the page itself."""
 
@@ -359,30 +389,36 @@ def export_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress
     """
     what = ask.get("what")
     if what == "command":
-        given = mapping_at("exports", ask.get("exports"))
-        commands: dict[str, dict[str, Any]] = {}
-        for name, one in given.items():
-            try:
-                if name == SNAPSHOT:
-                    commands[name] = {"command": _opens(_snapshot_path(ask, one)), "inputs": []}
-                    continue
-                kind = _kind(name, mapping_at(f"exports.{name}", one))
-                source = _source(state, ask, kind, one.get("out"))
-                beside = [str(source.folder / file) for file in source.inputs]
-                commands[name] = {"command": command_of(kind, source), "inputs": beside}
-            except VinefabError as error:
-                commands[name] = {"error": str(error)}
-        unverified = state.profile.recipe.status is RecipeStatus.UNVERIFIED
-        return {"commands": commands, "unverified": unverified}
-    if what == SNAPSHOT:
-        return _snapshot(ask, progress)
-    kind = _kind(what, ask)
-    source = _source(state, ask, kind, ask.get("out"))
-    with _foreign_files_named():
-        return _written(kind, source, progress)
+        return _commands(state, ask)
+    try:
+        if what == SNAPSHOT:
+            return _snapshot(ask, progress)
+        kind = _kind(what, ask)
+        return _export(kind, _source(state, ask, kind, ask.get("out")), progress)
+    except ForeignFileError as error:
+        # What the page can do about a file that is not vinefab's: nothing is forced.
+        problem = f"it {error.problem}; choose another name"
+        raise CannotWriteError(error.path, problem) from error
 
 
-def _written(kind: Export, source: ExportSource, progress: Progress) -> dict[str, Any]:
+def _commands(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
+    commands: dict[str, dict[str, Any]] = {}
+    for name, one in mapping_at("exports", ask.get("exports")).items():
+        try:
+            if name == SNAPSHOT:
+                commands[name] = {"command": _opens(_snapshot_path(ask, one)), "inputs": []}
+                continue
+            kind = _kind(name, mapping_at(f"exports.{name}", one))
+            source = _source(state, ask, kind, one.get("out"))
+            beside = [str(source.folder / file) for file in source.inputs]
+            commands[name] = {"command": command_of(kind, source), "inputs": beside}
+        except VinefabError as error:
+            commands[name] = {"error": str(error)}
+    unverified = state.profile.recipe.status is RecipeStatus.UNVERIFIED
+    return {"commands": commands, "unverified": unverified}
+
+
+def _export(kind: Export, source: ExportSource, progress: Progress) -> dict[str, Any]:
     out = Path(source.out)
     # Before any long work: may everything be written?
     if source.inputs:
@@ -395,28 +431,26 @@ def _written(kind: Export, source: ExportSource, progress: Progress) -> dict[str
         ensure_writable(out.with_name(f"{out.name}.zip"))
     source = source.as_read()
     made = kind.make(source, progress)
-    answer: dict[str, Any] = {
+    written, inputs = list[Path](), list[Path]()
+    if not made.refused:
+        progress(0.99, "writing")
+        if source.inputs:
+            write_folder(source.folder, source.inputs, DESIGN_FILE)
+            inputs = [source.folder / name for name in source.inputs]
+        if kind.mark:
+            write_folder(out, made.files, kind.mark)
+            written = [out / name for name in made.files]
+        else:
+            written = [write_bytes(out, made.files[""])]
+        written += [write_bytes(Path(name), data) for name, data in made.beside.items()]
+    return {
         "command": command_of(kind, source),
-        "written": [],
-        "inputs": [],
+        "written": [str(path) for path in written],
+        "inputs": [str(path) for path in inputs],
         "view": plain_blocks(made.view),
         "refused": made.refused,
-        "findings": list(made.findings),
+        "findings": [one.content for one in made.report.findings] if made.report else [],
     }
-    if made.refused:
-        return answer
-    progress(0.99, "writing")
-    if source.inputs:
-        write_folder(source.folder, source.inputs, DESIGN_FILE)
-        answer["inputs"] = [str(source.folder / name) for name in source.inputs]
-    if kind.mark:
-        write_folder(out, made.files, kind.mark)
-        answer["written"] = [str(out / name) for name in made.files]
-    else:
-        answer["written"] = [str(write_bytes(out, made.files[""]))]
-    for name, data in made.beside.items():
-        answer["written"] += [str(write_bytes(Path(name), data))]
-    return answer
 
 
 def _kind(name: object, given: Mapping[str, Any]) -> Export:
@@ -508,9 +542,8 @@ def _snapshot(ask: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
         date=str(given.get("date") or ""),
         reference=None if reference is None else mapping_at("reference", reference),
     )
-    with _foreign_files_named():
-        ensure_writable(path)
-        write_snapshot(mapping_at("state", ask.get("state")), path, options, progress)
+    ensure_writable(path)
+    write_snapshot(mapping_at("state", ask.get("state")), path, options, progress)
     command = _opens(path)
     return {"command": command, "written": [str(path)], "inputs": [], "view": [], "refused": ""}
 
@@ -527,11 +560,210 @@ def _opens(path: Path) -> str:
     return shlex.join(["vinefab", "studio", str(path)])
 
 
-@contextmanager
-def _foreign_files_named() -> Iterator[None]:
-    """Say of a file that is not vinefab's what the page can do about it: nothing is forced."""
+# --- Snapshots ----------------------------------------------------------------------------------
+
+_SCHEMA = "vinefab/snapshot-1"
+MOST_BYTES = 1 << 27
+_MOST_MAPS = 100
+_TEMPLATES = Path(__file__).parents[1] / "pages" / "templates"
+
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' data:; style-src 'unsafe-inline'; "
+    "img-src data: blob:"
+)
+"""The browser holds the file to it: whatever is in it, it can reach no network."""
+
+_CHARSET = '<meta charset="utf-8">'
+_HEAD = (
+    f'<meta name="generator" content="{GENERATOR}">\n<meta name="schema" content="{_SCHEMA}">\n'
+    f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
+)
+
+_LINK = re.compile(r'<link\b[^>]*href="([^"]*)">')
+_STORED = re.compile(r'<script type="application/json" id="stored">(.*?)</script>', re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SnapshotOptions:
+    """Further content of a snapshot."""
+
+    family: bool = False  # compute the many maps too
+    file: str = ""  # what the page calls the design's file; empty: the design's name
+    date: str = ""  # what the page says of its day; nothing is said if empty
+    reference: Mapping[str, Any] | None = None  # content of a design to compare with
+
+
+def write_snapshot(
+    state: Mapping[str, Any],
+    path: Path,
+    options: SnapshotOptions | None = None,
+    progress: Progress | None = None,
+    *,
+    force: bool = False,
+) -> Path:
+    """Compute the answers of the panels to a state, and write all as one HTML file.
+
+    Parameters
+    ----------
+    state
+        What is open, as the page sends it (`StudioState.of`).
+    force
+        Overwrite a file that vinefab did not write.
+
+    Raises
+    ------
+    VinefabError
+        If something in the state cannot be used, or the file cannot be written.
+    """
+    options, progress = options or SnapshotOptions(), progress or _silent
+    progress(0.0, "loading the simulator")
+    load_kernel()  # what has to wait for it on the page is in the file
+    panels = ("live", "cut", "rules", *(("family",) if options.family else ()))
+    answers = {}
+    for number, panel in enumerate(panels):
+        progress(0.1 + 0.5 * number / len(panels), panel)
+        answers[panel] = answer_of(panel, state, {}, _silent)
+    if options.reference is not None:
+        progress(0.6, "the version before")
+        before = {**state, "design": options.reference}
+        found = {panel: answer_of(panel, before, {"ground": False}, _silent) for panel in panels}
+        answers["reference"] = {"design": options.reference, "answers": found}
+    return write_bytes(path, snapshot_html(state, answers, options), force=force)
+
+
+def snapshot_html(
+    state: Mapping[str, Any], answers: Mapping[str, Any], options: SnapshotOptions | None = None
+) -> bytes:
+    """Return a state with the answers of its panels as one HTML file."""
+    options = options or SnapshotOptions()
+    portable: dict[str, Any] = json.loads(json.dumps(state, allow_nan=False))
+    # Its files are called by their names alone: paths are private.
+    if "file" in (shown := map_source(portable)):
+        shown["file"] = Path(str(shown["file"])).name
+    family = portable.get("family")
+    if isinstance(family, dict) and family.get("files"):
+        family["files"] = [Path(str(name)).name for name in family["files"]]
+    if portable.get("recipe"):
+        portable["recipe"] = Path(str(portable["recipe"])).name
+    named = "" if options.file.lower().endswith(".html") else Path(options.file).name
+    hello = {
+        "version": __version__,
+        "folder": "",
+        "state": portable,
+        "form": design_form(),
+        "growth_form": growth_form(),
+        "legend": legend_rows(),
+        "file": {"path": named or portable["design"]["name"], "writable": False},
+    }
+    source = map_source(state)  # of the map that the state's edits are made to
+    stored = {
+        "schema": _SCHEMA,
+        "date": options.date,
+        "hello": hello,
+        "map": map_text(world_of({"source": source})) if "file" in source else None,
+        "answers": answers,
+    }
+
+    def style(link: re.Match[str]) -> str:  # as it stands in its file; an icon stays as it is
+        if not link[1].endswith(".css"):
+            return link[0]
+        name = link[1].rpartition("/")[2]
+        folder = _TEMPLATES if name == "plan.css" else PAGE_FOLDER
+        text = (folder / name).read_text(encoding="utf-8").replace("</", "<\\/")
+        return f"<style>\n{text}</style>"
+
+    page = (PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
+    page = _LINK.sub(style, page.replace(_CHARSET, f"{_CHARSET}\n{_HEAD}", 1))
+    # In a script that is none; no reader finds an end or a comment in it.
+    text = json.dumps(stored, allow_nan=False, default=plain, separators=(",", ":"))
+    text = text.replace("<", "\\u003c")
+    imports = {
+        f"studio/{module.name}": "data:text/javascript;base64,"
+        + base64.b64encode(module.read_bytes()).decode()
+        for module in sorted(PAGE_FOLDER.glob("*.js"))
+    }
+    scripts = (
+        f'<script type="application/json" id="stored">{text}</script>\n'
+        f'<script type="importmap">{json.dumps({"imports": imports})}</script>\n'
+        '<script type="module">import "studio/app.js";</script>'
+    )
+    return page.replace(MODULES, scripts, 1).encode()
+
+
+def stored_state(path: Path) -> dict[str, Any]:
+    """Return the state in a snapshot.
+
+    A map that came from a file is written next to the snapshot, as ``NAME.map.geojson``, because
+    the file that it came from may be on another computer. Maps of a family that came from files
+    are not in a snapshot: the usual family takes their place.
+
+    Raises
+    ------
+    VinefabError
+        If the file is not a snapshot, or something in its state cannot be used here.
+    """
+    script = _STORED.search(read_text(path, MOST_BYTES))
+    if script is None:
+        raise UnreadableFileError(path, "is not a snapshot of the studio")
     try:
-        yield
-    except ForeignFileError as error:
-        problem = f"it {error.problem}; choose another name"
-        raise CannotWriteError(error.path, problem) from error
+        stored = json.loads(script[1])
+    except (ValueError, RecursionError) as error:
+        raise UnreadableFileError(path, f"its state is not JSON: {error}") from error
+    schema = stored.get("schema") if isinstance(stored, dict) else None
+    if schema != _SCHEMA:
+        raise BadInputError("schema", schema, _SCHEMA, path)
+    hello = stored.get("hello")
+    state = hello.get("state") if isinstance(hello, dict) else None
+    if not isinstance(state, dict):
+        raise BadInputError("state", state, "names with values", path)
+    source = map_source(state)
+    if "file" in source and not isinstance(stored.get("map"), str):
+        raise BadInputError("map", stored.get("map"), "the text of a map file", path)
+    try:
+        check_plain(state, finite=False)
+        if isinstance(state.get("family"), dict):
+            state["family"].pop("files", None)
+        if (recipe := state.get("recipe")) and not is_name(recipe):
+            # It lies next to the snapshot, or where the command was started.
+            folders = (path.parent, Path.cwd())
+            found = [path_inside("recipe", recipe, folders, path, base) for base in folders]
+            state["recipe"] = str(next((file for file in found if file.is_file()), found[0]))
+        if "file" not in source:
+            StudioState.of(state)
+            return state
+        with TemporaryDirectory() as folder:
+            source["file"] = str(Path(folder) / "map.geojson")
+            Path(source["file"]).write_text(stored["map"], encoding="utf-8")
+            try:  # as it is written, once it has shown that it can be read
+                text = map_text(Map.read(source["file"]))
+            except BadInputError as error:
+                raise BadInputError(f"map.{error.key}", error.value, error.allowed, path) from error
+            except UnreadableFileError as error:
+                raise UnreadableFileError(path, f"its map {error.problem}") from error
+            StudioState.of(state)  # before anything is written
+    except (BadInputError, UnknownNameError) as error:  # the snapshot is named, not the page
+        raise (error.at(path) if error.source in {None, PAGE} else error) from error
+    source["file"] = str(_map_beside(path, text))
+    return state
+
+
+def _map_beside(path: Path, text: str) -> Path:
+    """Write the map of a snapshot next to it; a file with another content stays."""
+    for number in range(1, _MOST_MAPS):
+        file = path.with_name(f"{path.stem}.map{'' if number == 1 else f'-{number}'}.geojson")
+        if not file.exists():
+            return write_text(file, text)
+        if read_bytes(file, MOST_BYTES) == marked(text.encode()):
+            return file
+    raise CannotWriteError(file, "too many maps of this snapshot lie next to it")
+
+
+def map_source(state: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the source of a state's map; empty if none is open."""
+    world = state.get("map")
+    source = world.get("source") if isinstance(world, dict) else None
+    return source if isinstance(source, dict) else {}
+
+
+def _silent(_share: float, _text: str) -> None:
+    """Report no progress."""

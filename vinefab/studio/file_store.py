@@ -66,68 +66,13 @@ def autosave_folder() -> Path:
     return user_root() / "studio"
 
 
-def keep_autosave(key: object, state: Mapping[str, Any], file: object) -> Path:
-    """Keep the state of a tab; of too many autosaves the oldest are removed.
-
-    Parameters
-    ----------
-    key
-        The tab's own: 6 to 40 small letters and digits.
-    file
-        What the page knows of the file that is open.
-    """
-    path = _path(key)
-    content = {"kept_at": datetime.now(UTC).isoformat("T", "seconds"), "state": state, "file": file}
-    text = json_text(AUTOSAVE_SCHEMA, content)
-    if len(text) > LARGEST_AUTOSAVE_BYTES:
-        allowed = f"at most {LARGEST_AUTOSAVE_BYTES} bytes for the recovery file"
-        raise BadInputError("state", counted(len(text), "byte"), allowed, PAGE)
-    write_bytes(path, text.encode(), force=True, private=True)
-    for old in _files()[MOST_AUTOSAVES:]:
-        old.unlink(missing_ok=True)
-    return path
-
-
-def drop_autosave(key: object) -> None:
-    """Remove the autosave of a tab."""
-    _path(key).unlink(missing_ok=True)
-
-
-def read_autosave(key: object) -> dict[str, Any]:
-    """Return the autosave of a tab: ``key``, ``kept_at``, ``state`` and ``file``."""
-    path = _path(key)
-    try:
-        content = json.loads(read_text(path, 2 * LARGEST_AUTOSAVE_BYTES))
-    except (ValueError, RecursionError) as error:
-        raise UnreadableFileError(path, f"is not JSON: {error}") from error
-    if not isinstance(content, dict) or content.get("schema") != AUTOSAVE_SCHEMA:
-        raise UnreadableFileError(path, f"is not a recovery file ({AUTOSAVE_SCHEMA})")
-    with located(path):
-        check_plain(content)
-    kept = {name: content.get(name) for name in ("kept_at", "state", "file")}
-    return {"key": key, **kept}
-
-
-def list_autosaves() -> list[dict[str, Any]]:
-    """Return the autosaves, the newest first, each with its design; broken files are left out."""
-    found = []
-    for path in _files()[:MOST_AUTOSAVES]:
-        with suppress(UnreadableFileError, BadInputError):
-            kept = read_autosave(path.stem.removeprefix("recovery-"))
-            state = kept.pop("state")
-            design = state.get("design") if isinstance(state, dict) else None
-            name = design.get("name") if isinstance(design, dict) else None
-            found.append({**kept, "name": name, "design": design})
-    return found
-
-
-def _path(key: object) -> Path:
+def _autosave(key: object) -> Path:
     if not isinstance(key, str) or not _KEY.fullmatch(key):
         raise BadInputError("key", key, "6 to 40 small letters and digits", PAGE)
     return autosave_folder() / f"recovery-{key}.json"
 
 
-def _files() -> list[Path]:
+def _autosaves() -> list[Path]:
     """Return the recovery files, the newest first."""
     times = []
     for path in autosave_folder().glob("recovery-*.json"):
@@ -320,33 +265,59 @@ class FileStore:
         stamp = sha256_of(text.encode())
         self._watch(path, "design", stamp)
         if ask.get("autosave"):
-            drop_autosave(ask["autosave"])
+            self.drop_autosave({"key": ask["autosave"]})
         answer = {"saved": True, "path": self.shown(path), "stamp": stamp, "text": text}
         return {**answer, "writable": True, "note": note}
 
     def keep_autosave(self, ask: Mapping[str, Any]) -> dict[str, Any]:
-        """Keep unsaved work: ``key`` of the tab, its ``state`` and ``file``.
+        """Keep unsaved work: ``key`` of the tab, its ``state`` and ``file``; the oldest goes.
 
         ``instead`` is the key of a closed tab whose work this one took over: removed once the
         new copy stands, so that no reload between the two loses the work or offers it twice.
         """
-        state = mapping_at("state", ask.get("state"))
-        kept = keep_autosave(ask.get("key"), state, ask.get("file"))
+        path, state = _autosave(ask.get("key")), mapping_at("state", ask.get("state"))
+        kept_at = datetime.now(UTC).isoformat("T", "seconds")
+        content = {"kept_at": kept_at, "state": state, "file": ask.get("file")}
+        text = json_text(AUTOSAVE_SCHEMA, content)
+        if len(text) > LARGEST_AUTOSAVE_BYTES:
+            allowed = f"at most {LARGEST_AUTOSAVE_BYTES} bytes for the recovery file"
+            raise BadInputError("state", counted(len(text), "byte"), allowed, PAGE)
+        write_bytes(path, text.encode(), force=True, private=True)
+        for old in _autosaves()[MOST_AUTOSAVES:]:
+            old.unlink(missing_ok=True)
         if ask.get("instead") not in (None, ask.get("key")):
-            drop_autosave(ask["instead"])
-        return {"kept": str(kept)}
+            self.drop_autosave({"key": ask["instead"]})
+        return {"kept": str(path)}
 
     def autosaves(self, _: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the autosaves, the newest first."""
-        return {"autosaves": list_autosaves()}
+        """Return the autosaves, the newest first, each with its design; no broken ones."""
+        found = []
+        for path in _autosaves()[:MOST_AUTOSAVES]:
+            with suppress(UnreadableFileError, BadInputError):
+                kept = self.open_autosave({"key": path.stem.removeprefix("recovery-")})
+                state = kept.pop("state")
+                design = state.get("design") if isinstance(state, dict) else None
+                name = design.get("name") if isinstance(design, dict) else None
+                found.append({**kept, "name": name, "design": design})
+        return {"autosaves": found}
 
     def open_autosave(self, ask: Mapping[str, Any]) -> dict[str, Any]:
-        """Return unsaved work with its state."""
-        return read_autosave(ask.get("key"))
+        """Return unsaved work: ``key``, ``kept_at``, ``state`` and ``file``."""
+        path = _autosave(ask.get("key"))
+        try:
+            content = json.loads(read_text(path, 2 * LARGEST_AUTOSAVE_BYTES))
+        except (ValueError, RecursionError) as error:
+            raise UnreadableFileError(path, f"is not JSON: {error}") from error
+        if not isinstance(content, dict) or content.get("schema") != AUTOSAVE_SCHEMA:
+            raise UnreadableFileError(path, f"is not a recovery file ({AUTOSAVE_SCHEMA})")
+        with located(path):
+            check_plain(content)
+        kept = {name: content.get(name) for name in ("kept_at", "state", "file")}
+        return {"key": ask["key"], **kept}
 
     def drop_autosave(self, ask: Mapping[str, Any]) -> dict[str, Any]:
         """Remove unsaved work."""
-        drop_autosave(ask.get("key"))
+        _autosave(ask.get("key")).unlink(missing_ok=True)
         return {}
 
     def check_paths(self, state: Mapping[str, Any]) -> None:

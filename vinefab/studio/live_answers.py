@@ -37,7 +37,6 @@ from vinefab.pages.plan_svg import (
     targets_svg,
     view_box,
 )
-from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import History, places_text, stayed_text, wedged, without_room
 from vinefab.prediction.measures import worst_pressures_of
 from vinefab.studio.executors import Progress
@@ -199,7 +198,6 @@ def live_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict
         "ground_key": key,
         "ground_svg": ground_svg(state.world) if wanted else None,
         "view_box": view_box(state.world.bounds.bounds, 0.03 * max(state.world.size_mm)),
-        "map_size_mm": list(state.world.size_mm),
         "targets": [target.content for target in state.world.targets],
         "targets_svg": targets_svg(state.world.targets),
         "obstacle": chosen,
@@ -234,6 +232,12 @@ def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, An
             "targets_tone": found.tone,
         }
     widths_mm = state.design.build.widths_mm
+    lost = without_room(state.design, deployment, state.growth)
+    unknown = [
+        f"level {number}: grown at its designed angles; no table gives its deployed angles"
+        for number, level in enumerate(state.grown_now.levels, start=2)
+        if state.design.build.compensation == "none" and not isinstance(level, UnevenLevel)
+    ]
     needed_kpa = float(worst_pressures_of([deployment], state.design)[0, 0])
     answer |= {
         "robot_svg": robot_svg(deployment, state.growth.drawn_widths_mm(widths_mm)),
@@ -245,9 +249,13 @@ def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, An
             "planned_mm": deployment.tree.total_length_mm,
             "text": _grown_text(deployment),
             "pressure_needed_kpa": None if math.isnan(needed_kpa) else needed_kpa,
-            "inflated_mm": [2.0 * inflated_radius_mm(width_mm) for width_mm in widths_mm],
         },
-        "problems": _troubles(state, deployment),
+        "problems": [
+            *unknown,
+            *stayed_text([bool(deployment.deployed[0])], state.design, state.growth),
+            *places_text("no room for the body of", lost),
+            *places_text("stuck in a corner", wedged(state.design, deployment, state.growth)),
+        ],
     }
     return answer | (_scores(deployment, prepared_map(state)) if with_scores else {})
 
@@ -321,22 +329,6 @@ def _grown_text(deployment: Deployment) -> str:
     return f"{text}; missing: {', '.join(parts)}" if parts else text
 
 
-def _troubles(state: StudioState, deployment: Deployment) -> list[str]:
-    """Return the problems of the growth, as `vinefab grow` says them."""
-    lost = without_room(state.design, deployment, state.growth)
-    unknown = [
-        f"level {number}: grown at its designed angles; no table gives its deployed angles"
-        for number, level in enumerate(state.grown_now.levels, start=2)
-        if state.design.build.compensation == "none" and not isinstance(level, UnevenLevel)
-    ]
-    return [
-        *unknown,
-        *stayed_text([bool(deployment.deployed[0])], state.design, state.growth),
-        *places_text("no room for the body of", lost),
-        *places_text("stuck in a corner", wedged(state.design, deployment, state.growth)),
-    ]
-
-
 @cache
 def _task(name: str) -> Task:
     return make_task(name, {})
@@ -346,7 +338,7 @@ LEAST_MM = 1.0
 """Branches are dragged no shorter than this."""
 
 
-def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
+def tip_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict[str, Any]:
     """Return the values of a level for which the tip of a branch lies where it is dragged to.
 
     The length follows the tip along its last stretch, the fan turns with the part across it; where
@@ -367,7 +359,7 @@ def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     to_mm = [number("to", value, -LARGEST_MM, LARGEST_MM, "mm") for value in ask.get("to", ())]
     if len(to_mm) != 2:
         raise BadInputError("to", ask.get("to"), "a point [x, y], mm", PAGE)
-    deployment, _ = deployed_robot(state)
+    deployment = deployed_robot(state)[0]
     ids = deployment.tree.ids
     if ask.get("branch") not in ids:
         raise BadInputError("branch", ask.get("branch"), "the id of a branch", PAGE)

@@ -11,7 +11,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.view import plain_blocks
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.rules.pressure_rules import SENSITIVITY, degrees_text
-from vinefab.inflation.pattern import Pattern, PatternJoint, pattern_of
+from vinefab.inflation.pattern import Pattern, pattern_of
 from vinefab.inflation.robot import with_short_tail
 from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.laser import LaserProfile
@@ -38,8 +38,8 @@ def cut_answer(state: StudioState, _ask: Mapping[str, Any], _progress: Progress)
     notes = cut_notes(pattern, state.profile)
     try:
         contour = body_outline(pattern.flat).contour
-    except BadInputError as error:  # a tree that no sheet could hold
-        return {"cut": notes, "outline_svg": "", "outline_box": None, "outline_problem": str(error)}
+    except BadInputError:  # a tree that no sheet could hold: the rules say so
+        return {"cut": notes, "outline_svg": "", "outline_box": None}
     return {
         "cut": notes, "outline_svg": outline_svg(contour), "outline_box": list(contour.box_mm)
     }  # fmt: skip
@@ -51,31 +51,28 @@ def cut_notes(pattern: Pattern, profile: LaserProfile) -> dict[str, dict[str, st
     Kinds are ``known``, ``sensitive`` (errors are multiplied), ``bad`` (nothing deploys so), and
     ``pending`` (a simulation will tell).
     """
-    notes = {}
-    for place, joint in enumerate(pattern.joints):
-        if any(joint.wanted_deg) or joint.problem:
-            compensated = pattern.design.build.compensation != "none"
-            note = _note(joint, compensated=compensated)
-            if note[0] == "bad" and joint.found is None:
-                kind, text, about = note
-                note = kind, f"{text}{_nearest(pattern.design, profile, place)}", about
-            notes[f"level.{place}.angle_deg"] = dict(
-                zip(("kind", "text", "about"), note, strict=True)
-            )
-    return notes
+    return {
+        f"level.{place}.angle_deg": _note(pattern, profile, place)
+        for place, joint in enumerate(pattern.joints)
+        if any(joint.wanted_deg) or joint.problem
+    }
 
 
-def _note(joint: PatternJoint, *, compensated: bool) -> tuple[str, str, str]:
-    """Return kind, text and details of the note on one level."""
+def _note(pattern: Pattern, profile: LaserProfile, place: int) -> dict[str, str]:
+    joint, is_compensated = pattern.joints[place], pattern.design.build.compensation != "none"
     if not joint.is_known:
         why = "This joint is not in the table: it is simulated once the design rests."
-        return "pending", "simulated when you pause", why
-    why = joint.problem.partition(": ")[2]
-    if joint.problem or (found := joint.found) is None:
-        nearest = "" if joint.found is None else f": nearest {_fan(joint.found.deployed_deg)}°"
-        return "bad", f"✕ not possible{nearest}", f"{why or 'siblings pass through each other'}."
-    shown = found.flat.angles_deg if compensated else found.deployed_deg
-    how = "cut" if compensated else "deploys at"
+        return {"kind": "pending", "text": "simulated when you pause", "about": why}
+    found = joint.found
+    if joint.problem or found is None:
+        why = joint.problem.partition(": ")[2] or "siblings pass through each other"
+        if found is None:
+            nearest = _nearest(pattern.design, profile, place)
+        else:
+            nearest = f": nearest {_fan(found.deployed_deg)}°"
+        return {"kind": "bad", "text": f"✕ not possible{nearest}", "about": f"{why}."}
+    shown = found.flat.angles_deg if is_compensated else found.deployed_deg
+    how = "cut" if is_compensated else "deploys at"
     kind = "sensitive" if found.sensitivity > SENSITIVITY.limits["warning"] else "known"
     text = f"{how} {_fan(shown)}°, x{found.sensitivity:.1f} sensitive"
     source = "from the table" if found.source == "table" else "simulated joint"
@@ -84,7 +81,7 @@ def _note(joint: PatternJoint, *, compensated: bool) -> tuple[str, str, str]:
         f"{degrees_text(found.deployed_deg)}° ({source}, good for {found.within_deg:.1f}°; "
         f"unverified). 1° of error in the flat angles becomes {found.sensitivity:.1f}°."
     )
-    return kind, text, about
+    return {"kind": kind, "text": text, "about": about}
 
 
 def _nearest(design: Design, profile: LaserProfile, place: int) -> str:

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,8 +28,6 @@ RUN_FILE, START_FILE, SHOWN_MAP_FILE = "run.toml", "start.toml", "map.geojson"
 
 _LEVEL = {key.field: key for key in declared_keys(Level) if key.field in LIMITS}
 """Variables of a level, by their names in a space."""
-
-MOST_FILES = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +90,11 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
     environment = state.world.environment if state.world else ""
     costs = {name: f"little {name.replace('_', ' ')}" for name in COSTS}
     costs["branches"] = "few branches"
+    build = state.design.build  # some of what it has, a search leaves out
+    left = [name for name, given in (("taper", build.taper), ("collar", build.collar)) if given]
+    notes = [f"{' and '.join(left)}: not in a search; what it finds has none"] if left else []
+    if state.design.limits:
+        notes.append("the design's own limits of rules: a search takes the recipe's")
     return {
         "values": [value.plain() for value in design_values(state.design, state.locks)],
         "levels": [depth, depth],
@@ -100,7 +103,7 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
             label_of(key).lower(): [getattr(deeper, name).low, getattr(deeper, name).high, key.unit]
             for name, key in _LEVEL.items()
         },
-        "notes": list(_notes(state)),
+        "notes": notes,
         "tasks": list(TASKS),
         "objectives": [
             *({"name": name, "kind": "cost", "words": words} for name, words in costs.items()),
@@ -127,18 +130,6 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
     }
 
 
-def _notes(state: StudioState) -> Sequence[str]:
-    """Return notes on properties of the page's design that a search leaves out."""
-    build = state.design.build
-    left = [name for name, given in (("taper", build.taper), ("collar", build.collar)) if given]
-    notes = []
-    if left:
-        notes.append(f"{' and '.join(left)}: not in a search; what it finds has none")
-    if state.design.limits:
-        notes.append("the design's own limits of rules: a search takes the recipe's")
-    return notes
-
-
 def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[str, str]:
     """Return the files of a search by their names: the run file, and its inputs.
 
@@ -152,7 +143,7 @@ def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[
         Where the files will be; the run is called after it.
     """
     given = {**run_proposal(state)["settings"], **ask}
-    objectives = _texts("objectives", given["objectives"])
+    objectives = texts_at("objectives", given["objectives"])
     files: dict[str, str] = {}
     content: dict[str, Any] = {"schema": "vinefab/run-1", "name": folder.name}
     content["maps"] = _maps(state, given["maps"], folder, files)
@@ -191,8 +182,6 @@ def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[
 
 
 _LIST = re.compile(r"\[\n((?: +[^\[\]\n]*,\n)+)\]")
-
-
 _BETWEEN = ",\n    "
 
 
@@ -211,7 +200,7 @@ def _maps(state: StudioState, given: object, folder: Path, files: dict[str, str]
             table["start"] = {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "heading_deg": heading_deg}
         return table
     if "files" in given:
-        names = _texts("maps.files", given["files"])
+        names = texts_at("maps.files", given["files"])
         return {"files": [os.path.relpath(name, folder) for name in names]}
     return {key: given[key] for key in ("environment", "count", "seed") if key in given}
 
@@ -250,10 +239,3 @@ def _tidy(given: object) -> object:
     if isinstance(given, list):
         return [_tidy(value) for value in given]
     return int(given) if isinstance(given, float) and given.is_integer() else given
-
-
-def _texts(key: str, given: object) -> list[str]:
-    texts = texts_at(key, given)
-    if len(texts) > MOST_FILES:
-        raise BadInputError(key, counted(len(texts), "text"), f"at most {MOST_FILES}", PAGE)
-    return texts

@@ -52,7 +52,7 @@ MOST_CURVE_POINTS, MOST_FRONT_POINTS = 240, 120
 MOST_FRONT_KEPT = 360
 """A front of three aims may hold most designs of a run: beyond this, some spread over it stay."""
 
-_SIMULATED = "simulated"
+_SIMULATED, _BREAKS = "simulated", "; it breaks fabrication rules or limits"
 
 
 @dataclass(slots=True)
@@ -61,7 +61,7 @@ class FollowedRecord:
 
     path: Path
     has_front: bool = True  # whether the front so far is wanted
-    settings: RunSettings | None = None  # None before there is a record
+    tail: RecordTail | None = None  # what was read last; None before there is a record
     generations: int = 0  # read so far
     evaluations: int = 0
     best: float = INVALID_FITNESS  # best fitness
@@ -69,19 +69,26 @@ class FollowedRecord:
     best_breaks: bool = False  # whether it has a penalty
     best_x: Floats = field(default_factory=lambda: np.empty(0))
     curve: list[tuple[int, float]] = field(default_factory=list)  # evaluations and best fitness
-    stopped: str = ""
-    winner_score: Score | None = None  # on fresh poses, once the run has ended
     front: "LiveFront | None" = None
+
+    @property
+    def settings(self) -> RunSettings | None:
+        """The settings of the run."""
+        return None if self.tail is None else self.tail.settings
+
+    @property
+    def stopped(self) -> str:
+        """Why the run stopped; empty before it has."""
+        return self.tail.stopped if self.tail else ""
 
     def look(self) -> None:
         """Read the new generations."""
         tail = RecordTail.read(self.path, self.generations)
         if tail is None:
             return
-        if self.settings is None and tail.settings.objectives and self.has_front:
+        if self.tail is None and tail.settings.objectives and self.has_front:
             self.front = LiveFront(tail.settings)
-        self.settings, self.stopped = tail.settings, tail.stopped
-        self.winner_score = tail.winner_score
+        self.tail = tail
         for generation in tail.generations:
             self.generations = generation.number + 1
             self.evaluations += len(generation.fitness)
@@ -186,7 +193,7 @@ def best_words(record: FollowedRecord) -> str:
     """Say where the best fitness so far comes from."""
     if record.best_at is None:
         return f"no valid design yet ({_SIMULATED})"
-    breaks = "; it breaks fabrication rules or limits" if record.best_breaks else ""
+    breaks = _BREAKS if record.best_breaks else ""
     where = f"generation {record.best_at[0] + 1}"
     return f"best fitness so far, of many tries: likely too good ({_SIMULATED}, {where}{breaks})"
 
@@ -197,21 +204,6 @@ def winner_words(score: Score) -> str:
         f"mean score of the winner on {counted(len(score.evaluations), 'fresh pose')} "
         f"({_SIMULATED})"
     )
-
-
-def _design_at(folder: Path, point: str) -> tuple[Design, str]:
-    """Return the design in a row of a generation, and a line on its fitness."""
-    wanted, _, row = point.partition(":")
-    tail = None
-    if wanted.isascii() and wanted.isdigit() and row.isascii() and row.isdigit():
-        tail = RecordTail.read(folder / RECORD_FILE, min(int(wanted), 2**62))
-    found = [] if tail is None else [g for g in tail.generations if g.number == int(wanted)]
-    if tail is None or not found or int(row) >= len(found[0].x):
-        raise BadInputError("point", point, "G:R, a row of a generation of the run", folder)
-    generation, place = found[0], int(row)
-    design = Space(tail.settings.space, tail.settings.build).design(generation.x[place])
-    words = f"fitness {generation.fitness[place]:.4f} in the search: likely too good ({_SIMULATED})"
-    return design.changed(name=f"{tail.settings.name}_{wanted}_{row}"[:100]), words
 
 
 _MOST_FRONT_BYTES = 1 << 24
@@ -421,8 +413,19 @@ class SearchManager:
             raise BadInputError("point", point, "best, G:R or a design of the front", PAGE)
         record = FollowedRecord(folder / RECORD_FILE, has_front=False)
         if ":" in point:
-            design, words = _design_at(folder, point)
-            content = design_content(design)
+            wanted, _, row = point.partition(":")
+            tail = None
+            if wanted.isascii() and wanted.isdigit() and row.isascii() and row.isdigit():
+                tail = RecordTail.read(folder / RECORD_FILE, min(int(wanted), 2**62))
+            found = [] if tail is None else [g for g in tail.generations if g.number == int(wanted)]
+            if tail is None or not found or int(row) >= len(found[0].x):
+                allowed = "G:R, a row of a generation of the run"
+                raise BadInputError("point", point, allowed, folder)
+            design = Space(tail.settings.space, tail.settings.build).design(found[0].x[int(row)])
+            name = f"{tail.settings.name}_{wanted}_{row}"[:100]
+            content = design_content(design.changed(name=name))
+            fitness = found[0].fitness[int(row)]
+            words = f"fitness {fitness:.4f} in the search: likely too good ({_SIMULATED})"
         elif point == "best":
             record.look()
             best = record.best_content()
@@ -544,36 +547,31 @@ class SearchManager:
             "state": state,
             "share": record.share,
             "generations": record.generations,
-            "most_generations": record.settings.search.generations if record.settings else None,
             "evaluations": record.evaluations,
             "task": record.settings.task.name if record.settings else None,
             "curve": record.curve_points(),
             "best": record.best_content(),
             "best_score": record.best if record.best_at is not None else None,
             "best_words": best_words(record),
-            "best_breaks": record.best_breaks,
             "front": record.front.plain() if record.front else None,
             "line": problem or _line(state, record, asked=running.was_asked_to_stop),
             "command": running.command,
         }
-        return event if state != "ended" else {**event, **self._outcome(running)}
-
-    def _outcome(self, running: RunningSearch) -> dict[str, Any]:
-        """Return the final values of an ended search's event."""
+        if state != "ended":
+            return event
         try:
-            result = RunArchive.read(running.record.path).result()
-            front = final_front(running.folder, running.record)
+            result = RunArchive.read(record.path).result()
+            front = final_front(running.folder, record)
         except VinefabError as error:
-            return {"line": str(error)}
+            return {**event, "line": str(error)}
         breaks = running.process.returncode == 1
-        rules = "; it breaks fabrication rules or limits" if breaks else ""
-        found = {
+        return {
+            **event,
             "best": design_content(result.best),
             "best_score": result.score.composite["mean"],
-            "best_words": f"{winner_words(result.score)}{rules}",
-            "best_breaks": breaks,
+            "best_words": f"{winner_words(result.score)}{_BREAKS if breaks else ''}",
+            **({"front": front} if front else {}),
         }
-        return {**found, "front": front} if front else found
 
     def _arguments(self, run_file: Path, folder: Path) -> list[str]:
         """Return the command as a user would type it in the folder of the server."""
@@ -660,9 +658,8 @@ class SearchManager:
             return {"folder": self._shown(path.parent), "state": "unfinished", "line": line}
         state = "running" if is_running else "ended" if record.stopped else "unfinished"
         score, words = record.best if record.best_at is not None else None, best_words(record)
-        if record.stopped and record.winner_score is not None:
-            score = record.winner_score.composite["mean"]
-            words = winner_words(record.winner_score)
+        if record.tail and record.stopped and (winner := record.tail.winner_score) is not None:
+            score, words = winner.composite["mean"], winner_words(winner)
         return {
             "folder": self._shown(path.parent),
             "state": state,

@@ -1,6 +1,5 @@
 """Answers of the sheet's panel: every rule with its findings, and the change that clears them."""
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
@@ -39,6 +38,11 @@ from vinefab.studio.executors import Progress
 from vinefab.studio.pattern_answers import cut_notes
 from vinefab.studio.state import PAGE, StudioState
 
+_SHOWN = (
+    "title", "severity", "message", "measured", "limit", "unit", "branches", "fingerprint", "waived"
+)  # fmt: skip
+"""Values of a finding as they stand in its content."""
+
 MOST_FINDINGS = 200
 """Most findings that are listed and marked, errors first; the others are counted."""
 
@@ -53,6 +57,13 @@ def rules_answer(state: StudioState, _: Mapping[str, Any], progress: Progress) -
         state.design, state.profile, deployed=deployed, corridors=corridors
     )
     progress(0.8, "sheet")
+    partition, job = subject.partition, subject.job
+    count = 1 if partition is None else len(partition.pieces)
+    words = counted(count, "piece")
+    if partition is not None and partition.unparted:
+        words = "1 piece: cannot be cut in pieces that lie flat"
+    elif partition is not None and count > 1:
+        words += ", no fewer possible" if partition.proven_least else ", fewer may be possible"
     pattern = subject.pattern
     if pattern is None:  # cut as it is: simulated where the table is silent
         pattern = pattern_of(state.design, state.profile, known_only=True)
@@ -61,7 +72,10 @@ def rules_answer(state: StudioState, _: Mapping[str, Any], progress: Progress) -
     return {
         **report_content(report),
         **_sheet_content(subject, report),
-        **_pieces_content(subject),
+        "pieces": count,
+        "pieces_words": words,
+        "sheets": (len(job.sheets) if job else 0) or 1,
+        "tiles": len(job.tiles) if job else 0,
         "gauge": _gauge_content(subject, state.profile),
         "bill": _bill_content(subject, state.profile),
         "deployed": [name for name, _ in deployed],
@@ -146,19 +160,11 @@ def _sheet_content(subject: Subject, report: CheckReport) -> dict[str, Any]:
         **drawing,
         "findings": [
             {
+                **{name: finding.content[name] for name in _SHOWN},
                 "rule": finding.rule,
-                "title": finding.title,
                 "reason": RULES[finding.rule].reason,
-                "severity": str(finding.severity),
-                "message": finding.message,
-                "measured": _finite(finding.measured),
-                "limit": _finite(finding.limit),
-                "unit": finding.unit,
-                "branches": list(finding.branches),
                 "at_mm": None if place.at_mm is None else list(place.at_mm),
                 "marker": place.marker,
-                "fingerprint": finding.fingerprint,
-                "waived": finding.waived,
                 "waiver_reason": finding.reason,
             }
             for finding, place in pairs
@@ -166,23 +172,6 @@ def _sheet_content(subject: Subject, report: CheckReport) -> dict[str, Any]:
         "signs": {str(severity): path for severity, path in SEVERITY_SIGNS.items()},
         "findings_left_out": len(report.findings) - len(findings),
     }
-
-
-def _finite(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else float(value)
-
-
-def _pieces_content(subject: Subject) -> dict[str, Any]:
-    """Return the numbers of pieces, sheets and tiles, and a text on the pieces."""
-    partition, job = subject.partition, subject.job
-    count = 1 if partition is None else len(partition.pieces)
-    words = counted(count, "piece")
-    if partition is not None and partition.unparted:
-        words = "1 piece: cannot be cut in pieces that lie flat"
-    elif partition is not None and count > 1:
-        words += ", no fewer possible" if partition.proven_least else ", fewer may be possible"
-    sheets, tiles = (len(job.sheets), len(job.tiles)) if job else (0, 0)
-    return {"pieces": count, "pieces_words": words, "sheets": sheets or 1, "tiles": tiles}
 
 
 # --- Pressure -----------------------------------------------------------------------------------
@@ -271,24 +260,14 @@ def fix_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -
     )
     progress(_SEARCH_SHARE, "scoring")
     content: dict[str, Any] = {
-        "nothing_to_fix": not proposal.before.blocking,
-        "failed": proposal.failed,
         "lines": [line.strip().removeprefix("fix: ") for line in proposal.lines()],
-        "in_the_way": list(proposal.in_the_way),
-        "changes": [
-            {name: getattr(change, name) for name in ("what", "before", "after", "unit", "text")}
-            for change in proposal.changes
-        ],
-        "cost": sum(change.cost for change in proposal.changes),
+        "changes": [change.text for change in proposal.changes],
         "design": None,
-        "report": None,
         "keep": sorted(keep),
         "keep_words": words,
         "scores": [],
         "scores_note": "",
     }
-    if proposal.after is not None:
-        content["report"] = report_content(replace(proposal.after, design=state.design.name))
     if proposal.design is None:
         return content
     # On the page it is the same design, changed: it keeps its name and its file.

@@ -19,6 +19,7 @@ from typing_extensions import Doc
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.limits import MOST_FIRST_SEED
+from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
 from vinefab.core.table import DeclaredKey, Table, declared_keys, inner_table, validated
 from vinefab.core.validation import LARGEST_MM, SMALLEST, number, whole
@@ -34,7 +35,7 @@ from vinefab.model.target import targets_given
 PAGE = "the page"
 """The source of a value of the page, in messages."""
 
-MOST_EDITS = 10_000
+MOST_EDITS, MOST_TEXTS = 10_000, 1000
 
 _Coordinate = Annotated[float, Ge(-LARGEST_MM), Le(LARGEST_MM), Unit("mm")]
 _Size = Annotated[float, Ge(SMALLEST), Le(LARGEST_MM), Unit("mm")]
@@ -50,6 +51,8 @@ def texts_at(key: str, value: object) -> list[str]:
     """Return a value of the page that must be a list of texts."""
     if not isinstance(value, list) or not all(isinstance(text, str) for text in value):
         raise BadInputError(key, value, "a list of texts", PAGE)
+    if len(value) > MOST_TEXTS:
+        raise BadInputError(key, counted(len(value), "text"), f"at most {MOST_TEXTS}", PAGE)
     return value
 
 
@@ -180,8 +183,22 @@ def _apply(edit: Any, obstacles: list[Polygon], frames: list[Frame | None], key:
     if not isinstance(edit, list) or len(edit) < 2:
         raise BadInputError(key, edit, allowed, PAGE)
     kind, rest = edit[0], edit[1:]
+
+    def coordinate(value: Any) -> float:  # noqa: ANN401  JSON
+        return number(key, value, -LARGEST_MM, LARGEST_MM, "mm")
+
     if kind == "add" and len(rest) == 1:
-        obstacles.append(_polygon(key, rest[0]))
+        points = rest[0]
+        if not isinstance(points, list) or not 3 <= len(points) <= 10_000:
+            raise BadInputError(key, points, "at least three points [x, y], mm", PAGE)
+        for point in points:
+            if not isinstance(point, list) or len(point) != 2:
+                raise BadInputError(key, point, "a point [x, y], mm", PAGE)
+        added = Polygon([[coordinate(value) for value in two] for two in points])
+        if not added.is_valid or added.is_empty:
+            reason = shapely.is_valid_reason(added)
+            raise BadInputError(key, reason, "a polygon that is valid", PAGE)
+        obstacles.append(added)
         frames.append(None)
         return
     if (kind, len(rest)) not in {("move", 3), ("place", 2), ("remove", 1)}:
@@ -190,7 +207,7 @@ def _apply(edit: Any, obstacles: list[Polygon], frames: list[Frame | None], key:
     if kind == "remove":
         del obstacles[index], frames[index]
     elif kind == "move":
-        dx_mm, dy_mm = (number(key, value, -LARGEST_MM, LARGEST_MM, "mm") for value in rest[1:])
+        dx_mm, dy_mm = map(coordinate, rest[1:])
         obstacles[index] = translate(obstacles[index], dx_mm, dy_mm)
         old = frames[index]
         frames[index] = None if old is None else old.moved(dx_mm, dy_mm)
@@ -201,20 +218,6 @@ def _apply(edit: Any, obstacles: list[Polygon], frames: list[Frame | None], key:
             raise BadInputError(f"{key}.{error.key}", error.value, error.allowed, PAGE) from error
         old = frames[index] or Frame.around(obstacles[index])
         obstacles[index], frames[index] = old.taken_to(frame, obstacles[index]), frame
-
-
-def _polygon(key: str, points: Any) -> Polygon:  # noqa: ANN401  JSON
-    if not isinstance(points, list) or not 3 <= len(points) <= 10_000:
-        raise BadInputError(key, points, "at least three points [x, y], mm", PAGE)
-    for point in points:
-        if not isinstance(point, list) or len(point) != 2:
-            raise BadInputError(key, point, "a point [x, y], mm", PAGE)
-    polygon = Polygon(
-        [[number(key, value, -LARGEST_MM, LARGEST_MM, "mm") for value in two] for two in points]
-    )
-    if not polygon.is_valid or polygon.is_empty:
-        raise BadInputError(key, shapely.is_valid_reason(polygon), "a polygon that is valid", PAGE)
-    return polygon
 
 
 def file_stamp(path: Path) -> str:
@@ -288,11 +291,19 @@ class StudioState:
         design = design_of(mapping_at("design", given.get("design")), PAGE)
         recipe = _text("recipe", given.get("recipe") or DEFAULT_RECIPE)
         shown = None if given.get("map") is None else mapping_at("map", given["map"])
+        pose = None
+        if given.get("pose") is not None:
+            place = mapping_at("pose", given["pose"])
+            try:
+                pose = Pose.of((place["x_mm"], place["y_mm"], place["heading_deg"]))
+            except KeyError as error:
+                allowed = "x_mm, y_mm and heading_deg"
+                raise BadInputError("pose", dict(place), allowed, PAGE) from error
         return cls(
             design=design,
             world=None if shown is None else world_of(shown),
             ground=None if shown is None else edited_map(shown),
-            pose=_pose(given.get("pose")),
+            pose=pose,
             profile=current_profile(recipe),
             recipe=recipe,
             task=_text("task", given.get("task") or "coverage"),
@@ -349,16 +360,6 @@ def current_profile(recipe: str) -> LaserProfile:
 @lru_cache(maxsize=16)
 def _profile(recipe: str, stamp: str) -> LaserProfile:  # noqa: ARG001  a changed file is read anew
     return read_profile(recipe)
-
-
-def _pose(content: Any) -> Pose | None:  # noqa: ANN401  JSON
-    if content is None:
-        return None
-    given = mapping_at("pose", content)
-    try:
-        return Pose.of((given["x_mm"], given["y_mm"], given["heading_deg"]))
-    except KeyError as error:
-        raise BadInputError("pose", dict(given), "x_mm, y_mm and heading_deg", PAGE) from error
 
 
 _UNITS = {"deg": "°"}

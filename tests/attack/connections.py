@@ -25,8 +25,7 @@ from websockets.sync.client import connect
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from tests.studio.conftest import RunningStudio, running_studio
-from vinefab.studio.request_guard import MOST_TABS
-from vinefab.studio.server import MOST_MESSAGE_BYTES
+from vinefab.studio.sessions import MOST_MESSAGE_BYTES, MOST_TABS
 
 DESCRIPTORS = 1024
 QUESTIONS = 20

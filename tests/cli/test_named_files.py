@@ -10,7 +10,7 @@ from PIL import Image
 
 from vinefab.model.design import Design, design_content
 from vinefab.model.files.shipped import locate
-from vinefab.studio.snapshot import snapshot_html
+from vinefab.studio.file_exports import snapshot_html
 
 SECRET = "TOPSECRET"  # noqa: S105  of nobody
 RUN_HEAD = 'schema = "vinefab/run-1"\n'

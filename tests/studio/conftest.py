@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,7 +16,9 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
+import vinefab as vf
 from vinefab.core.interruption import STOP_WITH_INPUT
+from vinefab.model.design import design_of
 
 FIRST_LINE_S = 60.0
 END_S = 10.0
@@ -137,22 +140,14 @@ def start_studio():
     return running_studio
 
 
-def chromium_path():
-    """Return where Debian's browser is; missing, skip, or fail where CI must have it."""
-    import shutil  # noqa: PLC0415
-
-    found = shutil.which("chromium") or shutil.which("chromium-browser")
-    if found is None and os.environ.get("CI") == "true":
-        pytest.fail("chromium is missing; install chromium")
-    if found is None:
-        pytest.skip("chromium is not installed (Debian package chromium)")
-    return found
-
-
 @pytest.fixture(scope="module")
 def browser():
     """One browser for a module; Playwright's loop must not outlive it."""
-    path = chromium_path()
+    path = shutil.which("chromium") or shutil.which("chromium-browser")
+    if path is None and os.environ.get("CI") == "true":
+        pytest.fail("chromium is missing; install chromium")
+    if path is None:
+        pytest.skip("chromium is not installed (Debian package chromium)")
     from playwright.sync_api import sync_playwright  # noqa: PLC0415  only where there is a browser
 
     with sync_playwright() as playwright:
@@ -164,6 +159,194 @@ def browser():
             yield opened
         finally:
             opened.close()
+
+
+TWIG = """# Two arms, to be dragged.
+schema = "vinefab/design-1"
+name = "twig"
+
+[trunk]
+length = 90.0              # up to the fork
+
+[[level]]
+branches = 2
+length = 70.0              # of both arms
+angle_deg = 100.0
+growth_percent = 100.0
+
+[build]
+widths_mm = [24.0, 14.0]
+fillet_mm = [4.0]
+tail_mm = 200.0
+pressure_kpa = 20.0
+"""
+
+PATIENCE_S = 120.0
+"""Tests wait for a state of page or server, not for a time: the cap is for busy computers."""
+
+
+class TabSession:
+    """A page, and what went wrong in it."""
+
+    def __init__(self, page):
+        self.page = page
+        page.set_default_timeout(1000 * PATIENCE_S)
+        self.problems = []
+        page.on("pageerror", lambda error: self.problems.append(str(error)))
+        page.on("console", self._heard)
+        page.on("dialog", lambda dialog: dialog.accept())
+        page.on("request", self._asked)
+        page.add_init_script(
+            "addEventListener('securitypolicyviolation', (event) =>"
+            " console.error('CSP', event.violatedDirective, event.blockedURI))"
+        )
+
+    def _heard(self, message):
+        if message.type in ("error", "warning"):
+            self.problems.append(message.text)
+
+    def _asked(self, request):
+        if not request.url.startswith(("http://127.0.0.1:", "data:", "blob:", "file:")):
+            self.problems.append(f"asks the network: {request.url}")
+
+    def open(self, address):
+        self.page.goto(address)
+        self.page.wait_for_selector("#scores .score")
+        return self
+
+    def box(self, selector):
+        box = None
+        while box is None:  # it is being drawn anew
+            box = self.page.locator(selector).first.bounding_box()
+        return box
+
+    def middle(self, selector):
+        box = self.box(selector)
+        return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def drag(self, start, by, steps=5, *, drop=True):
+        """Press at a point of the screen, move by some pixels, release."""
+        mouse = self.page.mouse
+        mouse.move(*start)
+        mouse.down()
+        mouse.move(start[0] + by[0], start[1] + by[1], steps=steps)
+        if drop:
+            mouse.up()
+
+    def state(self):
+        return self.page.evaluate("studio.store.get()")
+
+    def design(self):
+        return design_of(self.state()["design"], "the page")
+
+    def set(self, key, value):
+        """Type an exact number."""
+        number = self.page.locator(f'input[type=number][data-key="{key}"]')
+        number.fill(str(value))
+        number.press("Enter")
+        return number
+
+    def until(self, script, value=None):
+        """Wait until a function of the page gives true; Playwright's own wait needs `eval`."""
+        self.soon(True, lambda: bool(self.page.evaluate(script, value)), script)  # noqa: FBT003
+
+    def soon(self, wanted, found, about=""):
+        """Wait until something is so."""
+        end = time.monotonic() + PATIENCE_S
+        while (now := found()) != wanted:
+            line = self.page.text_content("#status")
+            assert time.monotonic() < end, (about, now, wanted, line, self.problems)
+            self.page.wait_for_timeout(20)
+
+    def rest(self):
+        """Wait until every panel has answered, so that nothing moves any more."""
+        self.until(
+            """() => document.querySelector("#sheet").ariaBusy === "false" && studio.answers.cut
+              && studio.answers.live.engine === "kernel" && studio.answers.width
+              && !document.querySelector(".width.stale:not([hidden]), .scores.stale")"""
+        )
+        self.painted()
+
+    def painted(self):
+        """Wait until what has been answered is drawn."""
+        self.page.evaluate(
+            "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+        )
+
+    def robot(self):
+        """Return the paths of the robot on the map, by branch."""
+        return self.page.evaluate(
+            """Object.fromEntries([...document.querySelectorAll(".robot-layer path[data-branch]")]
+              .map((path) => [path.dataset.branch, path.getAttribute("d")]))"""
+        )
+
+    def score(self, task="coverage"):
+        return float(self.page.inner_text(f'.score[data-task="{task}"] .value'))
+
+    def shown(self):
+        """Return the name of the open file, and what stands beside it."""
+        mark = self.page.text_content(".file-mark").removeprefix("● ")
+        return self.page.text_content(".file-name"), mark
+
+
+@pytest.fixture(scope="session")
+def studio(tmp_path_factory, start_studio):
+    """One server, in a folder with a design and a map of its own."""
+    folder = tmp_path_factory.mktemp("studio")
+    (folder / "twig.toml").write_text(TWIG)
+    vf.maps.grid(2, columns=3, rows=3, size_mm=300).write(folder / "grid.geojson")
+    with start_studio(folder, "twig.toml", "--map", "grid.geojson") as started:
+        yield started
+        assert "Traceback" not in started.said()
+
+
+@pytest.fixture
+def twig(studio):
+    """The file that the command names, as it was; nothing unsaved is left of other tests."""
+    shutil.rmtree(studio.folder / "profiles", ignore_errors=True)
+    path = studio.folder / "twig.toml"
+    path.write_text(TWIG)
+    return path
+
+
+FORGET = """async () => {
+  const {request} = globalThis.studio ?? {};
+  if (!request) return;
+  studio.request = async () => ({});
+  await request("autosaves").catch(() => {});
+}"""
+"""Let a tab keep no unsaved work any more: the next test would be offered it."""
+
+
+@pytest.fixture
+def open_tab(studio, twig, browser):  # noqa: ARG001  a fresh file
+    """Return a function that opens a tab, in a context of its own where none is given.
+
+    Problems in it fail the test.
+    """
+    contexts, tabs = [], []
+
+    def opened(address=None, context=None):
+        if context is None:
+            context = browser.new_context(
+                viewport={"width": 1280, "height": 900}, locale="de-DE", reduced_motion="reduce"
+            )
+            contexts.append(context)
+        tabs.append(TabSession(context.new_page()))
+        return tabs[-1].open(address or studio.address)
+
+    yield opened
+    for tab in tabs:
+        if not tab.page.is_closed():
+            tab.page.evaluate(FORGET)
+    for context in contexts:
+        context.close()
+    assert [problem for tab in tabs for problem in tab.problems] == []
+
+
+@pytest.fixture
+def tab(open_tab):
+    return open_tab()
 
 
 PAGE = Path(__file__).parent / "page"

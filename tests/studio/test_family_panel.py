@@ -8,7 +8,7 @@ import pytest
 from tests.studio.test_family_answers import heat_share
 from vinefab.model.design import Design, design_content
 from vinefab.studio.executors import answer_of
-from vinefab.studio.snapshot import snapshot_html
+from vinefab.studio.file_exports import snapshot_html
 
 STATE = {
     "design": design_content(Design.read("plain_vine")),

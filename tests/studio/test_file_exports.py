@@ -17,8 +17,8 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Design, design_content, design_text
 from vinefab.model.map import Pose, map_text
 from vinefab.studio.file_exports import EXPORTS, _world, export_answer
+from vinefab.studio.server import LaunchOptions, StudioWorkspace
 from vinefab.studio.state import StudioState
-from vinefab.studio.workspace import LaunchOptions, StudioWorkspace
 
 
 @pytest.fixture(autouse=True)

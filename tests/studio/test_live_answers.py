@@ -11,7 +11,15 @@ from vinefab.core.errors import BadInputError
 from vinefab.growth.batch import grow_on
 from vinefab.model.design import Build, Design, Level, design_content, design_of
 from vinefab.prediction.deploy import deploy
-from vinefab.studio.live_answers import front_answer, grown, live_answer, prepared_map, tip_answer
+from vinefab.studio import live_answers
+from vinefab.studio.live_answers import (
+    MOST_LIVE_INTERPRETED,
+    front_answer,
+    grown,
+    live_answer,
+    prepared_map,
+    tip_answer,
+)
 from vinefab.studio.state import Frame, StudioState
 
 SOURCE = {
@@ -107,33 +115,33 @@ def test_the_tip_follows(branch):
     # The trunk goes straight on, so its tip can only be pulled along it.
     by_mm = np.array([0.0, 12.0]) if branch == "0" else np.array([7.0, 9.0])
     to = tip_of(state, branch) + by_mm
-    after = pulled(state, tip_answer(state, {"branch": branch, "to": to.tolist()}))
+    after = pulled(state, tip_answer(state, {"branch": branch, "to": to.tolist()}, print))
     assert tip_of(after, branch) == pytest.approx(to, abs=1e-6)
 
 
 def test_the_middle_child_turns_nothing():
     state = state_of(design())
-    found = tip_answer(state, {"branch": "0.1", "to": [280.0, 260.0]})
+    found = tip_answer(state, {"branch": "0.1", "to": [280.0, 260.0]}, print)
     assert set(found["values"]) == {"length"}
 
 
 def test_locked_values_stay():
     state = state_of(design(), ["level.0.angle_deg"])
-    found = tip_answer(state, {"branch": "0.0", "to": [300.0, 200.0]})
+    found = tip_answer(state, {"branch": "0.0", "to": [300.0, 200.0]}, print)
     assert set(found["values"]) == {"length"}
 
 
 def test_a_tip_on_its_base_leaves_a_length():
     state = state_of(design())
     base = tip_of(state, "0").tolist()
-    found = tip_answer(state, {"branch": "0.0", "to": base})
+    found = tip_answer(state, {"branch": "0.0", "to": base}, print)
     assert found["values"]["length"] >= 1.0
 
 
 @pytest.mark.parametrize("ask", [{}, {"branch": "0.9", "to": [1, 2]}, {"branch": "0", "to": [1]}])
 def test_what_cannot_be_pulled_is_refused(ask):
     with pytest.raises(BadInputError):
-        tip_answer(state_of(design()), ask)
+        tip_answer(state_of(design()), ask, print)
 
 
 def test_the_live_answer_is_the_growth_of_the_library():
@@ -147,6 +155,16 @@ def test_the_live_answer_is_the_growth_of_the_library():
     again = live_answer(state, {"have": found["ground_key"]}, lambda *_: None)
     assert again["ground_svg"] is None
     assert again["robot_svg"] == found["robot_svg"]
+
+
+def test_interpreted_growth_is_bounded(monkeypatch):
+    monkeypatch.setattr(live_answers, "_ENGINE", ["interpreted"])
+    levels = tuple(Level(branches=many, length_mm=20.0, fan_rad=2.8) for many in (13, 13, 10))
+    many = Design(name="many", trunk_length_mm=80.0, levels=levels, build=Build.standard(4))
+    found = live_answer(state_of(many), {}, print)
+    assert found["robot_svg"] == ""
+    assert "compiled" in found["problems"][0]
+    assert found["facts"]["branches"] == 1 + 13 + 13**2 + 13**2 * 10 > MOST_LIVE_INTERPRETED
 
 
 DESIGN = Design.read("grid_explorer")

@@ -1,7 +1,7 @@
 """The studio's page in a real browser: what the hand does, and what the library says of it."""
 
+import json
 import re
-import shutil
 import time
 from dataclasses import replace
 
@@ -10,10 +10,11 @@ import pytest
 import shapely
 
 import vinefab as vf
+from tests.studio.conftest import PATIENCE_S, TWIG, TabSession
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.inflation.pattern import pattern_of
-from vinefab.model.design import design_of
+from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.run_context import ChosenRecipe
 from vinefab.pages.plan_svg import outline_svg, robot_svg
 from vinefab.studio.pattern_answers import cut_notes
@@ -22,152 +23,9 @@ from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.reach import touched_targets
 
-DESIGN = """# Two arms, to be dragged.
-schema = "vinefab/design-1"
-name = "twig"
-
-[trunk]
-length = 90.0              # up to the fork
-
-[[level]]
-branches = 2
-length = 70.0              # of both arms
-angle_deg = 100.0
-growth_percent = 100.0
-
-[build]
-widths_mm = [24.0, 14.0]
-fillet_mm = [4.0]
-tail_mm = 200.0
-pressure_kpa = 20.0
-"""
 LENGTH = "level.0.length"
 
 pytestmark = pytest.mark.filterwarnings("default::ResourceWarning")
-
-
-# --- The studio and its page --------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def studio(tmp_path_factory, start_studio):
-    """One server, in a folder with a design and a map of its own."""
-    folder = tmp_path_factory.mktemp("studio")
-    (folder / "twig.toml").write_text(DESIGN)
-    vf.maps.grid(2, columns=3, rows=3, size_mm=300).write(folder / "grid.geojson")
-    with start_studio(folder, "twig.toml", "--map", "grid.geojson") as started:
-        yield started
-        assert "Traceback" not in started.said()
-
-
-class TabSession:
-    """A page in a context of its own, and what went wrong in it."""
-
-    def __init__(self, page):
-        self.page = page
-        page.set_default_timeout(15_000)
-        self.problems = []
-        page.on("pageerror", lambda error: self.problems.append(str(error)))
-        page.on("console", self._heard)
-        page.on("dialog", lambda dialog: dialog.accept())
-        page.on("request", self._asked)
-        page.add_init_script(
-            "addEventListener('securitypolicyviolation', (event) =>"
-            " console.error('CSP', event.violatedDirective, event.blockedURI))"
-        )
-
-    def _heard(self, message):
-        if message.type in ("error", "warning"):
-            self.problems.append(message.text)
-
-    def _asked(self, request):
-        if not request.url.startswith(("http://127.0.0.1:", "data:", "blob:")):
-            self.problems.append(f"asks the network: {request.url}")
-
-    def open(self, address):
-        self.page.goto(address)
-        self.page.wait_for_selector("#scores .score")
-        return self
-
-    def box(self, selector):
-        box = None
-        while box is None:  # it is being drawn anew
-            box = self.page.locator(selector).first.bounding_box()
-        return box
-
-    def middle(self, selector):
-        box = self.box(selector)
-        return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-
-    def drag(self, start, by, steps=5, *, drop=True):
-        """Press at a point of the screen, move by some pixels, release."""
-        mouse = self.page.mouse
-        mouse.move(*start)
-        mouse.down()
-        mouse.move(start[0] + by[0], start[1] + by[1], steps=steps)
-        if drop:
-            mouse.up()
-
-    def state(self):
-        return self.page.evaluate("studio.store.get()")
-
-    def design(self):
-        return design_of(self.state()["design"], "the page")
-
-    def until(self, script, value=None, seconds=30.0):
-        """Wait until a function of the page gives true; Playwright's own wait needs `eval`."""
-        end = time.monotonic() + seconds
-        while not self.page.evaluate(script, value):
-            assert time.monotonic() < end, f"not within {seconds} s: {script}"
-            self.page.wait_for_timeout(20)
-
-    def settled(self, script, still_ms=400):
-        """Return a value of the page once it has stayed the same: answers follow a drag."""
-        before, value, end = None, self.page.evaluate(script), time.monotonic() + 20.0
-        while (value is None or value != before) and time.monotonic() < end:
-            self.page.wait_for_timeout(still_ms)
-            before, value = value, self.page.evaluate(script)
-        return value
-
-    def robot(self):
-        """Return the paths of the robot on the map, by branch."""
-        return self.page.evaluate(
-            """Object.fromEntries([...document.querySelectorAll(".robot-layer path[data-branch]")]
-              .map((path) => [path.dataset.branch, path.getAttribute("d")]))"""
-        )
-
-    def score(self, task="coverage"):
-        return self.page.inner_text(f'.score[data-task="{task}"] .value')
-
-    def outline(self):
-        return self.page.evaluate("studio.answers.cut?.outline_svg")
-
-
-@pytest.fixture
-def open_tab(studio, browser):
-    """Return a function that opens a tab in a context of its own; problems in it fail the test."""
-    (studio.folder / "twig.toml").write_text(DESIGN)
-    shutil.rmtree(studio.folder / "profiles", ignore_errors=True)  # unsaved work of other tests
-    contexts, tabs = [], []
-
-    def opened(address=None, width=1280, height=900):
-        context = browser.new_context(
-            viewport={"width": width, "height": height}, locale="de-DE", reduced_motion="reduce"
-        )
-        contexts.append(context)
-        tabs.append(TabSession(context.new_page()))
-        return tabs[-1].open(address or studio.address)
-
-    yield opened
-    for context in contexts:
-        context.close()
-    time.sleep(0.1)  # what a tab says when it is closed is kept
-    assert [problem for tab in tabs for problem in tab.problems] == []
-
-
-@pytest.fixture
-def tab(open_tab):
-    return open_tab()
 
 
 @pytest.fixture(scope="module")
@@ -196,20 +54,33 @@ def expected(design, world, pose=None):
     }
 
 
-def shows(tab, design, world, pose=None):
-    """Wait until the page shows what the library says, and compare all of it."""
-    wanted = expected(design, world, pose)
-    end = time.monotonic() + 30.0
-    score = pytest.approx(wanted["score"], abs=5.1e-4)
-    while time.monotonic() < end:
-        drawn = (tab.robot(), tab.outline()) == (wanted["robot"], wanted["outline"])
-        if drawn and float(tab.score()) == score:  # a moved obstacle may change the score alone
-            break
+def shows(tab, world, pose=None):
+    """Wait until the page shows what the library says of its design, and compare all of it."""
+    design, end = None, time.monotonic() + PATIENCE_S
+    while True:
+        if design != tab.design():
+            design = tab.design()
+            wanted = expected(design, world, pose)
+        score = pytest.approx(wanted["score"], abs=5.1e-4)
+        found = tab.robot(), tab.page.evaluate("studio.answers.cut?.outline_svg")
+        if found == (wanted["robot"], wanted["outline"]) and tab.score() == score:
+            return design
+        if time.monotonic() > end:
+            assert found == (wanted["robot"], wanted["outline"])
+            assert tab.score() == score
         tab.page.wait_for_timeout(20)
-    assert tab.robot() == wanted["robot"]
-    assert float(tab.score()) == score
-    assert tab.outline() == wanted["outline"]
-    return wanted
+
+
+LAST_EDIT = "studio.store.get().map.edits.at(-1)"
+
+
+def start_of(world):
+    pose = world.starts[0].pose
+    return pose.x_mm, pose.y_mm, pose.heading_deg
+
+
+def shown_pose(tab):
+    return list(tab.page.evaluate("studio.answers.live.pose").values())
 
 
 def pose_of(state):
@@ -220,35 +91,22 @@ def pose_of(state):
 # --- Cases ---------------------------------------------------------------------------------------
 
 
-def test_open_shows_robot_scores_and_sheet(tab, studio, grid):
-    shows(tab, vf.Design.read(studio.folder / "twig.toml"), grid)
+def test_values_of_the_design_change_robot_score_and_sheet(tab, grid):
+    assert shows(tab, grid).name == "twig"
     assert tab.page.locator("#scores .score").count() == 3
     assert "simulated" in tab.page.inner_text("#scores")
     tab.page.wait_for_selector("#verdict:has-text('manufacturable')")
     assert tab.page.locator("#sheet-drawing path").count() >= 5
     assert tab.page.inner_text(".file-name") == "twig"
-
-
-def test_a_slider_changes_growth_score_and_outline(tab, grid):
     before = tab.robot()
     tab.drag(tab.middle(f'input[type=range][data-key="{LENGTH}"]'), (18, 0))
-    design = tab.design()
-    length_mm = float(tab.page.input_value(f'input[type=number][data-key="{LENGTH}"]'))
-    assert length_mm != 70.0
-    assert design.levels[0].length_mm == length_mm
-    shows(tab, design, grid)
+    number = tab.page.locator(f'input[type=number][data-key="{LENGTH}"]')
+    assert 70.0 != float(number.input_value()) == shows(tab, grid).levels[0].length_mm
     assert tab.robot() != before
     assert tab.page.inner_text(".file-mark") == "● unsaved"
-
-
-def test_an_exact_number_and_a_lock(tab, grid):
-    number = tab.page.locator(f'input[type=number][data-key="{LENGTH}"]')
-    number.fill("83.25")
-    number.press("Enter")
-    shows(tab, tab.design(), grid)
-    assert tab.design().levels[0].length_mm == 83.25
-    number.fill("-3")
-    number.press("Enter")
+    tab.set(LENGTH, 83.25)
+    assert shows(tab, grid).levels[0].length_mm == 83.25
+    tab.set(LENGTH, -3)
     assert tab.design().levels[0].length_mm == 83.25
     assert "0.000001 to 10000000 mm" in tab.page.inner_text("#status")
     tab.page.get_by_label("Lock Level 2 Length").click()
@@ -256,26 +114,7 @@ def test_an_exact_number_and_a_lock(tab, grid):
     assert tab.state()["locks"] == [LENGTH]
 
 
-def test_the_start_and_its_heading_are_dragged(tab, grid):
-    tab.drag(tab.middle(".pose-layer .base"), (25, -30))
-    pose = pose_of(tab.state())
-    start = grid.starts[0].pose
-    assert pose[0] > start.x_mm
-    assert pose[1] > start.y_mm
-    shows(tab, tab.design(), grid, pose)
-    tab.drag(tab.middle(".pose-layer .heading"), (40, 10))
-    turned = pose_of(tab.state())
-    assert turned[:2] == pose[:2]
-    assert turned[2] < pose[2] - 5.0
-    shows(tab, tab.design(), grid, turned)
-    tab.page.wait_for_function(  # the number follows with the next painted frame
-        "deg => Math.abs(Number(document.querySelector('#pose-heading_deg').value) - deg) < 0.01",
-        arg=turned[2],
-        timeout=5000,
-    )
-
-
-def test_the_plan_keeps_its_size_while_it_is_dragged_and_let_go(tab):
+def test_the_start_and_its_heading_are_dragged_and_the_plan_keeps_its_size(tab, grid):
     height = "document.querySelector('#map .canvas').clientHeight"
     x, y = tab.middle(".pose-layer .base")
     tab.page.mouse.move(x, y)
@@ -285,10 +124,29 @@ def test_the_plan_keeps_its_size_while_it_is_dragged_and_let_go(tab):
     tab.page.get_by_text("outside the bounds").first.wait_for()  # a line more below the map
     assert tab.page.evaluate(height) == before
     tab.page.mouse.up()
-    tab.page.wait_for_timeout(300)
+    tab.painted()
     assert tab.page.evaluate(height) == before, "no jump under the hand"
     tab.page.keyboard.press("ArrowUp")  # a change by key lets it take what room there is
-    tab.page.wait_for_function(f"before => {height} !== before", arg=before, timeout=5000)
+    tab.until(f"(before) => {height} !== before", before)
+    for _ in range(2):
+        tab.page.keyboard.press("Control+z")
+
+    tab.soon(list(start_of(grid)), lambda: shown_pose(tab))
+    tab.drag(tab.middle(".pose-layer .base"), (25, -30))
+    pose = pose_of(tab.state())
+    start = grid.starts[0].pose
+    assert pose[0] > start.x_mm
+    assert pose[1] > start.y_mm
+    shows(tab, grid, pose)
+    tab.drag(tab.middle(".pose-layer .heading"), (40, 10))
+    turned = pose_of(tab.state())
+    assert turned[:2] == pose[:2]
+    assert turned[2] < pose[2] - 5.0
+    shows(tab, grid, turned)
+    tab.until(  # the number follows with the next painted frame
+        "deg => Math.abs(Number(document.querySelector('#pose-heading_deg').value) - deg) < 0.01",
+        turned[2],
+    )
 
 
 def test_a_tip_is_dragged(tab, grid):
@@ -296,18 +154,19 @@ def test_a_tip_is_dragged(tab, grid):
     tab.page.wait_for_selector(tip)
     start = tab.middle(tip)
     tab.drag(start, (-6, -25), steps=8)
-    tab.until("() => studio.store.get().design.level[0].length !== 70")
-    tab.page.wait_for_timeout(300)
-    design = tab.design()
-    shows(tab, design, grid)
-    assert (design.levels[0].length_mm, design.levels[0].fan_rad) != (70.0, np.deg2rad(100.0))
-    x, y = tab.middle(tip)
-    assert np.hypot(x - start[0] + 6, y - start[1] + 25) < 10.0, "the tip follows the hand"
+
+    def follows():
+        x, y = tab.middle(tip)
+        return np.hypot(x - start[0] + 6, y - start[1] + 25) < 10.0
+
+    tab.soon(True, follows, "the tip follows the hand")  # noqa: FBT003
+    level = shows(tab, grid).levels[0]
+    assert (level.length_mm, level.fan_rad) != (70.0, np.deg2rad(100.0))
 
 
 def test_a_dragged_angle_shows_what_must_be_cut_and_how_sensitive_it_is(tab):
     note = tab.page.locator("#note-level-0-angle_deg")
-    note.wait_for(timeout=60_000)  # the first loads the simulation of joints
+    note.wait_for()  # the first loads the simulation of joints
     before = note.inner_text()
     tab.drag(tab.middle('input[type=range][data-key="level.0.angle_deg"]'), (-8, 0), drop=False)
     tab.until("(text) => document.querySelector('.value-note').textContent !== text", before)
@@ -329,7 +188,7 @@ def test_the_sheet_shows_the_inflated_body_until_the_design_changes(tab):
     toggle = tab.page.locator("#deployed-toggle")
     toggle.click()
     body = tab.page.locator(".sheet-drawing .inflated")
-    body.wait_for(timeout=60_000)
+    body.wait_for()
     assert toggle.get_attribute("aria-pressed") == "true"
     words = tab.page.inner_text("#deployed")
     assert "tips end" in words
@@ -344,39 +203,14 @@ def test_the_sheet_shows_the_inflated_body_until_the_design_changes(tab):
     body.wait_for(state="detached")
     assert tab.page.locator(".sheet-drawing .outline path").count() == 1, "the flat outline follows"
     tab.page.mouse.up()
-    body.wait_for(timeout=60_000)
+    body.wait_for()
     toggle.click()
     tab.page.wait_for_selector(".sheet-drawing .job path")
     assert body.count() == 0
     assert tab.page.locator("#deployed").is_hidden()
 
 
-def test_obstacles_are_moved_added_and_deleted(tab, grid):
-    rock = '[data-obstacle="4"]'
-    tab.drag(tab.middle(rock), (30, 0))
-    state = tab.state()
-    ((kind, index, dx, dy),) = state["map"]["edits"]
-    assert (kind, index) == ("move", 4)
-    assert dx > 5.0
-    assert dy == pytest.approx(0.0, abs=1e-6)
-    moved = list(grid.obstacles)
-    moved[4] = shapely.affinity.translate(moved[4], dx, dy)
-    world = with_obstacles(grid, moved)
-    shows(tab, tab.design(), world)
-
-    tab.page.get_by_role("button", name="Add an obstacle").click()
-    added = tab.state()["map"]["edits"][1]
-    moved.append(shapely.Polygon(added[1]))
-    shows(tab, tab.design(), with_obstacles(grid, moved))
-    tab.until("() => document.querySelectorAll('[data-obstacle]').length === 10")
-
-    tab.page.get_by_role("button", name="Delete it").click()
-    assert tab.state()["map"]["edits"][2] == ["remove", 9]
-    shows(tab, tab.design(), world)
-    tab.until("() => document.querySelectorAll('[data-obstacle]').length === 9")
-
-
-def test_scores_wait_while_an_obstacle_is_dragged_and_come_once_the_hand_rests(tab, grid):
+def test_obstacles_are_moved_added_and_deleted_and_scores_wait_for_the_hand(tab, grid):
     tab.page.evaluate(
         """() => {
           window.seen = [];
@@ -388,11 +222,25 @@ def test_scores_wait_while_an_obstacle_is_dragged_and_come_once_the_hand_rests(t
     tab.drag(tab.middle('[data-obstacle="4"]'), (30, 0), drop=False)
     tab.until("() => seen.length > 1 && !seen.at(-1)")  # dimmed, then known: the hand is still down
     assert tab.page.evaluate("seen[0]")
-    ((_, _, dx, dy),) = tab.state()["map"]["edits"]
+    ((kind, index, dx, dy),) = tab.state()["map"]["edits"]
+    assert (kind, index) == ("move", 4)
+    assert dx > 5.0
+    assert dy == pytest.approx(0.0, abs=1e-6)
     moved = list(grid.obstacles)
     moved[4] = shapely.affinity.translate(moved[4], dx, dy)
-    shows(tab, tab.design(), with_obstacles(grid, moved))
+    world = replace(grid, obstacles=tuple(moved))
+    shows(tab, world)
     tab.page.mouse.up()
+
+    tab.page.get_by_role("button", name="Add an obstacle").click()
+    added = tab.state()["map"]["edits"][1]
+    shows(tab, replace(grid, obstacles=(*moved, shapely.Polygon(added[1]))))
+    tab.until("() => document.querySelectorAll('[data-obstacle]').length === 10")
+
+    tab.page.get_by_role("button", name="Delete it").click()
+    assert tab.state()["map"]["edits"][2] == ["remove", 9]
+    shows(tab, world)
+    tab.until("() => document.querySelectorAll('[data-obstacle]').length === 9")
 
 
 def test_an_obstacle_is_typed_resized_and_turned(tab, grid):
@@ -400,34 +248,30 @@ def test_an_obstacle_is_typed_resized_and_turned(tab, grid):
     tab.page.select_option("#thing", "obstacle 4")
     tab.until("() => studio.answers.live.obstacle?.index === 4")
     frame = Frame.around(grid.obstacles[4])
-    shown = tab.page.evaluate("studio.answers.live.obstacle.frame")
-    assert shown == pytest.approx(frame.content)
+    of_page = "studio.answers.live.obstacle.frame"
+    assert tab.page.evaluate(of_page) == pytest.approx(frame.content)
     for key, value in (("x_mm", 140.5), ("width_mm", 33.0), ("turn_deg", 20.0)):
         field = tab.page.locator(f"#obstacle-{key}")
         field.fill(str(value))
         field.press("Enter")
-        tab.until(
-            "([key, value]) => studio.answers.live.obstacle.frame[key] === value", [key, value]
-        )
+        tab.until(f"([key, value]) => {of_page}[key] === value", [key, value])
     placed = frame.changed(x_mm=140.5, width_mm=33.0, turn_deg=20.0)
-    assert tab.page.evaluate("studio.answers.live.obstacle.frame") == pytest.approx(placed.content)
+    assert tab.page.evaluate(of_page) == pytest.approx(placed.content)
     moved = list(grid.obstacles)
-    moved[4] = frame.taken_to(placed, moved[4])
+    moved[4] = frame.taken_to(placed, grid.obstacles[4])
     assert Frame.around(moved[4]).content == pytest.approx(placed.content)
-    shows(tab, tab.design(), with_obstacles(grid, moved))
-    place = "JSON.stringify(document.querySelector('.edit-layer .size')?.getBoundingClientRect())"
-    tab.settled(place)
-    tab.drag(tab.middle(".edit-layer .turn"), (0, 40))
-    tab.until("() => studio.answers.live.obstacle?.frame.turn_deg !== 20")
-    tab.settled(place)
-    tab.drag(tab.middle(".edit-layer .size"), (15, -5))
-    tab.until("() => studio.answers.live.obstacle?.frame.width_mm !== 33")
-    state = tab.settled("studio.answers.live.obstacle?.frame ?? null")
-    moved[4] = frame.taken_to(Frame(**state), grid.obstacles[4])
-    shows(tab, tab.design(), with_obstacles(grid, moved))
+    shows(tab, replace(grid, obstacles=tuple(moved)))
+    for handle, by in ((".turn", (0, 40)), (".size", (15, -5))):
+        tab.rest()
+        before = tab.page.evaluate(of_page)
+        tab.drag(tab.middle(f".edit-layer {handle}"), by)
+        tab.until(f"(before) => JSON.stringify({of_page}) !== before", json.dumps(before))
+        tab.until(f"() => JSON.stringify({of_page}) === JSON.stringify({LAST_EDIT}[2])")
+    moved[4] = frame.taken_to(Frame(**tab.page.evaluate(of_page)), grid.obstacles[4])
+    shows(tab, replace(grid, obstacles=tuple(moved)))
     for _ in range(5):
         tab.page.locator("#undo").click()
-    shows(tab, tab.design(), grid)
+    shows(tab, grid)
 
 
 def test_targets_are_placed_dragged_renamed_removed_and_their_state_is_live(tab, grid):
@@ -501,34 +345,26 @@ AT_REST = """(least) => document.querySelector("#sheet").ariaBusy === "false"
   && document.querySelectorAll("#sheet-piece option").length > least"""
 
 
-def test_layers_and_pieces_of_the_sheet_are_switched(tmp_path, start_studio, open_tab):
-    with start_studio(tmp_path, "grid_explorer_pieces") as studio:
-        tab = open_tab(studio.address)
-        tab.until(AT_REST, 2, seconds=120)
-        tab.page.locator("#layers summary").click()
-        piece = tab.page.locator("#sheet-piece option").nth(1).get_attribute("value")
-        others = f'[data-piece]:not([data-piece="{piece}"], [data-piece=""])'
-        assert tab.page.evaluate(SHOWN, others) > 0
-        tab.page.select_option("#sheet-piece", piece)
-        assert tab.page.evaluate(SHOWN, others) == 0
-        assert tab.page.evaluate(SHOWN, f'[data-piece="{piece}"]') > 0
-        tab.page.select_option("#sheet-piece", "")
-        assert tab.page.evaluate(SHOWN, ".weldcut") > 0
-        tab.page.locator("[data-layer=weldcut]").uncheck()
-        assert tab.page.evaluate(SHOWN, ".weldcut") == 0
-        assert tab.page.evaluate(SHOWN, "[data-piece]") > 0
-        length = tab.page.locator('input[type=number][data-key="trunk.length"]')
-        length.fill(str(float(length.input_value()) + 1))  # the next drawing keeps to it
-        length.press("Enter")
-        tab.page.wait_for_selector("#sheet[aria-busy=true]")
-        tab.until(AT_REST, 0, seconds=120)
-        assert tab.page.evaluate(SHOWN, ".weldcut") == 0
-
-
-def with_obstacles(world, obstacles):
-    return vf.Map(
-        name=world.name, bounds=world.bounds, obstacles=tuple(obstacles), starts=world.starts
-    )
+def test_layers_and_pieces_of_the_sheet_are_switched(tab):
+    pieces = design_content(vf.Design.read("grid_explorer_pieces"))
+    tab.page.evaluate("(design) => studio.store.change('', (s) => { s.design = design; })", pieces)
+    tab.until(AT_REST, 2)
+    tab.page.locator("#layers summary").click()
+    piece = tab.page.locator("#sheet-piece option").nth(1).get_attribute("value")
+    others = f'[data-piece]:not([data-piece="{piece}"], [data-piece=""])'
+    assert tab.page.evaluate(SHOWN, others) > 0
+    tab.page.select_option("#sheet-piece", piece)
+    assert tab.page.evaluate(SHOWN, others) == 0
+    assert tab.page.evaluate(SHOWN, f'[data-piece="{piece}"]') > 0
+    tab.page.select_option("#sheet-piece", "")
+    assert tab.page.evaluate(SHOWN, ".weldcut") > 0
+    tab.page.locator("[data-layer=weldcut]").uncheck()
+    assert tab.page.evaluate(SHOWN, ".weldcut") == 0
+    assert tab.page.evaluate(SHOWN, "[data-piece]") > 0
+    tab.set("trunk.length", pieces["trunk"]["length"] + 1)  # the next drawing keeps to it
+    tab.page.wait_for_selector("#sheet[aria-busy=true]")
+    tab.until(AT_REST, 0)
+    assert tab.page.evaluate(SHOWN, ".weldcut") == 0
 
 
 GROWN = """([count, share]) => {
@@ -556,7 +392,7 @@ def test_the_length_grown_shows_what_is_out_then(tab, grid):
         assert drawn == pytest.approx(wanted, abs=0.01)
         assert f"of {full_mm:.0f} mm" in tab.page.inner_text("output[for=front]")
     tab.page.locator("#front").fill("1000")
-    shows(tab, tab.design(), grid)
+    shows(tab, grid)
 
 
 def length_mm(path):
@@ -565,35 +401,24 @@ def length_mm(path):
     return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
 
-def test_a_finding_appears_and_goes(tab):
+def test_a_finding_appears_and_its_fix_is_previewed_before_it_is_taken(tab):
     tab.page.wait_for_selector("#verdict:has-text('✓ manufacturable')")
-    width = tab.page.locator('input[type=number][data-key="build.widths_mm.1"]')
-    width.fill("3")
-    width.press("Enter")
+    tab.set("build.widths_mm.1", 3)
     tab.page.wait_for_selector("#verdict:has-text('✕ not manufacturable')")
     finding = tab.page.locator('#findings li.error[data-rule="VF-W01"]').first
     finding.locator("button").first.click()
     detail = finding.locator(".detail").inner_text()
     assert "measured" in detail
     assert "limit" in detail
-    width.fill("14")
-    width.press("Enter")
-    tab.page.wait_for_selector("#verdict:has-text('✓ manufacturable')")
-    assert tab.page.locator("#findings li.error").count() == 0
-
-
-def test_a_fix_is_previewed_before_it_is_taken(tab):
-    width = tab.page.locator('input[type=number][data-key="build.widths_mm.1"]')
-    width.fill("3")
-    width.press("Enter")
     tab.page.locator("#fix:enabled").click()
-    tab.page.wait_for_selector("#fix-take", timeout=30_000)
+    tab.page.wait_for_selector("#fix-take")
     narrow = tab.state()["design"]
     assert narrow["build"]["widths_mm"][1] == 3, "a preview changes nothing"
     assert tab.page.evaluate("studio.previewed.build.widths_mm[1]") > 3
     assert tab.page.locator(".fix .changes li").count() >= 1
     tab.page.locator("#fix-take").click()
     tab.page.wait_for_selector("#verdict:has-text('✓ manufacturable')")
+    assert tab.page.locator("#findings li.error").count() == 0
     assert tab.state()["design"]["build"]["widths_mm"][1] > 3
     tab.page.locator("#undo").click()
     assert tab.state()["design"] == narrow
@@ -616,65 +441,53 @@ def test_undo_and_redo_go_over_everything(tab, grid):
         tab.page.keyboard.press("Control+z")
         assert tab.state() == step, "a drag is one step"
     assert tab.page.locator("#undo").is_disabled()
-    shows(tab, tab.design(), grid)
+    shows(tab, grid)
     for step in steps[1:]:
         tab.page.locator("#redo").click()
         assert tab.state() == step
     assert tab.page.locator("#redo").is_disabled()
 
 
-def set_length(tab, value):
-    number = tab.page.locator(f'input[type=number][data-key="{LENGTH}"]')
-    number.fill(str(value))
-    number.press("Enter")
-
-
-def test_saving_keeps_the_comments_and_the_file_is_followed(tab, studio, grid):
-    path = studio.folder / "twig.toml"
-    set_length(tab, 75)
+def test_saving_keeps_the_comments_and_the_file_is_followed(tab, twig, grid):
+    tab.set(LENGTH, 75)
     tab.page.keyboard.press("Control+s")
     tab.page.wait_for_selector(".file-mark:has-text('saved'):not([data-dirty=true])")
-    assert path.read_text() == DESIGN.replace("length = 70.0 ", "length = 75.0 ")
+    assert twig.read_text() == TWIG.replace("length = 70.0 ", "length = 75.0 ")
     # An editor beside it: the page follows, and undo goes back.
-    path.write_text(DESIGN.replace("length = 70.0 ", "length = 66.0 "))
+    twig.write_text(TWIG.replace("length = 70.0 ", "length = 66.0 "))
     tab.until("() => studio.store.get().design.level[0].length === 66")
-    shows(tab, tab.design(), grid)
+    shows(tab, grid)
     tab.page.locator("#undo").click()
     assert tab.state()["design"]["level"][0]["length"] == 75
-
-
-def test_a_broken_file_is_one_line_and_the_page_lives_on(tab, studio, grid):
-    path = studio.folder / "twig.toml"
-    path.write_text("schema = [\n")
+    twig.write_text("schema = [\n")
     tab.page.wait_for_selector(".file-note:has-text('twig.toml')")
     line = tab.page.inner_text("#status")
     assert "twig.toml" in line
     assert "\n" not in line
-    set_length(tab, 72)
-    shows(tab, tab.design(), grid)
-    path.write_text(DESIGN)
+    tab.set(LENGTH, 72)
+    shows(tab, grid)
 
 
-def test_two_tabs_do_not_overwrite_each_other(open_tab, studio):
-    path = studio.folder / "twig.toml"
+def test_two_tabs_do_not_overwrite_each_other(open_tab, twig):
     one, other = open_tab(), open_tab()
-    set_length(one, 71)
-    set_length(other, 64)
+    one.set(LENGTH, 71)
+    other.set(LENGTH, 64)
     one.page.keyboard.press("Control+s")
     one.page.wait_for_selector(".file-mark:not([data-dirty=true])")
-    mine = path.read_text()
+    mine = twig.read_text()
     assert "length = 71.0 " in mine
     other.page.wait_for_selector(".file-note:has-text('unsaved changes')")
     other.page.get_by_role("button", name="Save", exact=True).click()
     other.page.get_by_role("button", name="Keep mine").last.wait_for()
-    assert path.read_text() == mine, "nothing is written before somebody has said so"
+    assert twig.read_text() == mine, "nothing is written before somebody has said so"
     other.page.locator("dialog[open]").get_by_role("button", name="Keep mine").click()
     other.page.wait_for_selector(".file-mark:not([data-dirty=true])")
-    assert "length = 64.0 " in path.read_text()
+    assert "length = 64.0 " in twig.read_text()
     one.until("() => studio.store.get().design.level[0].length === 64")
 
 
-def test_a_reload_in_the_middle_of_a_drag_keeps_the_state(tab, grid):
+def test_a_reload_in_the_middle_of_a_drag_keeps_the_state_and_the_token(tab, studio, grid):
+    assert tab.page.url == f"{studio.origin}/"
     tab.drag(tab.middle(".pose-layer .base"), (30, -20), drop=False)
     state = tab.state()
     assert state["pose"] is not None
@@ -682,31 +495,35 @@ def test_a_reload_in_the_middle_of_a_drag_keeps_the_state(tab, grid):
     tab.page.wait_for_selector("#scores .score")
     assert tab.state()["pose"] == state["pose"]
     assert tab.state()["design"] == state["design"]
-    shows(tab, tab.design(), grid, pose_of(state))
-
-
-def test_the_token_leaves_the_address_and_stays_known(tab, studio):
-    assert tab.page.url == f"{studio.origin}/"
-    tab.page.reload()
-    tab.page.wait_for_selector("#scores .score")
+    shows(tab, grid, pose_of(state))
     beside = TabSession(tab.page.context.new_page()).open(f"{studio.origin}/")
     assert beside.problems == []
 
 
-def test_without_the_token_the_page_says_what_to_do(browser, tmp_path, start_studio):
+def test_a_server_that_ends_and_one_that_starts_anew(tmp_path, start_studio, browser):
+    (tmp_path / "twig.toml").write_text(TWIG)
     context = browser.new_context()
     page = context.new_page()
-    with start_studio(tmp_path) as before:
-        page.goto(f"{before.origin}/")
-        page.wait_for_selector("text=Open the whole address")
-        TabSession(page).open(before.address)
-    with start_studio(tmp_path, "--port", before.port) as after:
-        page.wait_for_selector("#status:has-text('started anew')")
-        page.goto(f"{after.origin}/")  # with the token of the server before
-        page.wait_for_selector("text=Open the whole address")
-        TabSession(page).open(after.address)
-        assert page.url == f"{after.origin}/"
+    with start_studio(tmp_path, "twig.toml") as first:
+        page.goto(f"{first.origin}/")
+        page.wait_for_selector("text=Open the whole address")  # no token yet
+        tab = TabSession(page).open(first.address)
+        tab.set(LENGTH, 81)
+        assert first.interrupt() == 0
+        page.wait_for_selector("html[data-connection=down]")
+        assert "does not answer" in page.inner_text("#status")
+        tab.set(LENGTH, 82)
+        with start_studio(tmp_path, "twig.toml", "--port", first.port) as after:
+            page.wait_for_selector("#status:has-text('started anew')")
+            assert tab.state()["design"]["level"][0]["length"] == 82
+            page.goto(f"{after.origin}/")  # with the token of the server before
+            page.wait_for_selector("text=Open the whole address")
+            tab.open(after.address)
+            assert page.url == f"{after.origin}/"
     context.close()
+    # The browser itself says in the console that it could not connect, or was refused.
+    refused = "Failed to load", "WebSocket connection"
+    assert [text for text in tab.problems if not text.startswith(refused)] == []
 
 
 def test_many_walls(tab, studio):
@@ -723,19 +540,19 @@ def test_many_walls(tab, studio):
     tab.page.keyboard.press("Control+o")
     tab.page.locator("dialog[open] .choice", has_text="walls").click()
     tab.until("() => document.querySelectorAll('[data-obstacle]').length === 280")
-    shows(tab, tab.design(), world)
+    shows(tab, world)
     tab.drag(tab.middle(".pose-layer .base"), (2, -20))
-    shows(tab, tab.design(), world, pose_of(tab.state()))
+    shows(tab, world, pose_of(tab.state()))
 
 
 def test_export(tab, studio):
-    set_length(tab, 77)
+    tab.set(LENGTH, 77)
     tab.page.get_by_role("button", name="Export", exact=True).click()
     box = tab.page.locator('[data-export="picture"]')
     out = box.locator("input[type=text]").first
     out.fill("drawn.svg")
     box.get_by_role("button", name=re.compile("^Write")).click()
-    box.locator(".result:has-text('Written')").wait_for(timeout=30_000)
+    box.locator(".result:has-text('Written')").wait_for()
     written = studio.folder / "drawn.svg"
     assert "<svg" in written.read_text()
     box.locator("code.command:has-text('vinefab')").wait_for()
@@ -777,43 +594,21 @@ def test_late_answers_are_dropped(tab):
     ) == [[["b", "stale"], ["a", "A"], ["c", "C"]], ["a", "c"]]
 
 
-def test_a_server_that_ends_and_one_that_starts_anew(tmp_path, start_studio, open_tab):
-    (tmp_path / "twig.toml").write_text(DESIGN)
-    with start_studio(tmp_path, "twig.toml") as first:
-        tab = open_tab(first.address)
-        set_length(tab, 81)
-        assert first.interrupt() == 0
-        tab.page.wait_for_selector("html[data-connection=down]")
-        assert "does not answer" in tab.page.inner_text("#status")
-        set_length(tab, 82)
-        with start_studio(tmp_path, "twig.toml", "--port", first.port):
-            tab.page.wait_for_selector("#status:has-text('started anew')")
-    assert tab.state()["design"]["level"][0]["length"] == 82
-    # The browser itself says in the console that it could not connect, or was refused.
-    tab.problems[:] = [text for text in tab.problems if "Failed to load" not in text]
-
-
-def test_many_maps_in_the_second_tab(tab):
-    tab.page.get_by_role("tab", name="Many maps").click()
-    tab.page.wait_for_selector("#family .tile", timeout=30_000)
-    assert tab.page.locator("#map").is_hidden()
-
-
 def test_a_search_is_started_and_stopped(tab, studio):
     tab.page.get_by_role("tab", name="Search").click()
     start = tab.page.locator("#search").get_by_role("button", name="Start", exact=True)
     folder = tab.page.locator("#search-folder")
     tab.until("() => document.getElementById('search-folder').value !== ''")
-    for name, value in (("population", 4), ("generations", 2), ("count", 1)):
+    for name, value in (("population", 4), ("generations", 200), ("count", 1)):
         tab.page.locator(f"#search-{name}").fill(str(value))
         tab.page.locator(f"#search-{name}").press("Tab")
     folder.fill("run_page")
     folder.press("Tab")
     start.click()
-    tab.page.wait_for_selector("#search .card [data-state]:has-text('run_page')", timeout=30_000)
-    tab.page.wait_for_selector(
-        "#search .card [data-state=running], #search .card [data-state=finished]", timeout=30_000
-    )
+    card = "#search .card [data-state={}]:has-text('run_page')"
+    tab.page.wait_for_selector(card.format("running"))
+    tab.page.locator("#search").get_by_role("button", name="Stop", exact=True).click()
+    tab.page.wait_for_selector(card.format("stopped"))
     assert (studio.folder / "run_page").is_dir()
 
 
@@ -833,17 +628,16 @@ REACHED = """() => {
 }"""
 
 
-def test_tab_reaches_every_control_and_is_never_caught(tab):
-    tab.page.wait_for_selector("#verdict:has-text('manufacturable')")
+def test_every_control_has_a_name_and_is_reached_by_tab(tab):
+    tab.rest()
     count = tab.page.evaluate(REACHED)
     assert count > 60
-    for _ in range(count + 5):
+    for stops in range(count + 5):
+        if tab.page.evaluate("document.activeElement.matches('#map svg.plan')"):
+            assert stops <= 12, "few stops lead to the map"
         tab.page.keyboard.press("Tab")
     assert tab.page.evaluate("missed()") == []
 
-
-def test_every_control_has_a_name(tab):
-    tab.page.wait_for_selector("#verdict:has-text('manufacturable')")
     tab.page.evaluate(
         "for (const one of document.querySelectorAll('[role=tabpanel]')) one.hidden = false"
     )
@@ -868,7 +662,7 @@ def test_arrow_keys_move_handles_and_obstacles(tab, grid):
     start = grid.starts[0].pose
     x, y, _ = pose_of(tab.state())
     assert (x, y) == pytest.approx((start.x_mm + 10.0, start.y_mm + 1.0))
-    shows(tab, tab.design(), grid, pose_of(tab.state()))
+    shows(tab, grid, pose_of(tab.state()))
     assert tab.page.evaluate("document.activeElement.classList.contains('base')")
     slider = tab.page.locator(f'input[type=range][data-key="{LENGTH}"]')
     slider.focus()
@@ -898,91 +692,83 @@ MEASURED = """() => {
 }"""
 
 
-@pytest.mark.parametrize(
-    ("width", "height", "dark", "least"),
-    [
-        (1280, 800, True, 400),
-        (1024, 768, False, 350),
-        (800, 1000, False, 350),
-        (390, 844, False, 200),
-        (640, 400, False, 190),  # 1280 x 800 at 200 %
-    ],
+WINDOWS = (
+    (1280, 800, 400),
+    (1024, 768, 350),
+    (800, 1000, 350),
+    (390, 844, 200),
+    (640, 400, 190),  # 1280 x 800 at 200 %
 )
-def test_the_map_is_in_view_at_every_width(open_tab, width, height, dark, least):
-    tab = open_tab(width=width, height=height)
-    if dark:
-        tab.page.locator("#theme").click()
-        assert tab.page.get_attribute("html", "data-theme") == "dark"
-    found = tab.page.evaluate(MEASURED)
-    assert found["small"] == []
-    assert found["overlaps"] == 0
-    assert found["wide"] <= width
-    left, top, right, bottom = found["map"]
-    assert 0 <= left < right <= width
-    assert bottom - top >= least
-    assert bottom <= height
-    assert tab.page.locator("#design").is_visible()
-    if width <= 1150:
-        tab.page.get_by_role("tab", name="Sheet").click()
-    assert tab.box("#sheet-drawing")["width"] > 200
-    assert tab.page.evaluate(MEASURED)["map"] == [left, top, right, bottom], "it stays in view"
-    for selector in ("#files", "#export", "#undo", "#theme"):
-        box = tab.box(selector)
-        assert box["x"] >= 0
-        assert box["x"] + box["width"] <= width
+"""Width, height, and the least height of the map in it."""
 
 
-def test_few_tab_stops_lead_to_the_map(tab):
-    on_map = "document.activeElement.matches('#map svg.plan')"
-    stops = 0
-    while not tab.page.evaluate(on_map):
-        tab.page.keyboard.press("Tab")
-        stops += 1
-        assert stops <= 12
+def test_the_map_is_in_view_at_every_width(tab):
+    tab.page.locator("#theme").click()
+    assert tab.page.get_attribute("html", "data-theme") == "dark"
+    tab.rest()
+    for width, height, least in WINDOWS:
+        if tab.page.locator("#tab-side").is_visible():
+            tab.page.get_by_role("tab", name="Design").click()
+        tab.page.set_viewport_size({"width": width, "height": height})
+        tab.painted()
+        found = tab.page.evaluate(MEASURED)
+        assert found["small"] == [], width
+        assert found["overlaps"] == 0, width
+        assert found["wide"] <= width
+        left, top, right, bottom = found["map"]
+        assert 0 <= left < right <= width
+        assert bottom - top >= least, width
+        assert bottom <= height
+        assert tab.page.locator("#design").is_visible()
+        if width <= 1150:
+            tab.page.get_by_role("tab", name="Sheet").click()
+        assert tab.box("#sheet-drawing")["width"] > 200
+        assert tab.page.evaluate(MEASURED)["map"] == [left, top, right, bottom], "it stays in view"
+        for selector in ("#files", "#export", "#undo", "#theme"):
+            box = tab.box(selector)
+            assert box["x"] >= 0
+            assert box["x"] + box["width"] <= width
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "kind"),
-    [
-        ("head_on_half_angle_deg", 15, "number"),
-        ("body", "centerline", "select"),
-        ("pressure_stop", False, "flag"),
-    ],
-)
-def test_growth_options_are_seen_and_changed_in_one_place(tab, grid, key, value, kind):
-    before = tab.page.evaluate("studio.answers.live.growth.values")
+def test_growth_options_are_seen_and_changed_in_one_place(tab, grid):
     tab.page.get_by_role("button", name="By which rules?").click()
-    if kind == "number":
-        number = tab.page.locator(f'#growth input[type=number][data-key="{key}"]')
-        assert float(number.input_value()) == before[key]
-        number.fill(str(value))
-        number.press("Enter")
-    elif kind == "select":
-        tab.page.select_option(f"#growth-{key}", value)
-    else:
-        tab.page.locator(f"#growth-{key}").uncheck()
-    assert tab.state()["growth"] == {key: value}
-    options = GrowthOptions.of({key: value})
-    wanted = shapes(
-        robot_svg(
+    for key, value in (
+        ("head_on_half_angle_deg", 15),
+        ("body", "centerline"),
+        ("pressure_stop", False),
+    ):
+        if isinstance(value, bool):
+            tab.page.locator(f"#growth-{key}").uncheck()
+        elif isinstance(value, int):
+            number = tab.page.locator(f'#growth input[type=number][data-key="{key}"]')
+            assert float(number.input_value()) == GrowthOptions().values[key]
+            number.fill(str(value))
+            number.press("Enter")
+        else:
+            tab.page.select_option(f"#growth-{key}", value)
+        assert tab.state()["growth"] == {key: value}
+        options = GrowthOptions.of({key: value})
+        wanted = robot_svg(
             tab.design().grow(grid, growth={key: value}),
             options.drawn_widths_mm(tab.design().build.widths_mm),
         )
-    )
-    tab.until(
-        "(key) => studio.answers.live.growth.values[key] === studio.store.get().growth[key]", key
-    )
-    assert tab.robot() == wanted
-    assert growth_text(options, [tab.design()]) in tab.page.inner_text("#growth")
-    tab.page.get_by_role("button", name="As usual for this design").click()
-    assert tab.state()["growth"] == {}
+        tab.until(
+            "([key, value]) => studio.answers.live.growth.values[key] === value", [key, value]
+        )
+        assert tab.robot() == shapes(wanted)
+        assert growth_text(options, [tab.design()]) in tab.page.inner_text("#growth")
+        tab.page.get_by_role("button", name="As usual for this design").click()
+        assert tab.state()["growth"] == {}
 
 
 def test_the_comparison_folds_away_until_something_changed(tab):
     summary = tab.page.locator("#compare summary")
     assert not summary.is_visible()
-    set_length(tab, 95)
+    tab.set(LENGTH, 95)
     tab.page.wait_for_selector("#compare summary:has-text('coverage')")
     assert not tab.page.locator("#compare table").first.is_visible()
     summary.click()
     assert tab.page.locator("#compare .now").first.is_visible()
+    tab.page.get_by_role("tab", name="Many maps").click()
+    tab.page.wait_for_selector("#family .tile")
+    assert tab.page.locator("#map").is_hidden()

@@ -10,9 +10,8 @@ from vinefab.core.errors import VinefabError
 from vinefab.model.design import Design, design_content
 from vinefab.model.map import map_text
 from vinefab.studio.executors import answer_of
-from vinefab.studio.snapshot import (
+from vinefab.studio.file_exports import (
     SnapshotOptions,
-    snapshot_frame,
     snapshot_html,
     stored_state,
     write_snapshot,
@@ -140,14 +139,8 @@ def test_another_file_is_no_snapshot(tmp_path, content):
         stored_state(path)
 
 
-def test_a_notebook_gets_a_frame_that_reaches_nothing(state, answers):
-    frame = snapshot_frame(state, answers)
-    assert frame.count('"') == 10
-    assert 'sandbox="allow-scripts"' in frame
-
-
 def test_a_snapshot_replaces_a_snapshot_and_nothing_else(state, tmp_path, monkeypatch):
-    monkeypatch.setattr("vinefab.studio.snapshot.answer_of", lambda *_: {})
+    monkeypatch.setattr("vinefab.studio.file_exports.answer_of", lambda *_: {})
     path = write_snapshot(state, tmp_path / "sent.html")
     first = path.read_bytes()
     assert write_snapshot(state, path).read_bytes() == first

@@ -4,13 +4,12 @@
 
 RUNS (5) starts of each kind, DRAGS (1000) for the memory. A table: start to first picture with an
 empty and a full cache of compiled code; pointer move to the picture that shows it; full rules after
-a release; bytes of the page; memory. It takes some ten minutes and wants a quiet machine.
+a release; memory. It takes some ten minutes and wants a quiet machine.
 
 A pointer move counts until the first frame has been painted whose growth, scores and outline are of
 that position or a later one; its beginning is the time stamp that the browser gives the event.
 """
 
-import gzip
 import shutil
 import sys
 import tempfile
@@ -26,10 +25,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import vinefab as vf
 from tests.studio.conftest import running_studio
-from vinefab.studio.sessions import PAGE_FOLDER
 
 MOVES = 150
 HZ = 60.0
+OBSTACLES = {36: (6, 6, 500.0), 506: (23, 22, 2000.0)}
 BRANCHES = {10: (3, 2), 40: (3, 3, 3), 149: (4, 4, 8)}
 SLIDER = 'input[type=range][data-key="level.0.length"]'
 HANDLE = ".pose-layer .base"
@@ -229,12 +228,10 @@ def main(runs=5, drags=1000):
             )
             measure_starts(browser, folder, runs)
             measure_drags(browser, folder)
-            measure_obstacles(browser, folder)
             measure_memory(browser, folder, drags)
             browser.close()
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-    measure_bytes()
 
 
 def measure_starts(browser, folder, runs):
@@ -248,46 +245,31 @@ def measure_starts(browser, folder, runs):
 
 
 def measure_drags(browser, folder):
+    """Drag values and the robot, then an obstacle next to it, with few and many on the map."""
     for count, branches in BRANCHES.items():
-        (folder / "measured.toml").write_text(design_text(branches))
-        with opened(browser, folder, "measured.toml", "--environment", "grid") as (page, _):
-            page.evaluate(WATCH)
-            wait_until_compiled(page)
-            page.wait_for_timeout(3000)
-            say(
-                f"{count} branches: slider",
-                summary(latencies_ms(page, SLIDER)),
-            )
-            say(f"{count} branches: start of the robot", summary(latencies_ms(page, HANDLE)))
-            say(f"{count} branches: release to full rules", summary(rules_ms(page)))
-
-
-OBSTACLES = {36: (6, 6, 500.0), 506: (23, 22, 2000.0)}
-
-
-def measure_obstacles(browser, folder):
-    """Drag an obstacle next to the robot, with few and with many on the map."""
+        dragged = {"slider": SLIDER, "start of the robot": HANDLE}
+        measure_scene(browser, folder, f"{count} branches", branches, dragged)
     for count, (columns, rows, size_mm) in OBSTACLES.items():
         world = vf.maps.grid(3, columns=columns, rows=rows, size_mm=size_mm)
-        world.write(folder / "obstacles.geojson", force=True)
-        start = world.starts[0].pose
-        near = min(
-            range(count),
-            key=lambda index: world.obstacles[index].distance(
-                shapely.Point(start.x_mm + 30.0, start.y_mm + 60.0)
-            ),
-        )
+        path, start = world.write(folder / "obstacles.geojson", force=True), world.starts[0].pose
+        beside = shapely.Point(start.x_mm + 30.0, start.y_mm + 60.0)
+        near = min(range(count), key=lambda index: world.obstacles[index].distance(beside))
         for branches in (10, 40):
-            (folder / "measured.toml").write_text(design_text(BRANCHES[branches]))
-            with opened(browser, folder, "measured.toml", "--map", "obstacles.geojson") as (
-                page,
-                _,
-            ):
-                page.evaluate(WATCH)
-                wait_until_compiled(page)
-                page.wait_for_timeout(3000)
-                found = latencies_ms(page, f'[data-obstacle="{near}"]')
-                say(f"{count} obstacles, {branches} branches: obstacle", summary(found))
+            title = f"{count} obstacles, {branches} branches"
+            dragged = {"obstacle": f'[data-obstacle="{near}"]'}
+            measure_scene(browser, folder, title, BRANCHES[branches], dragged, "--map", path)
+
+
+def measure_scene(browser, folder, title, branches, dragged, *arguments):
+    (folder / "measured.toml").write_text(design_text(branches))
+    with opened(browser, folder, "measured.toml", *arguments) as (page, _):
+        page.evaluate(WATCH)
+        wait_until_compiled(page)
+        page.wait_for_timeout(3000)
+        for name, selector in dragged.items():
+            say(f"{title}: {name}", summary(latencies_ms(page, selector)))
+        if SLIDER in dragged.values():
+            say(f"{title}: release to full rules", summary(rules_ms(page)))
 
 
 def measure_memory(browser, folder, drags):
@@ -305,16 +287,6 @@ def measure_memory(browser, folder, drags):
                     f" server {studio.memory_mb():.0f} MB;"
                     f" {page.evaluate('studio.store.steps()')} steps of undo",
                 )
-
-
-def measure_bytes():
-    total = zipped = 0
-    for kind in ("js", "css", "html"):
-        contents = [path.read_bytes() for path in sorted(PAGE_FOLDER.glob(f"*.{kind}"))]
-        raw, packed = sum(map(len, contents)), sum(len(gzip.compress(one)) for one in contents)
-        total, zipped = total + raw, zipped + packed
-        say(f"bytes: {len(contents)} {kind}", f"{raw} ({packed} with gzip)")
-    say("bytes of the page", f"{total} ({zipped} with gzip), served as they are")
 
 
 if __name__ == "__main__":

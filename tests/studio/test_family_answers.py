@@ -215,23 +215,19 @@ def test_heat_turns_maps_so_that_all_starts_launch_upwards(tmp_path):
     assert not heat["same_size"]
 
 
-def test_a_changed_file_is_another_map(tmp_path):
-    world = generate("pegs", 1, columns=5, rows=5)
-    path = world.write(tmp_path / "room.geojson")
-    state = state_of("plain_vine", family={"files": [str(path)]})
-    (first,) = answered(state)["maps"]
-    generate("pegs", 2, columns=5, rows=5).write(path, force=True)
-    (second,) = answered(state, have=[first["key"]])["maps"]
-    assert first["key"] != second["key"]
-    assert second["ground_svg"] is not None
-
-
-def test_a_file_named_twice_is_one_map_and_its_copy_another(tmp_path):
+def test_maps_are_known_by_their_files_and_what_is_in_them(tmp_path):
     world = generate("pegs", 1, columns=5, rows=5)
     paths = [str(world.write(tmp_path / f"{name}.geojson")) for name in ("room", "copy")]
     state = state_of("plain_vine", family={"files": [*paths, paths[0]]})
-    assert len({entry["key"] for entry in answered(state)["maps"]}) == 2
-    assert [entry["source"]["file"] for entry in answered(state)["maps"]] == paths
+    first = answered(state)["maps"]
+    assert [entry["source"]["file"] for entry in first] == paths
+    keys = {entry["key"] for entry in first}
+    assert len(keys) == 2
+    generate("pegs", 2, columns=5, rows=5).write(tmp_path / "room.geojson", force=True)
+    changed, same = answered(state, have=list(keys))["maps"]
+    assert changed["key"] not in keys
+    assert changed["ground_svg"] is not None
+    assert same["key"] in keys
 
 
 def test_a_task_that_gives_no_number_is_named(monkeypatch):

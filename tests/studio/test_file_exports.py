@@ -206,24 +206,22 @@ def test_what_cannot_be_written_is_one_line_and_changes_nothing(here, what, out,
     assert everything() == before
 
 
-def test_inputs_that_somebody_changed_are_not_overwritten(here):
-    export(opened(), "picture", "grown.svg")
-    (here / "grown.svg.inputs" / "design.toml").write_text("# written by vinefab, then by me")
-    with pytest.raises(VinefabError, match="was changed since vinefab wrote it; choose another"):
-        export(edited(opened()), "picture", "grown.svg")
-
-
 @pytest.mark.parametrize(
-    ("what", "out"), [("picture", "a.svg"), ("picture", "a.png"), ("snapshot", "a.html")]
+    ("what", "out", "theirs"),
+    [
+        ("picture", "a.svg", "a.svg"),
+        ("picture", "a.svg", "a.svg.inputs/design.toml"),
+        ("snapshot", "a.html", "a.html"),
+    ],
 )
-def test_an_export_that_somebody_changed_is_not_overwritten(here, what, out):
+def test_what_somebody_changed_is_not_overwritten(here, what, out, theirs):
     ask = {"options": {}, "state": opened()}
     export(opened(), what, out, **ask)
-    changed = (here / out).read_bytes() + b"\n"
-    (here / out).write_bytes(changed)
+    changed = (here / theirs).read_bytes() + b"\n"
+    (here / theirs).write_bytes(changed)
     with pytest.raises(VinefabError, match="was changed since vinefab wrote it; choose another"):
-        export(opened(), what, out, **ask)
-    assert (here / out).read_bytes() == changed
+        export(edited(opened()), what, out, **ask)
+    assert (here / theirs).read_bytes() == changed
 
 
 def test_the_page_does_not_say_where_may_be_written(here):

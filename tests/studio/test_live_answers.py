@@ -119,22 +119,17 @@ def test_the_tip_follows(branch):
     assert tip_of(after, branch) == pytest.approx(to, abs=1e-6)
 
 
-def test_the_middle_child_turns_nothing():
-    state = state_of(design())
-    found = tip_answer(state, {"branch": "0.1", "to": [280.0, 260.0]}, print)
-    assert set(found["values"]) == {"length"}
-
-
-def test_locked_values_stay():
-    state = state_of(design(), ["level.0.angle_deg"])
-    found = tip_answer(state, {"branch": "0.0", "to": [300.0, 200.0]}, print)
-    assert set(found["values"]) == {"length"}
+@pytest.mark.parametrize(
+    ("branch", "locks"), [("0.1", ()), ("0.0", ("level.0.angle_deg",))], ids=["middle", "locked"]
+)
+def test_what_cannot_turn_is_made_longer(branch, locks):
+    ask = {"branch": branch, "to": [300.0, 200.0]}
+    assert set(tip_answer(state_of(design(), locks), ask, print)["values"]) == {"length"}
 
 
 def test_a_tip_on_its_base_leaves_a_length():
     state = state_of(design())
-    base = tip_of(state, "0").tolist()
-    found = tip_answer(state, {"branch": "0.0", "to": base}, print)
+    found = tip_answer(state, {"branch": "0.0", "to": tip_of(state, "0").tolist()}, print)
     assert found["values"]["length"] >= 1.0
 
 

@@ -14,7 +14,6 @@ from tests.studio.conftest import PATIENCE_S, TWIG, TabSession
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.inflation.pattern import pattern_of
-from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.run_context import ChosenRecipe
 from vinefab.pages.plan_svg import outline_svg, robot_svg
 from vinefab.studio.pattern_answers import cut_notes
@@ -346,7 +345,13 @@ AT_REST = """(least) => document.querySelector("#sheet").ariaBusy === "false"
 
 
 def test_layers_and_pieces_of_the_sheet_are_switched(tab):
-    pieces = design_content(vf.Design.read("grid_explorer_pieces"))
+    pieces = tab.state()["design"]  # its outer fans lie on each other
+    pieces["level"] = [
+        {**pieces["level"][0], "length": 160.0, "angle_deg": angle_deg}
+        for angle_deg in (60.0, 250.0)
+    ]
+    build = {"widths_mm": [30.0, 20.0, 14.0], "fillet_mm": [4.0, 3.0]}
+    pieces["build"] |= {**build, "pieces": {"most": 6}, "compensation": "none"}
     tab.page.evaluate("(design) => studio.store.change('', (s) => { s.design = design; })", pieces)
     tab.until(AT_REST, 2)
     tab.page.locator("#layers summary").click()

@@ -206,7 +206,9 @@ class TabSession:
             self.problems.append(message.text)
 
     def _asked(self, request):
-        if not request.url.startswith(("http://127.0.0.1:", "data:", "blob:", "file:")):
+        is_file = self.page.url.startswith("file:")
+        near = ("file:", "data:") if is_file else ("http://127.0.0.1:", "file:", "data:", "blob:")
+        if not request.url.startswith(near):
             self.problems.append(f"asks the network: {request.url}")
 
     def open(self, address):

@@ -5,6 +5,7 @@ import copy
 import numpy as np
 import pytest
 
+from tests.studio.conftest import TabSession
 from tests.studio.test_family_answers import heat_share
 from vinefab.model.design import Design, design_content
 from vinefab.studio.executors import answer_of
@@ -74,17 +75,19 @@ def answers():
 
 
 @pytest.fixture
-def page(browser, answers, tmp_path):
+def tab(browser, answers, tmp_path):
     path = tmp_path / "snapshot.html"
     path.write_bytes(snapshot_html(STATE, answers))
-    opened = browser.new_page(viewport={"width": 1280, "height": 900})
-    errors = []
-    opened.on("pageerror", lambda error: errors.append(str(error)))
-    opened.goto(path.as_uri())
-    opened.wait_for_selector("html[data-ready]")
+    opened = TabSession(browser.new_page(viewport={"width": 1280, "height": 900}))
+    opened.open(path.as_uri())
     yield opened
-    opened.close()
-    assert errors == []
+    opened.page.close()
+    assert opened.problems == []
+
+
+@pytest.fixture
+def page(tab):
+    return tab.page
 
 
 def test_a_snapshot_shows_every_map_and_where_bodies_lie(page, answers):
@@ -114,11 +117,18 @@ def test_a_snapshot_shows_every_map_and_where_bodies_lie(page, answers):
     assert "% of 4 maps" in page.locator(".heat .here").text_content()
 
 
-def test_a_drag_is_followed_quickly_and_a_rest_in_full(page):
+def asked_quickly(tab, count):
+    """Return whether each of so many questions of many maps is a quick one, and the last."""
+    of_family = "fake.asked.filter(([panel]) => panel === 'family')"
+    tab.until(f"(count) => {of_family}.length >= count", count)
+    asked = tab.page.evaluate(of_family)
+    tab.page.evaluate("fake.asked.splice(0)")
+    return [ask.get("quick", False) for _, ask in asked], asked[-1][1]
+
+
+def test_a_drag_is_followed_quickly_and_a_rest_in_full(tab, page):
     page.evaluate(FAKE)
-    page.evaluate(WAIT, 250)
-    asked = page.evaluate("fake.asked.splice(0).filter(([panel]) => panel === 'family')")
-    assert [ask.get("quick", False) for _, ask in asked] == [False]
+    assert asked_quickly(tab, 1)[0] == [False]
     page.evaluate("fake.app.put('live', structuredClone(fake.stored.answers.live))")
     page.evaluate(WAIT, 600)
     for length in (150, 151, 152):
@@ -126,10 +136,8 @@ def test_a_drag_is_followed_quickly_and_a_rest_in_full(page):
             "mm => fake.app.store.change('l', (s) => { s.design.trunk.length = mm }, {group: 'g'})",
             length,
         )
-    page.evaluate(WAIT, 250)
-    asked = page.evaluate("fake.asked.splice(0).filter(([panel]) => panel === 'family')")
-    assert [ask.get("quick", False) for _, ask in asked] == [True] * 3 + [False]
-    rest = asked[-1][1]
+    quick, rest = asked_quickly(tab, 4)
+    assert quick == [True] * 3 + [False]
     # All grounds are there, and the version before has scores to be compared with.
     assert len(rest["have"]) == len(rest["before"]) == 4
     assert page.locator(".tile .difference").first.text_content() == "="
@@ -185,7 +193,7 @@ def test_the_version_before_is_the_one_that_rested(page):
     assert page.evaluate("fake.app.reference.design.trunk.length") == first
 
 
-def test_on_another_map_the_version_before_is_grown_again(page):
+def test_on_another_map_the_version_before_is_grown_again(tab, page):
     page.evaluate(FAKE)
     page.evaluate("fake.app.put('live', structuredClone(fake.stored.answers.live))")
     page.evaluate(WAIT, 600)
@@ -194,9 +202,8 @@ def test_on_another_map_the_version_before_is_grown_again(page):
     page.evaluate("fake.app.store.change('m', (s) => { s.map.source.seed = 2; })")
     cell = "document.querySelector('[data-measure=score-reach] td').textContent"
     assert page.evaluate(cell) == DASH
-    page.evaluate(WAIT, 250)
-    assert page.evaluate("fake.asked.some(([panel]) => panel === 'before')")
-    assert page.evaluate(cell) != DASH
+    tab.until("() => fake.asked.some(([panel]) => panel === 'before')")
+    tab.until(f"(dash) => {cell} !== dash", DASH)
 
 
 def test_a_mean_that_differs_by_chance_is_neither_better_nor_worse(page):

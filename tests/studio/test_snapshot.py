@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.studio.conftest import TabSession
 from vinefab.core.errors import VinefabError
 from vinefab.model.design import Design, design_content
 from vinefab.model.map import map_text
@@ -154,13 +155,8 @@ def test_a_snapshot_shows_the_state_from_a_file(state, tmp_path, browser):
     state["design"]["build"]["widths_mm"][-1] = 2.0  # which a rule forbids
     reference = design_content(Design.read("plain_vine"))
     write_snapshot(state, path, SnapshotOptions(date="1 May", reference=reference))
-    page = browser.new_page(viewport={"width": 1280, "height": 800})
-    troubles, asked = [], []
-    page.on("pageerror", lambda error: troubles.append(str(error)))
-    page.on("console", lambda line: line.type == "error" and troubles.append(line.text))
-    page.on("request", lambda request: asked.append(request.url))
-    page.goto(path.as_uri())
-    page.wait_for_selector("html[data-ready=true]")
+    tab = TabSession(browser.new_page(viewport={"width": 1280, "height": 800}))
+    page = tab.open(path.as_uri()).page
     value = page.locator("#value-level-0-length")
     assert float(value.input_value()) == state["design"]["level"][0]["length"]
     assert value.is_disabled()
@@ -176,6 +172,5 @@ def test_a_snapshot_shows_the_state_from_a_file(state, tmp_path, browser):
     assert "snapshot of 1 May" in page.locator("#status").inner_text()
     assert "vinefab studio sent.html" in page.locator("#status").inner_text()
     assert page.locator("#export > button").is_disabled()
-    assert troubles == []
-    assert [url for url in asked if not url.startswith(("data:", "file:"))] == []
+    assert tab.problems == []
     page.close()

@@ -90,7 +90,7 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
     environment = state.world.environment if state.world else ""
     costs = {name: f"little {name.replace('_', ' ')}" for name in COSTS}
     costs["branches"] = "few branches"
-    build = state.design.build  # some of what it has, a search leaves out
+    build = state.design.build  # a search leaves some of it out
     left = [name for name, given in (("taper", build.taper), ("collar", build.collar)) if given]
     notes = [f"{' and '.join(left)}: not in a search; what it finds has none"] if left else []
     if state.design.limits:

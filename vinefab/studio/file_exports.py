@@ -392,7 +392,18 @@ def export_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress
         return _commands(state, ask)
     try:
         if what == SNAPSHOT:
-            return _snapshot(ask, progress)
+            path, given = _snapshot_path(ask, ask), mapping_at("options", ask.get("options") or {})
+            reference, file = ask.get("reference"), ask.get("design_file")
+            options = SnapshotOptions(
+                family=given.get("family") is True,
+                file=file if isinstance(file, str) else "",
+                date=str(given.get("date") or ""),
+                reference=None if reference is None else mapping_at("reference", reference),
+            )
+            ensure_writable(path)
+            write_snapshot(mapping_at("state", ask.get("state")), path, options, progress)
+            written = {"command": _opens(path), "written": [str(path)]}
+            return {**written, "inputs": [], "view": [], "refused": ""}
         kind = _kind(what, ask)
         return _export(kind, _source(state, ask, kind, ask.get("out")), progress)
     except ForeignFileError as error:
@@ -530,22 +541,6 @@ def allowed_path(key: str, given: object, roots: tuple[Path, ...]) -> Path:
 def _roots(ask: Mapping[str, Any]) -> tuple[Path, ...]:
     given = ask.get("roots") or [str(Path.cwd())]
     return tuple(Path(os.path.realpath(root)) for root in given)
-
-
-def _snapshot(ask: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
-    path = _snapshot_path(ask, ask)
-    given = mapping_at("options", ask.get("options") or {})
-    reference, file = ask.get("reference"), ask.get("design_file")
-    options = SnapshotOptions(
-        family=given.get("family") is True,
-        file=file if isinstance(file, str) else "",
-        date=str(given.get("date") or ""),
-        reference=None if reference is None else mapping_at("reference", reference),
-    )
-    ensure_writable(path)
-    write_snapshot(mapping_at("state", ask.get("state")), path, options, progress)
-    command = _opens(path)
-    return {"command": command, "written": [str(path)], "inputs": [], "view": [], "refused": ""}
 
 
 def _snapshot_path(ask: Mapping[str, Any], given: Mapping[str, Any]) -> Path:

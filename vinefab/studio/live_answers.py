@@ -44,7 +44,7 @@ from vinefab.studio.state import PAGE, EditedMap, StudioState
 from vinefab.tasks import TASKS, make_task
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.reach import touched_targets
-from vinefab.tasks.task import Task, check_on_map
+from vinefab.tasks.task import check_on_map
 
 _ENGINE: list[Engine] = ["interpreted"]
 
@@ -329,9 +329,7 @@ def _grown_text(deployment: Deployment) -> str:
     return f"{text}; missing: {', '.join(parts)}" if parts else text
 
 
-@cache
-def _task(name: str) -> Task:
-    return make_task(name, {})
+_task = cache(make_task)
 
 
 LEAST_MM = 1.0

@@ -152,7 +152,14 @@ def found_film(
             to_mixed = np.hypot(*np.moveaxis(hue - floor - share[..., None] * way, -1, 0))
             share = np.where(to_block < to_mixed, 0.0, share)
     else:
-        share, how = _by_light(light, inner, _strip(view, pose, widths_mm[0]))
+        # By lightness against the floor around it, lighter or darker as at the base.
+        strip, how = _strip(view, pose, widths_mm[0]), "by lightness at the base"
+        ratio = light / float(np.median(light[inner])) - 1.0
+        at_base = float(np.median(ratio[strip])) if strip.any() else 0.0
+        if abs(at_base) < LEAST_LIGHT_SHARE:
+            allowed = "a photo with a robot on it; --film-colour R,G,B gives its film's colour"
+            raise BadInputError("photo", "nothing at the base that differs from the floor", allowed)
+        share = np.clip(ratio / at_base, 0.0, 1.0)
         cautions = ("film and floor have the same hue: shadows may have been taken for film",)
     share = scipy.ndimage.gaussian_filter(np.asarray(share, dtype=np.float64), 0.5)
     inside = scipy.ndimage.binary_erosion(solid, iterations=max(1, round(1.0 / view.mm_per_pixel)))
@@ -271,20 +278,6 @@ def _film_hue(
     if other.mean() < LEAST_FILM_SHARE:
         return None, "by lightness"
     return _mode(hue[other]), "by its difference from floor and obstacles"
-
-
-def _by_light(
-    light: Floats, inner: NDArray[np.bool_], strip: NDArray[np.bool_]
-) -> tuple[Floats, str]:
-    """Return film by lightness against the floor around it, lighter or darker as at the base."""
-    floor = float(np.median(light[inner]))
-    ratio = light / floor - 1.0
-    at_base = float(np.median(ratio[strip])) if strip.any() else 0.0
-    if abs(at_base) < LEAST_LIGHT_SHARE:
-        allowed = "a photo with a robot on it; --film-colour R,G,B gives its film's colour"
-        raise BadInputError("photo", "nothing at the base that differs from the floor", allowed)
-    share = np.clip(ratio / at_base, 0.0, 1.0)
-    return np.asarray(share, dtype=np.float64), "by lightness at the base"
 
 
 def _without_gloss(share: Floats, mm_per_pixel: float) -> Floats:

@@ -409,7 +409,40 @@ class Observation(WrittenResult):
             keys=("head_on_half_angle_deg", "mean_mm", "same_stops", "log_likelihood"),
             folded=True,
         )  # fmt: skip
-        yield Data(self._data)
+        # Measured where it comes from the photo, simulated where it is called predicted.
+        yield Data(
+            {
+                "map": self.map_file,
+                "design": self.design_file,
+                "pose": compared.prediction.pose.content,
+                "rectified": rounded(
+                    {
+                        "by": self.rectified_by,
+                        "error_mm": self.error_mm,
+                        "mm_per_pixel": film.view.mm_per_pixel,
+                        "plane_mm": film.sight.plane_mm,
+                        "heights_corrected": film.sight.camera is not None,
+                    },
+                    3,
+                )
+                | {"obstacle_height_mm": film.sight.obstacle_mm or None},
+                "film": {
+                    "colour": None if film.colour is None else list(film.colour),
+                    "how": film.how,
+                    "width_mm": self.trunk_width_mm,
+                },
+                "branches": [branch.content for branch in branches],
+                "summary.branches": len(branches),
+                "summary.not_deployed_observed": [
+                    b.id for b in branches if not b.deployed_observed
+                ],
+                "summary.deployed_otherwise_than_predicted": self.not_as_predicted,
+                "summary.lines_on_film": round(self.traced.lines_supported, 4),
+                "summary.fits": self.fits,
+                "summary.not_told_apart": [b.id for b in branches if b.is_ambiguous],
+                "settings": {"growth": dict(compared.options.content), **self.settings},
+            }
+        )
 
         def film_png() -> bytes:
             grey = np.clip(np.rint(255.0 * film.share), 0, 255).astype(np.uint8)
@@ -421,43 +454,6 @@ class Observation(WrittenResult):
         )
         yield Section(title="Film", pictures=(film_found,), folded=True)
         yield _branch_section(self.compared.branches)
-
-    def _data(self) -> dict[str, object]:
-        """Return the data that stand in JSON alone: lengths in mm, angles in degrees.
-
-        What comes from the photo is measured; what is called predicted is simulated.
-        """
-        film, compared = self.film, self.compared
-        branches = compared.branches
-        return {
-            "map": self.map_file,
-            "design": self.design_file,
-            "pose": compared.prediction.pose.content,
-            "rectified": rounded(
-                {
-                    "by": self.rectified_by,
-                    "error_mm": self.error_mm,
-                    "mm_per_pixel": film.view.mm_per_pixel,
-                    "plane_mm": film.sight.plane_mm,
-                    "heights_corrected": film.sight.camera is not None,
-                },
-                3,
-            )
-            | {"obstacle_height_mm": film.sight.obstacle_mm or None},
-            "film": {
-                "colour": None if film.colour is None else list(film.colour),
-                "how": film.how,
-                "width_mm": self.trunk_width_mm,
-            },
-            "branches": [branch.content for branch in branches],
-            "summary.branches": len(branches),
-            "summary.not_deployed_observed": [b.id for b in branches if not b.deployed_observed],
-            "summary.deployed_otherwise_than_predicted": self.not_as_predicted,
-            "summary.lines_on_film": round(self.traced.lines_supported, 4),
-            "summary.fits": self.fits,
-            "summary.not_told_apart": [b.id for b in branches if b.is_ambiguous],
-            "settings": {"growth": dict(compared.options.content), **self.settings},
-        }
 
     @property
     def fits(self) -> bool:

@@ -672,7 +672,19 @@ def _pad(
     right, top = marker.number in (1, 2), marker.number in (2, 3)
     corner = np.array([x_max if right else x_min, y_max if top else y_min])
     inward = np.array([-1.0 if right else 1.0, -1.0 if top else 1.0])
-    arms = _arms(corner, inward, rig)
+    # Two arms along the sides of the rig's corner; none where it has no such corner.
+    long_mm = np.minimum(ARM_MM, 0.3 * np.array([x_max - x_min, y_max - y_min]))
+    edge, arms = rig.boundary.buffer(_PAD_TOUCH_MM), list[Polygon]()
+    for axis in (0, 1):
+        along, across = np.zeros(2), np.zeros(2)
+        along[axis] = long_mm[axis] * inward[axis]
+        across[1 - axis] = -_ARM_WIDE_MM * inward[1 - axis]
+        if not edge.covers(LineString([corner, corner + along])):
+            arms = []
+            break
+        hole = Point(*(corner + along + 0.5 * across - 0.3 * _ARM_WIDE_MM * np.sign(along)))
+        arm = box(*np.sort([corner, corner + along + across], axis=0).ravel())
+        arms.append(arm.difference(hole.buffer(0.5 * _BOARD_SCREW_MM, quad_segs=6)))
     outline = paper
     if arms:
         foot = box(*np.sort([corner, corner - _ARM_WIDE_MM * inward], axis=0).ravel())
@@ -706,23 +718,6 @@ def black_cells(number: int, square: Polygon) -> Polygons:
         if sign == "."
     ]
     return snapped_union(*cells)
-
-
-def _arms(corner: Floats, inward: Floats, rig: BaseGeometry) -> list[Polygon]:
-    """Return the two arms along the sides of a rig's corner; none where it has no such corner."""
-    x_min, y_min, x_max, y_max = rig.bounds
-    long_mm = np.minimum(ARM_MM, 0.3 * np.array([x_max - x_min, y_max - y_min]))
-    edge, arms = rig.boundary.buffer(_PAD_TOUCH_MM), []
-    for axis in (0, 1):
-        along, across = np.zeros(2), np.zeros(2)
-        along[axis] = long_mm[axis] * inward[axis]
-        across[1 - axis] = -_ARM_WIDE_MM * inward[1 - axis]
-        if not edge.covers(LineString([corner, corner + along])):
-            return []
-        hole = Point(*(corner + along + 0.5 * across - 0.3 * _ARM_WIDE_MM * np.sign(along)))
-        arm = box(*np.sort([corner, corner + along + across], axis=0).ravel())
-        arms.append(arm.difference(hole.buffer(0.5 * _BOARD_SCREW_MM, quad_segs=6)))
-    return arms
 
 
 def marker_tiles(

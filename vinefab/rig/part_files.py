@@ -407,11 +407,33 @@ _UNIX, _PLAIN_FILE = 3, 0o100644 << 16
 
 def threemf_bytes(items: Sequence[PartItem], title: str) -> bytes:
     """Return parts as one 3MF file, the same bytes each time."""
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>\n',
+        f'<model unit="millimeter" xml:lang="en-US" xmlns="{CORE}">\n',
+        f'<metadata name="Title">{escape(one_line(title))}</metadata>\n',
+        f'<metadata name="Application">{GENERATOR}</metadata>\n<resources>\n',
+    ]
+    for number, item in enumerate(items, 1):
+        name = quoteattr(item.part.name)
+        lines.append(f'<object id="{number}" type="model" name={name}>\n<mesh>\n<vertices>\n')
+        values, index = np.unique(item.part.vertices_mm, return_inverse=True)
+        texts = [_short(value) for value in values]
+        for i, j, k in index.reshape(-1, 3).tolist():
+            lines.append(f'<vertex x="{texts[i]}" y="{texts[j]}" z="{texts[k]}"/>\n')
+        lines.append("</vertices>\n<triangles>\n")
+        for a, b, c in item.part.faces.tolist():
+            lines.append(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>\n')
+        lines.append("</triangles>\n</mesh>\n</object>\n")
+    lines.append("</resources>\n<build>\n")
+    for number, item in enumerate(items, 1):
+        x, y = (_short(value) for value in item.at_mm)
+        lines.append(f'<item objectid="{number}" transform="1 0 0 0 1 0 0 0 1 {x} {y} 0"/>\n')
+    lines.append("</build>\n</model>\n")
     stream = io.BytesIO()
     files = {
         "[Content_Types].xml": _TYPES,
         "_rels/.rels": _RELATIONS,
-        MODEL: "".join(_model(items, title)),
+        MODEL: "".join(lines),
     }
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
         for name, text in files.items():
@@ -466,29 +488,6 @@ def _placed_parts(data: bytes) -> Iterator[ReadPart]:
             mesh=Mesh.of_corners(points[np.array(faces, dtype=np.int64)]),
             shift_mm=(x_mm, y_mm, z_mm),
         )
-
-
-def _model(items: Sequence[PartItem], title: str) -> Iterator[str]:
-    yield '<?xml version="1.0" encoding="UTF-8"?>\n'
-    yield f'<model unit="millimeter" xml:lang="en-US" xmlns="{CORE}">\n'
-    yield f'<metadata name="Title">{escape(one_line(title))}</metadata>\n'
-    yield f'<metadata name="Application">{GENERATOR}</metadata>\n<resources>\n'
-    for number, item in enumerate(items, 1):
-        name = quoteattr(item.part.name)
-        yield f'<object id="{number}" type="model" name={name}>\n<mesh>\n<vertices>\n'
-        values, index = np.unique(item.part.vertices_mm, return_inverse=True)
-        texts = [_short(value) for value in values]
-        for i, j, k in index.reshape(-1, 3).tolist():
-            yield f'<vertex x="{texts[i]}" y="{texts[j]}" z="{texts[k]}"/>\n'
-        yield "</vertices>\n<triangles>\n"
-        for a, b, c in item.part.faces.tolist():
-            yield f'<triangle v1="{a}" v2="{b}" v3="{c}"/>\n'
-        yield "</triangles>\n</mesh>\n</object>\n"
-    yield "</resources>\n<build>\n"
-    for number, item in enumerate(items, 1):
-        x, y = (_short(value) for value in item.at_mm)
-        yield f'<item objectid="{number}" transform="1 0 0 0 1 0 0 0 1 {x} {y} 0"/>\n'
-    yield "</build>\n</model>\n"
 
 
 def _short(value: float) -> str:

@@ -227,7 +227,20 @@ def _entry_of_area(
         pieces = start_pieces(start, bounds.difference(solids))
     except BadInputError:  # closed by making solids printable: only the pose is left
         return entry_of(replace(start, area=None), bounds, border, solids, options)
-    entries = [entry_of(_across(start, p), bounds, border, solids, options) for p in pieces]
+    cosine, sine = math.cos(start.pose.heading_rad), math.sin(start.pose.heading_rad)
+    entries = []
+    for piece in pieces:  # as from its rear end, the range as wide as the piece is sideways
+        points = shapely.get_coordinates(piece)
+        ahead, aside = points @ (cosine, sine), points @ (-sine, cosine)
+        rear, middle = float(ahead.min()), 0.5 * float(aside.min() + aside.max())
+        half_mm = 0.5 * float(aside.max() - aside.min())
+        x_mm, y_mm = rear * cosine - middle * sine, rear * sine + middle * cosine
+        across = Start(
+            pose=replace(start.pose, x_mm=x_mm, y_mm=y_mm),
+            spread_x_mm=abs(sine) * half_mm,
+            spread_y_mm=abs(cosine) * half_mm,
+        )
+        entries.append(entry_of(across, bounds, border, solids, options))
     # Robots come from where the bounds are when moved back: walls next to them stay.
     (x_0, y_0), (x_1, y_1) = _backwards(start, 2.0 * options.border_mm).coords
     behind = [
@@ -256,24 +269,6 @@ def _entry_of_area(
         notes.append("pieces of it further inside have no entry")
     notes += dict.fromkeys(e.note for e in entries if e.note and not e.from_border.is_empty)
     return Entry(from_border=opened, from_plate=Polygon(), note="; ".join(notes))
-
-
-def _across(start: Start, piece: BaseGeometry) -> Start:
-    """Return a start at the rear end of a piece, its range as wide as the piece is sideways."""
-    cosine, sine = math.cos(start.pose.heading_rad), math.sin(start.pose.heading_rad)
-    points = shapely.get_coordinates(piece)
-    ahead, aside = points @ (cosine, sine), points @ (-sine, cosine)
-    rear, middle = float(ahead.min()), 0.5 * float(aside.min() + aside.max())
-    half_mm = 0.5 * float(aside.max() - aside.min())
-    return Start(
-        pose=replace(
-            start.pose,
-            x_mm=rear * cosine - middle * sine,
-            y_mm=rear * sine + middle * cosine,
-        ),
-        spread_x_mm=abs(sine) * half_mm,
-        spread_y_mm=abs(cosine) * half_mm,
-    )
 
 
 def _backwards(start: Start, length_mm: float) -> LineString:

@@ -111,6 +111,25 @@ class _View(PageView):
 
     box_pt: tuple[float, float, float, float]  # where markers and tags may lie
 
+    @classmethod
+    def of(cls, robot: "_Robot", lines: Sequence[Listed], below_pt: float) -> tuple["_View", float]:
+        """Return where the robot lies on the page, and the page's height."""
+        shown: list[BaseGeometry] = [robot.lumen, *(_line_of(path) for path in robot.paths)]
+        shown += [mark for line in lines for finding in line.findings for mark in _marks(finding)]
+        places = np.concatenate([shapely.get_coordinates(shape) for shape in shown])
+        low, size = places.min(axis=0), np.maximum(np.ptp(places, axis=0), 1.0)
+        inner = _WIDE_PT - 2.0 * (_EDGE_PT + _RIM_PT)
+        scale = min(inner / size[0], (_MOST_PT - 2.0 * _RIM_PT) / size[1])
+        panel = max(_LEAST_PT, size[1] * scale + 2.0 * _RIM_PT)
+        free = np.array([_WIDE_PT, panel]) - size * scale
+        view = cls(
+            low_mm=low,
+            pt_per_mm=float(scale),
+            corner_pt=free / 2.0 + np.array([0.0, below_pt]),
+            box_pt=(_EDGE_PT, below_pt + 4.0, _WIDE_PT - _EDGE_PT, below_pt + panel),
+        )
+        return view, below_pt + panel + _HEAD_PT
+
     def geometry(self, shape: BaseGeometry) -> BaseGeometry:
         """Return a shape on the page."""
         return shapely.transform(shape, self.points)
@@ -171,7 +190,7 @@ class FindingsPage:
         lines, robot = listed(report.findings), _Robot.of(design, profile)
         rows = max(1, min(len(lines), MOST_RULES))
         below_pt = _KEY_PT + _ROW_PT * rows + _FOOT_PT
-        view, high_pt = _view(robot, lines, below_pt)
+        view, high_pt = _View.of(robot, lines, below_pt)
         marked = _marked(lines, robot, view)
         inked = shapely.union_all([shapely.boundary(view.geometry(robot.lumen)), *marked.values()])
         tags: tuple[Tag, ...] = ()
@@ -256,25 +275,6 @@ class _Robot:
 def _line_of(path: LaserPath) -> shapely.LineString:
     points = path.contour.flattened_mm(0.05)
     return shapely.LineString(np.vstack([points, points[:1]]) if path.contour.closed else points)
-
-
-def _view(robot: _Robot, lines: Sequence[Listed], below_pt: float) -> tuple[_View, float]:
-    """Return where the robot lies on the page, and the page's height."""
-    shown: list[BaseGeometry] = [robot.lumen, *(_line_of(path) for path in robot.paths)]
-    shown += [mark for line in lines for finding in line.findings for mark in _marks(finding)]
-    places = np.concatenate([shapely.get_coordinates(shape) for shape in shown])
-    low, size = places.min(axis=0), np.maximum(np.ptp(places, axis=0), 1.0)
-    inner = _WIDE_PT - 2.0 * (_EDGE_PT + _RIM_PT)
-    scale = min(inner / size[0], (_MOST_PT - 2.0 * _RIM_PT) / size[1])
-    panel = max(_LEAST_PT, size[1] * scale + 2.0 * _RIM_PT)
-    free = np.array([_WIDE_PT, panel]) - size * scale
-    view = _View(
-        low_mm=low,
-        pt_per_mm=float(scale),
-        corner_pt=free / 2.0 + np.array([0.0, below_pt]),
-        box_pt=(_EDGE_PT, below_pt + 4.0, _WIDE_PT - _EDGE_PT, below_pt + panel),
-    )
-    return view, below_pt + panel + _HEAD_PT
 
 
 def _marks(finding: Finding) -> list[BaseGeometry]:

@@ -402,7 +402,14 @@ def marks_of(
     for path in (path for one in made for path in one.paths):
         free.take(region(path.contour))
     if partition is None:
-        made += [_label(robot, free, profile, own) for own, robot in enumerate(placed)]
+        for own, robot in enumerate(placed):
+            full = label_lines(robot.design.name, profile, (robot.number, robot.count))
+            x, y = (robot.outline.points_mm[[0, -1]].sum(axis=0) / 2.0).tolist()
+            target = LabelTarget(
+                near_mm=(x, y), label=f"label of {robot.title}", name=robot.design.name, own=own
+            )
+            number = f"{robot.number}/{robot.count}" if robot.count > 1 else ""
+            made.append(label_marking(full, {"number": number}, free, target))
     else:
         layout = flat_layout(placed[0].design)
         made += [
@@ -435,17 +442,6 @@ def fold_marking(robot: SheetRobot, free: FreeRoom) -> Marking:
     ticks = [robot.on_sheet(tick) for tick in fold_ticks(robot.design, robot.body.reach_mm)]
     paths = tuple(mark(tick, label, robot.design.name) for tick in ticks if free.has(tick))
     return Marking(paths=paths, left_out=() if paths else (f"no room for the {label}",))
-
-
-def _label(robot: SheetRobot, free: FreeRoom, profile: LaserProfile, own: int) -> Marking:
-    """Return the label of a robot; where all of it has no room, the number of the part alone."""
-    name = robot.design.name
-    full = label_lines(name, profile, (robot.number, robot.count))
-    tail = robot.on_sheet(robot.body.outline.contour).points_mm
-    x, y = ((tail[0] + tail[-1]) / 2.0).tolist()
-    target = LabelTarget(near_mm=(x, y), label=f"label of {robot.title}", name=name, own=own)
-    number = f"{robot.number}/{robot.count}" if robot.count > 1 else ""
-    return label_marking(full, {"number": number}, free, target)
 
 
 def label_marking(

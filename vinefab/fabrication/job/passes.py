@@ -130,32 +130,22 @@ def seal_offset_mm(profile: LaserProfile) -> float:
     return weldcut_offset_mm(profile) if in_one_pass(profile) else weld_offset_mm(profile)
 
 
-def in_one_pass(profile: LaserProfile) -> bool:
-    """Whether a recipe cuts and seals in one pass; else it welds and cuts separately."""
+def in_one_pass(profile: LaserProfile, *, separate: bool = False) -> bool:
+    """Whether a recipe cuts and seals in one pass, unless ``separate`` asks for two."""
     operations = profile.recipe.by_operation
-    return Operation.WELDCUT in operations or Operation.WELD not in operations
+    return not separate and (Operation.WELDCUT in operations or Operation.WELD not in operations)
 
 
 def sealed_by_hand(profile: LaserProfile, *, separate: bool = False) -> bool:
     """Whether the sheet leaves the bed between marks and cut, to be sealed by hand."""
-    apart = separate or not in_one_pass(profile)
-    return apart and not profile.settings(Operation.WELD).by_laser
-
-
-def body_paths(
-    design: Design, profile: LaserProfile, *, separate: bool = False, ends: PieceEnds = WHOLE_ROBOT
-) -> BodyPaths:
-    """Return the paths of one robot or piece; ``separate`` welds and cuts in two passes."""
-    if separate or not in_one_pass(profile):
-        return _two_passes(design, profile, ends)
-    return _one_pass(design, profile, ends)
+    one_pass = in_one_pass(profile, separate=separate)
+    return not one_pass and not profile.settings(Operation.WELD).by_laser
 
 
 def reach_mm(profile: LaserProfile, *, separate: bool = False) -> float:
     """Return the reach of a robot's paths outside the lumen's edge."""
-    if separate or not in_one_pass(profile):
-        return cut_offset_mm(profile)
-    return weldcut_offset_mm(profile)
+    one_pass = in_one_pass(profile, separate=separate)
+    return weldcut_offset_mm(profile) if one_pass else cut_offset_mm(profile)
 
 
 def taken_mm(profile: LaserProfile, *, separate: bool = False) -> float:
@@ -164,9 +154,9 @@ def taken_mm(profile: LaserProfile, *, separate: bool = False) -> float:
     In one pass the beam melts the seam's width to both sides of the kerf; a cut alone removes the
     kerf. Film that holds begins beyond.
     """
-    apart = separate or not in_one_pass(profile)
-    beam = profile.settings(Operation.CUT if apart else Operation.WELDCUT)
-    rim_mm = 0.0 if apart else beam.seam_width_mm.value
+    one_pass = in_one_pass(profile, separate=separate)
+    beam = profile.settings(Operation.WELDCUT if one_pass else Operation.CUT)
+    rim_mm = beam.seam_width_mm.value if one_pass else 0.0
     return reach_mm(profile, separate=separate) + beam.kerf_mm.value / 2.0 + rim_mm
 
 
@@ -180,8 +170,15 @@ def bare_sheet_mm(profile: LaserProfile) -> tuple[float, float]:
     return wide_mm - rim_mm, high_mm - rim_mm
 
 
-def _one_pass(design: Design, profile: LaserProfile, ends: PieceEnds) -> BodyPaths:
-    """Cut and seal the outline, which stays open at its mouths; then cut across them."""
+def body_paths(
+    design: Design, profile: LaserProfile, *, separate: bool = False, ends: PieceEnds = WHOLE_ROBOT
+) -> BodyPaths:
+    """Return the paths of one robot or piece; ``separate`` welds and cuts in two passes.
+
+    In one pass the outline is cut and sealed, open at its mouths; then come the cuts across them.
+    """
+    if not in_one_pass(profile, separate=separate):
+        return _two_passes(design, profile, ends)
     settings, offset = profile.settings(Operation.WELDCUT), weldcut_offset_mm(profile)
     overcut = profile.settings(Operation.CUT).overcut_mm.value
     outline = body_outline(design, offset, ends=ends)
@@ -359,7 +356,7 @@ def sleeve_size(build: Build, profile: LaserProfile, *, separate: bool = False) 
     separate
         Whether the robot is welded and cut in two passes although the recipe has one for both.
     """
-    if in_one_pass(profile) and not separate:
+    if in_one_pass(profile, separate=separate):
         film_mm = profile.settings(Operation.WELDCUT).seam_width_mm.value
     else:
         film_mm = profile.settings(Operation.WELD).seam_width_mm.value + WEB_MM

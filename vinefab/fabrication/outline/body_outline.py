@@ -325,8 +325,20 @@ def parts_problems(
     for kinds in pattern.joints:
         for number in range(len(kinds[0].gaps)):
             # Joints that differ only by the taper of their parents' sides share one problem.
-            each = (_gap_problems(places, joint, number, pattern.offset_mm) for joint in kinds)
-            found += next(filter(None, map(list, each)), [])
+            for joint in kinds:
+                gap = joint.gaps[number]
+                if joint.allowed_mm[number] < 0.0:
+                    halves = (side.half_mm - pattern.offset_mm for side in (gap.first, gap.second))
+                    limit = allowed_reach_mm(gap.first, gap.second, joint.disc_mm)
+                    figures = crotch_reach_mm(gap.angle_rad, *halves), limit
+                    kind = ProblemKind.NARROW_CROTCH
+                elif gap.error_mm > WORST_ERROR_MM and min(joint.allowed_mm) >= 0.0:
+                    kind, figures = ProblemKind.SHORT_SEGMENT, (gap.error_mm, WORST_ERROR_MM)
+                else:
+                    continue
+                names = [places.branch(joint, side.owner) for side in (gap.first, gap.second)]
+                found.append(places.problem(kind, joint.level, tuple(names), figures))
+                break
     return (*found, *_tail(design, places, pattern), *_rooms(design, places, pattern))
 
 
@@ -367,23 +379,6 @@ def _widths(design: Design, places: _Places, offset_mm: float) -> Iterator[Outli
     elif pouch is not None and least_convex_radius_mm(design) + offset_mm < 0.0:
         found = (least_convex_radius_mm(design) + offset_mm, 0.0)
         yield places.problem(ProblemKind.VANISHED, design.depth, (name,), found)
-
-
-def _gap_problems(
-    places: _Places, joint: Joint, number: int, offset_mm: float
-) -> Iterator[OutlineProblem]:
-    gap = joint.gaps[number]
-    names = (places.branch(joint, gap.first.owner), places.branch(joint, gap.second.owner))
-    if joint.allowed_mm[number] < 0.0:
-        halves = gap.first.half_mm - offset_mm, gap.second.half_mm - offset_mm
-        found = (
-            crotch_reach_mm(gap.angle_rad, *halves),
-            allowed_reach_mm(gap.first, gap.second, joint.disc_mm),
-        )
-        yield places.problem(ProblemKind.NARROW_CROTCH, joint.level, names, found)
-    elif gap.error_mm > WORST_ERROR_MM and min(joint.allowed_mm) >= 0.0:
-        found = (gap.error_mm, WORST_ERROR_MM)
-        yield places.problem(ProblemKind.SHORT_SEGMENT, joint.level, names, found)
 
 
 def _tail(design: Design, places: _Places, pattern: OutlineParts) -> Iterator[OutlineProblem]:

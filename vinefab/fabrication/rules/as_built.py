@@ -26,7 +26,7 @@ from vinefab.fabrication.rules.rule import (
 from vinefab.model.finding import Severity
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Quantity
-from vinefab.model.outline import Contour, Part, Segment
+from vinefab.model.outline import Contour, Part
 from vinefab.physics.growth_pressure import planned_paths
 from vinefab.physics.tube import inflated_diameter_mm
 
@@ -45,13 +45,13 @@ def _excess_widths_mm(
     runs
         The paths that together seal one body, in order.
     """
-    rows = {name: row for row, name in enumerate(subject.names)}
+    layout, rows = subject.layout, {name: row for row, name in enumerate(subject.names)}
     sides: dict[tuple[int, bool], tuple[float, float]] = {}
     contours = [path.contour for path in runs]
     back = _back_to_flat(subject, contours)
     collar, from_mm = subject.design.build.collar, -math.inf
     if collar is not None:  # its sides are as wide as its clamp
-        from_mm = collar.reach_mm - _NEAR_MM - subject.layout.tail_mm
+        from_mm = collar.reach_mm - _NEAR_MM - layout.tail_mm
     for segment in (one for run in contours for one in run.moved(*back).segments):
         is_tail, starts_mm = segment.part is Part.TAIL, (segment.start_mm[0], segment.end_mm[0])
         if segment.bulge or not segment.branch or not (is_tail or segment.part is Part.SIDE):
@@ -59,7 +59,18 @@ def _excess_widths_mm(
         if is_tail and min(starts_mm) <= from_mm:
             continue
         row = rows[segment.branch]
-        left, beyond = _beyond_mm(subject, row, segment, offset_mm)
+        # How far outside the design the segment lies at most, and on which side of its branch.
+        along = np.array([math.cos(layout.heading_rad[row]), math.sin(layout.heading_rad[row])])
+        ends = np.array([segment.start_mm, segment.end_mm]) - layout.start_mm[row]
+        across = ends @ np.array([-along[1], along[0]])
+        half, end_half = layout.width_mm[row] / 2.0, layout.end_width_mm[row] / 2.0
+        lean_rad = taper_rad(half, end_half, float(layout.tree.length_mm[row]))
+        designed = half + offset_mm - np.maximum(ends @ along, 0.0) * math.sin(lean_rad)
+        designed /= math.cos(lean_rad)
+        if is_tail:
+            designed = np.full(2, half + offset_mm)
+        excess = np.abs(across) - designed
+        left, beyond = bool(across.mean() > 0.0), float(excess[np.abs(excess).argmax()])
         length = segment.length_mm
         if length > sides.get((row, left), (0.0, 0.0))[0]:
             sides[row, left] = length, beyond
@@ -96,25 +107,6 @@ def flat_place_mm(subject: Subject, path: LaserPath, at_mm: Point) -> Point | No
     point = Contour.polyline(np.array([at_mm, at_mm]), closed=False)
     x, y = point.moved(*_back_to_flat(subject, near)).points_mm[0].tolist()
     return x, y
-
-
-def _beyond_mm(
-    subject: Subject, row: int, segment: Segment, offset_mm: float
-) -> tuple[bool, float]:
-    """Return whether a segment lies left of its branch, and how far outside the design at most."""
-    layout = subject.layout
-    heading, base = layout.heading_rad[row], layout.start_mm[row]
-    along = np.array([math.cos(heading), math.sin(heading)])
-    ends = np.array([segment.start_mm, segment.end_mm]) - base
-    across = ends @ np.array([-along[1], along[0]])
-    half, end_half = layout.width_mm[row] / 2.0, layout.end_width_mm[row] / 2.0
-    lean_rad = taper_rad(half, end_half, float(layout.tree.length_mm[row]))
-    designed = half + offset_mm - np.maximum(ends @ along, 0.0) * math.sin(lean_rad)
-    designed /= math.cos(lean_rad)
-    if segment.part is Part.TAIL:
-        designed = np.full(2, half + offset_mm)
-    beyond = np.abs(across) - designed
-    return bool(across.mean() > 0.0), float(beyond[np.abs(beyond).argmax()])
 
 
 def _owner(path: LaserPath, paths: tuple[LaserPath, ...]) -> str:

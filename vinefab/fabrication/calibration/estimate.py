@@ -423,7 +423,16 @@ def fit_closing(
     remarks = []
 
     def solved(modulus_mpa: float) -> Estimate:
-        equations = [_bend_equation(bend, modulus_mpa) for bend in bends]
+        equations = [
+            Equation(
+                factors={"gain": bend.simulated_deg(modulus_mpa) - bend.flat_deg},
+                value=bend.deployed_deg - bend.flat_deg,
+                sigma=None
+                if bend.sigma_deg is None
+                else math.hypot(bend.sigma_deg, _SIMULATED_DEG),
+            )
+            for bend in bends
+        ]
         return solve_equations(equations, "joint_angle")[0]["gain"]
 
     if modulus is not None:
@@ -515,14 +524,6 @@ def _bend(reading: Reading, profile: LaserProfile) -> _Bend:
         deployed_deg=deployed_deg,
         load=hoop_strain(kpa, width_mm, profile.material.ply_mm.value, 1.0),
         sigma_deg=None if reading.sigma is None else math.degrees(reading.sigma),
-    )
-
-
-def _bend_equation(bend: _Bend, modulus_mpa: float) -> Equation:
-    return Equation(
-        factors={"gain": bend.simulated_deg(modulus_mpa) - bend.flat_deg},
-        value=bend.deployed_deg - bend.flat_deg,
-        sigma=None if bend.sigma_deg is None else math.hypot(bend.sigma_deg, _SIMULATED_DEG),
     )
 
 

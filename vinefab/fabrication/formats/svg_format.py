@@ -158,29 +158,26 @@ _ARGUMENTS = {"M": 2, "L": 2, "A": 7, "Z": 0}
 def read_svg(text: str) -> ReadDrawing:
     """Read an SVG file of ours; y is up again."""
     try:
-        return _drawing(xml_root(text))
+        root = xml_root(text)
+        (width, unit), (height, unit_y) = _size(root, "width"), _size(root, "height")
+        paths: list[DrawnPath] = []
+        odd = [] if root.tag == f"{_SVG}svg" else [f"root element {root.tag}"]
+        for group in root:
+            if group.tag == f"{_SVG}g":
+                paths.extend(_group(group, height, odd))
+            elif group.tag not in _SILENT:
+                odd.append(f"element {group.tag.removeprefix(_SVG)} outside the layers")
+        odd.extend(f"a transform on {e.tag}" for e in root.iter() if "transform" in e.attrib)
+        box = root.get("viewBox", "").split()
+        equal = [float(number) for number in box] == [0.0, 0.0, width, height] if box else False
+        return ReadDrawing(
+            unit=unit if equal and unit == unit_y else f"{unit} with view box {' '.join(box)!r}",
+            sheet=(width, height),
+            paths=tuple(paths),
+            oddities=tuple(odd),
+        )
     except (ET.ParseError, BadInputError) as error:
         raise UnreadableFileError("SVG text", f"not an SVG file of ours: {error}") from error
-
-
-def _drawing(root: ET.Element) -> ReadDrawing:
-    (width, unit), (height, unit_y) = _size(root, "width"), _size(root, "height")
-    paths: list[DrawnPath] = []
-    odd = [] if root.tag == f"{_SVG}svg" else [f"root element {root.tag}"]
-    for group in root:
-        if group.tag == f"{_SVG}g":
-            paths.extend(_group(group, height, odd))
-        elif group.tag not in _SILENT:
-            odd.append(f"element {group.tag.removeprefix(_SVG)} outside the layers")
-    odd.extend(f"a transform on {e.tag}" for e in root.iter() if "transform" in e.attrib)
-    box = root.get("viewBox", "").split()
-    equal = [float(number) for number in box] == [0.0, 0.0, width, height] if box else False
-    return ReadDrawing(
-        unit=unit if equal and unit == unit_y else f"{unit} with view box {' '.join(box)!r}",
-        sheet=(width, height),
-        paths=tuple(paths),
-        oddities=tuple(odd),
-    )
 
 
 def _size(root: ET.Element, key: str) -> tuple[float, str]:

@@ -314,8 +314,16 @@ def _draw_exploded(panel: Panel, exploded: _Exploded, below_pt: float) -> None:
         _draw_lead(panel, robot, step, page, view, labels)
     for piece in robot.partition.pieces:
         _write_piece(panel, robot, piece.label, page, view.moves_mm[piece.label], labels)
-    for step in robot.steps:
-        _write_joint(panel, step, page, view, labels)
+    far, towards = spots_around(_BESIDE_PT, np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False))
+    for sleeve in (step.sleeve for step in robot.steps):
+        # The joint's label next to its plug and next to its socket.
+        name = sleeve.label
+        for place, colour in zip(_rims_mm(view, sleeve), (INK, ALERT), strict=True):
+            spots = page.points(place) + far[:, None] * towards
+            x, y = spots[labels.place(spots, far, _label_size(name, _JOINT_PT))].tolist()
+            panel.words(
+                (x, y), name, _JOINT_PT, colour=colour, anchor="middle", bold=True, halo=True
+            )
     moves_mm = np.zeros((len(robot.layout.tree), 2))
     for piece in robot.partition.pieces:
         moves_mm[list(piece.branches)] = view.moves_mm[piece.label]
@@ -444,18 +452,6 @@ def _write_sizes(
         panel.words((x, y), text, _SIZE_PT, colour=INK, anchor="middle", halo=True)
 
 
-def _write_joint(
-    panel: Panel, step: JoiningStep, page: PageView, view: ExplodedView, labels: Labels
-) -> None:
-    """Write the joint's label next to its plug and next to its socket."""
-    name = step.sleeve.label
-    for place, colour in zip(_rims_mm(view, step.sleeve), (INK, ALERT), strict=True):
-        far, towards = spots_around(_BESIDE_PT, np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False))
-        spots = page.points(place) + far[:, None] * towards
-        x, y = spots[labels.place(spots, far, _label_size(name, _JOINT_PT))].tolist()
-        panel.words((x, y), name, _JOINT_PT, colour=colour, anchor="middle", bold=True, halo=True)
-
-
 def _label_size(words: str, size_pt: float) -> Floats:
     return np.array([text_width(words, size_pt, bold=True) + 3.0, size_pt + 1.0])
 
@@ -531,27 +527,23 @@ def _draw_together(panel: Panel, robot: _Robot, box_pt: Box) -> None:
             _coarse(page.points(_points(robot, piece.label, page)))
             for piece in robot.partition.pieces
         ],
-        taken=[_draw_band(panel, robot, step, page) for step in robot.steps],
     )
+    for sleeve in (step.sleeve for step in robot.steps):
+        # A line across its branch, in the middle of the lap.
+        heading = float(robot.layout.heading_rad[sleeve.branch])
+        along = np.array([math.cos(heading), math.sin(heading)])
+        across = np.array([-along[1], along[0]])
+        middle = robot.layout.start_mm[sleeve.branch]
+        middle = middle + (sleeve.socket_mm + sleeve.plug_mm) / 2.0 * along
+        reach = sleeve.width_mm / 2.0 + sleeve.rise_mm
+        ends = page.points(np.array([middle - reach * across, middle + reach * across]))
+        panel.line(ends, _JOINT, rank=6.0)
+        labels.taken.append(shapely.buffer(shapely.LineString(ends), 2.5))
     for piece in robot.partition.pieces:
         _write_piece(panel, robot, piece.label, page, here, labels, size_pt=9.0)
     x = panel.scale_bar((x0, y0 + 10.0), page.pt_per_mm, 90.0) + 14.0
     panel.line([(x, y0 + 13.0), (x + 14.0, y0 + 13.0)], _JOINT)
     panel.written((x + 18.0, y0 + 10.0), "joint: plug in socket", _TEXT_PT, colour=SOFT)
-
-
-def _draw_band(panel: Panel, robot: _Robot, step: JoiningStep, page: PageView) -> BaseGeometry:
-    """Draw a joint as a line across its branch, in the middle of the lap, and return its place."""
-    sleeve = step.sleeve
-    heading = float(robot.layout.heading_rad[sleeve.branch])
-    along = np.array([math.cos(heading), math.sin(heading)])
-    across = np.array([-along[1], along[0]])
-    middle = robot.layout.start_mm[sleeve.branch]
-    middle = middle + (sleeve.socket_mm + sleeve.plug_mm) / 2.0 * along
-    reach = sleeve.width_mm / 2.0 + sleeve.rise_mm
-    ends = page.points(np.array([middle - reach * across, middle + reach * across]))
-    panel.line(ends, _JOINT, rank=6.0)
-    return shapely.buffer(shapely.LineString(ends), 2.5)
 
 
 # --- one lap

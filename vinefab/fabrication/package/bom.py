@@ -59,6 +59,12 @@ def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
         ("mark length", (Operation.MARK,), "marks, one pass"),
     ]
     twice = "; where tiles meet, both count" if job.tiles else ""
+    time = machine_time(job, profile)
+    times_s = {f"machine time, {op}": seconds for op, seconds in time.work_s.items()}
+    times_s |= {"machine time, travel": time.travel_s, "machine time, total": time.total_s}
+    by = "speed up, along, slow down; full stop at corners, slower in tight arcs; passes"
+    if job.tiles:
+        by += "; all tiles, without the time to move and align the film"
     return (
         *_film_lines(job, profile),
         *parts,
@@ -71,7 +77,10 @@ def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
             )
             for item, operations, basis in kinds
         ],
-        *_time_lines(job, profile),
+        *(
+            BomLine(item=item, value=value, unit="s", standing=weakest(time.inputs), basis=by)
+            for item, value in times_s.items()
+        ),
     )
 
 
@@ -274,23 +283,6 @@ def _roll_line(
         standing=standing,
         basis=basis,
     )
-
-
-def _time_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
-    time = machine_time(job, profile)
-    standing = weakest(time.inputs)
-    shares = [(f"machine time, {op}", seconds) for op, seconds in time.work_s.items()]
-    basis = "speed up, along, slow down; full stop at corners, slower in tight arcs; passes"
-    if job.tiles:
-        basis += "; all tiles, without the time to move and align the film"
-    return [
-        BomLine(item=item, value=seconds, unit="s", standing=standing, basis=basis)
-        for item, seconds in [
-            *shares,
-            ("machine time, travel", time.travel_s),
-            ("machine time, total", time.total_s),
-        ]
-    ]
 
 
 def _assumed(item: str, value: float, unit: str, basis: str) -> BomLine:

@@ -9,6 +9,7 @@ import pytest
 from tests.studio.conftest import TabSession
 from vinefab.core.errors import VinefabError
 from vinefab.model.design import Design, design_content
+from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
 from vinefab.model.map import map_text
 from vinefab.studio.executors import answer_of
 from vinefab.studio.file_exports import (
@@ -80,6 +81,10 @@ def test_maps_travel_and_paths_stay_at_home(state, answers, tmp_path):
     lab.write_text(map_text(world_of({"source": {"environment": "pegs", "seed": 2}})))
     state["map"]["source"] = {"file": str(lab)}
     state["family"] = {"files": [str(lab)]}
+    recipe = locate("recipe", DEFAULT_RECIPE).read_text()
+    for folder in (lab.parent, tmp_path):  # at home, and next to the snapshot
+        (folder / "laser.toml").write_text(recipe.replace(f'"{DEFAULT_RECIPE}"', '"laser"', 1))
+    state["recipe"] = str(lab.parent / "laser.toml")
     before = map_text(StudioState.of(state).world)
     path = tmp_path / "sent.html"
     options = SnapshotOptions(file=str(tmp_path / "home" / "mine.toml"))
@@ -89,6 +94,7 @@ def test_maps_travel_and_paths_stay_at_home(state, answers, tmp_path):
     found = stored_state(path)
     assert map_text(StudioState.of(found).world) == before
     assert Path(found["map"]["source"]["file"]) == tmp_path / "sent.map.geojson"
+    assert Path(found["recipe"]) == tmp_path / "laser.toml"
     (tmp_path / "sent.map.geojson").write_text("mine now")
     found = stored_state(path)
     assert Path(found["map"]["source"]["file"]) == tmp_path / "sent.map-2.geojson"

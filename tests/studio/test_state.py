@@ -65,6 +65,7 @@ def test_a_map_file_is_read_anew_when_it_changes(tmp_path):
         ({"map": {**GRID, "edits": [["add", [[0, 0], [1, 1], [1, 0], [0, 1]]]]}}, "map.edits.0"),
         ({"map": {**GRID, "edits": [["move", 0, float("nan"), 1]]}}, "map.edits.0"),
         ({"map": {**GRID, "edits": [["turn", 0, 1]]}}, "map.edits.0"),
+        ({"map": {**GRID, "edits": [["add", [[0, 0], [9, 9, 9], [9, 0]]]]}}, "map.edits.0"),
         ({"map": {**GRID, "edits": "none"}}, "map.edits"),
         ({"pose": {"x_mm": 1}}, "pose"),
         ({"pose": {"x_mm": "1", "y_mm": 1, "heading_deg": 0}}, "pose.x_mm"),

@@ -344,9 +344,8 @@ class FileStore:
 
     def is_writable(self, path: Path) -> bool:
         """Tell whether a file may be saved where it lies."""
-        inside = any(path.is_relative_to(root) for root in self.roots)
         may_be = os.access(path.parent, os.W_OK) and not is_protected(path)
-        return inside and may_be and not _is_library(path)
+        return may_be and not _is_library(path)
 
     def shown(self, path: Path) -> str:
         """Return a path as the user would type it where the command was started."""

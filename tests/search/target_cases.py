@@ -18,7 +18,7 @@ from shapely import Polygon, affinity
 
 from vinefab.core.errors import VinefabError
 from vinefab.model.map import Map, Pose, Start
-from vinefab.search.advice import with_trunk_for_film
+from vinefab.search.manufacturability import with_trunk_for_film
 from vinefab.search.run import run_search, violations_of
 from vinefab.search.settings import RunSettings
 

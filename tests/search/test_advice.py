@@ -12,15 +12,15 @@ from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.model.design import Design, Level
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.laser import Quantity, Standing, read_profile
-from vinefab.search.advice import (
+from vinefab.search.manufacturability import (
     FAILED,
     BestCheck,
+    ManufacturabilityPenalty,
     has_design,
     relaxations,
     said_before,
     with_trunk_for_film,
 )
-from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.record.generations import Progress, RunIdentity
 from vinefab.search.record.result import RECORD_FILE, RunArchive
 from vinefab.search.record.store import RunStore

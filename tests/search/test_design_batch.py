@@ -17,7 +17,6 @@ from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.poses import draw_poses
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.tree import branch_tree
-from vinefab.search.design_batch import planned_batch
 from vinefab.search.space import (
     LIMITS,
     SPACE_DECIMALS,
@@ -26,6 +25,7 @@ from vinefab.search.space import (
     Space,
     SpaceSettings,
     _rounded,
+    planned_batch,
 )
 
 WIDE = Space(

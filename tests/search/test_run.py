@@ -17,6 +17,7 @@ from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.deployment import Deployment
+from vinefab.model.files.run_context import map_fingerprint
 from vinefab.model.map import Map, Pose, Start
 from vinefab.search.evaluator import (
     FINAL,
@@ -28,7 +29,6 @@ from vinefab.search.evaluator import (
 )
 from vinefab.search.optimizers.optimizer import OPTIMIZERS, RandomSearch
 from vinefab.search.record.generations import Progress
-from vinefab.search.record.identity import map_fingerprint
 from vinefab.search.record.result import RunArchive, map_from_text, map_to_text
 from vinefab.search.run import (
     AHEAD,

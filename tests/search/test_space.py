@@ -19,11 +19,18 @@ from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.model.map import Pose
 from vinefab.model.tree import branch_tree
 from vinefab.search import space as space_module
-from vinefab.search.design_batch import DesignBatch
 from vinefab.search.record.generations import RunIdentity
 from vinefab.search.run import Search, violations_of
 from vinefab.search.settings import PartSettings, plain_settings
-from vinefab.search.space import COSTS, Bounds, BuildSettings, Space, SpaceSettings, cost_text
+from vinefab.search.space import (
+    COSTS,
+    Bounds,
+    BuildSettings,
+    DesignBatch,
+    Space,
+    SpaceSettings,
+    cost_text,
+)
 
 TABLE_1 = Space(SpaceSettings(), BuildSettings())
 POINTS = st.lists(st.floats(0.0, 1.0), min_size=18, max_size=18).map(np.array)

@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
-from vinefab.studies.benchmark import (
+from examples import draw_cluster_scaling
+from examples.draw_cluster_scaling import (
     LATENCIES_S,
     WORKERS,
     Network,
@@ -19,6 +20,7 @@ from vinefab.studies.benchmark import (
     simulated_run_s,
     simulated_s,
 )
+from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
 
 COSTS = UnitCosts(submit_s=0.001, receive_s=0.002, worker_s=0.003)
 NEAR = Network(latency_s=0.0001)
@@ -101,3 +103,17 @@ def test_a_load_is_measured():
     assert found.loop_s > 0.0
     assert found.result_bytes == 8.0 * 6 * 2  # the score and five terms, on two maps
     assert Scaling.of(found, LATENCIES_S[-1]).speedups[0] == pytest.approx(1.0)
+
+
+def test_the_figure_is_drawn(monkeypatch, tmp_path):
+    whole = draw_cluster_scaling.load_of
+
+    def of_a_tenth(name, settings):
+        population = max(10, settings.search.population // 10)
+        return whole(name, settings.changed(search=settings.search.changed(population=population)))
+
+    monkeypatch.setattr(draw_cluster_scaling, "load_of", of_a_tenth)
+    draw_cluster_scaling.draw(tmp_path / "picture.png")
+    with Image.open(tmp_path / "picture.png") as image:
+        darkness = image.convert("L").histogram()
+        assert sum(darkness[:250]) > 0.02 * image.width * image.height

@@ -18,8 +18,8 @@ from vinefab.model.tree import branch_tree
 from vinefab.search.settings import RunSettings, read_run
 from vinefab.studies.assumption_studies import VARIANTS
 from vinefab.studies.deployment_studies import BEYOND, RedeploymentJob, shape_count, tip_groups
-from vinefab.studies.reproduction import EXPERIMENTS
 from vinefab.studies.study_runs import (
+    EXPERIMENTS,
     PAPER_GROWTH,
     QUICK_SIZE,
     JobStore,

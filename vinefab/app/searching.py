@@ -178,7 +178,7 @@ def optimize(
     from vinefab.search.record.result import RECORD_FILE
     from vinefab.search.run import make_point_evaluator, violations_of
     from vinefab.search.run_pages import PAGE_NAME
-    from vinefab.search.settings import PartSettings, RunLimits
+    from vinefab.search.settings import LIMIT_NAMES, PartSettings
 
     settings, source = _run_of(run)
     own_task = None if task is None or isinstance(task, str) else task_of(task, {})
@@ -186,8 +186,12 @@ def optimize(
         settings = settings.changed(task=PartSettings(name=task))
     if seed is not None:
         settings = settings.changed(search=settings.search.changed(seed=seed))
-    limits = RunLimits(generations=generations, evaluations=evaluations, wall_time_s=wall_time_s)
-    for name, value in limits.given.items():
+    limits = {
+        name: value
+        for name, value in zip(LIMIT_NAMES, (generations, evaluations, wall_time_s), strict=True)
+        if value is not None
+    }
+    for name, value in limits.items():
         if not resume:
             allowed = f"only with resume; of a new run it stands in its file, optimizer.{name}"
             raise BadInputError(name, value, allowed)
@@ -219,7 +223,7 @@ def optimize(
                 again=again,
                 page=page,
                 resume=resume,
-                limits=limits if limits.given else None,
+                limits=limits or None,
                 workers=make_point_evaluator(workers, cluster),
                 progress=tell,
                 source=source,
@@ -278,7 +282,7 @@ def _score_again(
 def _run_of(given: RunLike) -> tuple[RunSettings, Path | None]:
     """Return the settings of a run, and the file that they come from."""
     from vinefab.model.files.shipped import locate
-    from vinefab.search.advice import with_trunk_for_film
+    from vinefab.search.manufacturability import with_trunk_for_film
     from vinefab.search.settings import RunSettings, read_run
 
     if isinstance(given, RunSettings):
@@ -464,7 +468,7 @@ def contest(
 
     >>> contest("grid_coverage", optimizers=("cmaes", "random"), out="x")  # doctest: +SKIP
     """
-    from vinefab.search.advice import with_trunk_for_film
+    from vinefab.search.manufacturability import with_trunk_for_film
     from vinefab.search.optimizers.optimizer import make_optimizer_config
     from vinefab.search.settings import PartSettings, read_run
     from vinefab.studies.optimizer_contest import (
@@ -543,14 +547,15 @@ def reproduce(
     >>> reproduce("transfer", out="reproduction", quick=True)  # doctest: +SKIP
     """
     from vinefab.studies import EXPERIMENTS
-    from vinefab.studies.reproduction import (
+    from vinefab.studies.study_runs import (
         NUMBERS,
+        PAPER_SIZE,
+        QUICK_SIZE,
         STUDY_PAGE,
         claims_table,
         do_experiments,
         numbers_text,
     )
-    from vinefab.studies.study_runs import PAPER_SIZE, QUICK_SIZE
 
     if not names:
         raise BadInputError("NAME", None, f"{', '.join(EXPERIMENTS)}, or all")

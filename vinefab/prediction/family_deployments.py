@@ -26,7 +26,7 @@ from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.maps.poses import draw_poses, spread_notes
 from vinefab.model.deployment import STUCK_STOPS, Deployment, Stop
 from vinefab.model.design import Design, design_text
-from vinefab.model.files.run_context import RunContext
+from vinefab.model.files.run_context import RunContext, map_fingerprint, package_versions
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
 from vinefab.model.score import Score
@@ -68,7 +68,6 @@ from vinefab.prediction.measures import (
     spreads_content,
     worst_pressures_of,
 )
-from vinefab.search.record.identity import map_fingerprint, package_versions
 from vinefab.tasks import make_task
 from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.evaluate import (

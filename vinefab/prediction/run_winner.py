@@ -56,7 +56,7 @@ from vinefab.prediction.prediction_width import (
     placings,
     range_over_contacts,
 )
-from vinefab.search.evaluator import final_seed, with_pose_range
+from vinefab.search.evaluator import PointEvaluator, final_seed, with_pose_range
 from vinefab.search.manufacturability import run_profile
 from vinefab.search.record.generations import Progress, curve_of
 from vinefab.search.record.result import (
@@ -69,9 +69,8 @@ from vinefab.search.record.result import (
 )
 from vinefab.search.run import FRESH_MAPS, Search, chooses_on_fresh_maps, run_search, violations_of
 from vinefab.search.run_pages import PAGE_NAME, LivePage, run_facts, search_section
-from vinefab.search.settings import RunLimits, RunSettings, has_own_targets, run_task
+from vinefab.search.settings import RunSettings, has_own_targets, run_task
 from vinefab.search.space import Space
-from vinefab.search.workers import PointEvaluator
 from vinefab.tasks.evaluate import PreparedMap, score_designs, trunks_with_room
 from vinefab.tasks.reach import design_touches, touched_targets
 from vinefab.tasks.task import Task
@@ -143,7 +142,7 @@ def run_in_folder(  # noqa: PLR0913  options by keyword
     again: str,
     page: bool = True,
     resume: bool = False,
-    limits: RunLimits | None = None,
+    limits: Mapping[str, float] | None = None,
     workers: int | PointEvaluator = 1,
     progress: Callable[[Progress], None] | None = None,
     source: Path | None = None,

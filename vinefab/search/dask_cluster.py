@@ -6,7 +6,7 @@ by another. Points do not influence each other, so results depend neither on the
 the points are divided.
 
 `PlacedRun` decides by measured times whether a generation goes to the cluster. The simulated
-cluster of `vinefab.studies.benchmark` divides and places work with the same functions.
+cluster of ``examples/draw_cluster_scaling.py`` divides and places work with the same functions.
 """
 
 import importlib.util
@@ -33,18 +33,20 @@ from vinefab.core.hashing import sha256_of
 from vinefab.core.interruption import stops_deferred
 from vinefab.core.validation import Floats, Ints, whole
 from vinefab.model.design import MOST_BRANCHES
+from vinefab.model.files.run_context import package_versions
 from vinefab.search.evaluator import (
     SHARE_LEFT,
+    Begin,
     Evaluations,
     Evaluator,
     EvaluatorSpec,
+    Finish,
     Ledger,
+    ThreadEvaluator,
     Work,
     in_work_units,
 )
 from vinefab.search.record.generations import plugin_packages
-from vinefab.search.record.identity import package_versions
-from vinefab.search.workers import Begin, Finish, ThreadEvaluator
 from vinefab.tasks.evaluate import Conditions
 
 if TYPE_CHECKING:
@@ -276,7 +278,7 @@ class PlacedRun:
             part, work = self._evaluator.evaluate(x[done : 2 * done], conditions)
             self._ledger.add(work)
             parts.append(part)
-            done, work_s = min(2 * done, len(x)), work_s + sum(work)
+            done, work_s = min(2 * done, len(x)), work_s + work.worked_s
         if done > 1:  # the first point was evaluated while code was loaded
             weight = float(point_weights(self._evaluator, x[1:done], conditions).sum())
             self.pace = replace(self.pace, work_s=work_s / weight)
@@ -542,29 +544,31 @@ class DaskEvaluator:
                 private = stack.enter_context(folder)
                 stack.enter_context(dask.config.set(_without_http()))  # also for later workers
                 stack.enter_context(dask.config.set({"temporary-directory": private}))
-                cluster = stack.enter_context(self._local_cluster(private))
+                try:
+                    local = distributed.LocalCluster(  # type: ignore[no-untyped-call]
+                        n_workers=self.count,
+                        threads_per_worker=1,
+                        security=distributed.Security.temporary(),  # type: ignore[no-untyped-call]
+                        # A fixed port would be taken, and a warning given, where another cluster
+                        # runs.
+                        scheduler_kwargs={
+                            "dashboard": False,
+                            "dashboard_address": "127.0.0.1:0",
+                        },
+                        local_directory=private,
+                        memory_limit=0,
+                        silence_logs="CRITICAL",
+                    )
+                except RuntimeError as error:
+                    problem = f"a worker ended while it started ({error})"
+                    raise WorkersLostError(f"cluster {self.address}", problem) from error
+                cluster = stack.enter_context(local)
                 client = stack.enter_context(distributed.Client(cluster))  # type: ignore[no-untyped-call]
                 self._restart = lambda: (cluster.scale(0), cluster.scale(self.count))
             yield client
         finally:
             with stops_deferred():
                 stack.close()
-
-    def _local_cluster(self, folder: str) -> Any:  # noqa: ANN401 - as above
-        try:
-            return distributed.LocalCluster(  # type: ignore[no-untyped-call]
-                n_workers=self.count,
-                threads_per_worker=1,
-                security=distributed.Security.temporary(),  # type: ignore[no-untyped-call]
-                # A fixed port would be taken, and a warning given, where another cluster runs.
-                scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
-                local_directory=folder,
-                memory_limit=0,
-                silence_logs="CRITICAL",
-            )
-        except RuntimeError as error:
-            problem = f"a worker ended while it started ({error})"
-            raise WorkersLostError(f"cluster {self.address}", problem) from error
 
     def _wait_for_workers(self, client: Any, wait_s: float) -> int:  # noqa: ANN401 - as above
         """Return the number of worker threads, waiting for the first worker; 0: none came."""

@@ -1,22 +1,26 @@
-"""Evaluation of points: growth, score, penalty and fitness, in units of work that are timed."""
+"""Evaluation of points: growth, score, penalty and fitness, in timed units of work on threads.
+
+Results do not depend on the workers.
+"""
 
 import math
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import partial
 from itertools import accumulate, pairwise, product
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
-from vinefab.core.validation import Floats, Ints
+from vinefab.core.validation import Floats, Ints, whole
 from vinefab.growth.batch import (
     GROWTHS_PER_CALL,
     Batch,
@@ -32,7 +36,6 @@ from vinefab.model.finding import Finding
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.model.start import share_around
-from vinefab.search.design_batch import DesignBatch, planned_batch
 from vinefab.search.penalty_batch import BatchPenalty
 from vinefab.search.settings import (
     EvaluationSettings,
@@ -40,7 +43,7 @@ from vinefab.search.settings import (
     keys_of_other_task,
     make_other_task,
 )
-from vinefab.search.space import Space
+from vinefab.search.space import DesignBatch, Space, planned_batch
 from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import Conditions, PreparedMap, composites, poses_on, scores_of
 from vinefab.tasks.reach import Reach, check_targets_on
@@ -56,8 +59,9 @@ from vinefab.tasks.task import (
 )
 
 
-class Work(NamedTuple):
-    """Processor time that some evaluations took, s."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Work:
+    """Processor time that some evaluations took, of all workers together, s."""
 
     making_s: float = 0.0  # building designs and computing their penalties
     growth_s: float = 0.0  # planning and growing
@@ -66,12 +70,19 @@ class Work(NamedTuple):
     @classmethod
     def total(cls, parts: Iterable["Work"]) -> "Work":
         """Return the sum of several parts."""
-        return cls(*map(sum, zip(*parts, strict=True)))
+        spent = [(one.making_s, one.growth_s, one.scoring_s) for one in parts]
+        making_s, growth_s, scoring_s = map(sum, zip(*spent, strict=True))
+        return cls(making_s=making_s, growth_s=growth_s, scoring_s=scoring_s)
+
+    @property
+    def worked_s(self) -> float:
+        """Their sum."""
+        return self.making_s + self.growth_s + self.scoring_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TimeSplit:
-    """How the time of one session was spent, all in seconds."""
+class TimeSplit(Work):
+    """How the time of one session was spent, with its `Work`, all in seconds."""
 
     workers: int = 1  # number of workers that evaluated points
     # parts of the session's time: loading compiled code, evaluating points, asking and telling the
@@ -82,10 +93,6 @@ class TimeSplit:
     store_s: float = 0.0
     other_s: float = 0.0
     beside_s: float = 0.0  # recording in parallel with evaluating; part of ``evaluating_s``
-    # processor time of all workers together while evaluating, as in `Work`
-    making_s: float = 0.0
-    growth_s: float = 0.0
-    scoring_s: float = 0.0
     processor_s: float = 0.0  # all processor time of this process
 
     @property
@@ -105,7 +112,6 @@ class TimeSplit:
         """
         total_s = max(self.total_s, 1e-9)
         room_s = max(self.workers * self.evaluating_s, 1e-9)
-        worked_s = self.making_s + self.growth_s + self.scoring_s
         return {
             "loading": self.loading_s / total_s,
             "evaluating": self.evaluating_s / total_s,
@@ -117,7 +123,7 @@ class TimeSplit:
             "growth": self.growth_s / room_s,
             "scoring": self.scoring_s / room_s,
             "making": self.making_s / room_s,
-            "useful": (self.growth_s + self.scoring_s) / max(self.processor_s, worked_s, 1e-9),
+            "useful": (self.growth_s + self.scoring_s) / max(self.processor_s, self.worked_s, 1e-9),
         }
 
     @classmethod
@@ -160,7 +166,7 @@ class Ledger:
     @property
     def worked_s(self) -> float:
         """Processor time of all workers so far."""
-        return sum(self._work)
+        return self._work.worked_s
 
     @contextmanager
     def spending(self, part: str) -> Iterator[None]:
@@ -191,13 +197,12 @@ class Ledger:
         total_s = time.perf_counter() - self._began_s
         spent_s = sum(self._spent_s.values()) - self._spent_s["beside_s"]
         other_s = max(0.0, total_s - spent_s)
-        work = self._work._asdict()
         return TimeSplit(
             workers=self.workers,
             other_s=other_s,
             processor_s=time.process_time() - self._process_s,
             **self._spent_s,
-            **work,
+            **asdict(self._work),
         )
 
 
@@ -508,9 +513,6 @@ class Evaluator:
     terrains: TerrainSet  # the walls of all maps
     space: Space  # maps points to designs
     task: Task  # scores final states, in the form for searching
-    growth: GrowthOptions
-    evaluation: EvaluationSettings  # how scores become a fitness
-    penalty: Penalty | None  # None in a run that does not check manufacturability
     penalty_of_batch: PenaltyOfBatch | None  # where that is faster
     # body radius per level of the deepest designs; one 0 for bare centrelines
     radii_mm: tuple[float, ...]
@@ -519,6 +521,21 @@ class Evaluator:
     checked: dict[object, tuple[Finding, ...] | None] = field(default_factory=dict)
     # launches prepared ahead
     ready: list[tuple[Conditions, Launches]] = field(default_factory=list)
+
+    @property
+    def growth(self) -> GrowthOptions:
+        """How robots grow."""
+        return self.spec.settings.growth
+
+    @property
+    def evaluation(self) -> EvaluationSettings:
+        """How scores become a fitness."""
+        return self.spec.settings.evaluation
+
+    @property
+    def penalty(self) -> Penalty | None:
+        """The penalty; None in a run that does not check manufacturability."""
+        return self.spec.penalty if self.evaluation.fabricable else None
 
     @classmethod
     def of(cls, spec: EvaluatorSpec) -> "Evaluator":
@@ -568,9 +585,6 @@ class Evaluator:
             terrains=TerrainSet([prepared.terrain for prepared in maps]),
             space=space,
             task=spec.search_task,
-            growth=settings.growth,
-            evaluation=evaluation,
-            penalty=penalty,
             penalty_of_batch=penalty.within(space) if isinstance(penalty, SpacePenalty) else None,
             radii_mm=(0.0,)
             if settings.growth.body == "centerline"
@@ -738,14 +752,26 @@ class Evaluator:
         self, x: Floats, designs: DesignBatch, workers: int
     ) -> list[WorkUnit[tuple[Floats, Work]]]:
         """Return the work of computing penalties."""
-        if self.penalty is None:
+        alone, at_once = self.penalty, self.penalty_of_batch
+        if alone is None:
             return []
-        if self.penalty_of_batch is not None:
-            size = max(LEAST_PENALTIES, math.ceil(len(x) / (2 * workers)))
-            batches = [designs.part(rows) for rows in in_work_units(np.arange(len(x)), size)]
-            return [WorkUnit(partial(_timed, self.penalty_of_batch, part)) for part in batches]
-        parts = in_work_units(x, math.ceil(len(x) / (4 * workers)))
-        return [WorkUnit(partial(_penalties, part, self.space, self.penalty)) for part in parts]
+
+        def computed(rows: Ints) -> tuple[Floats, Work]:
+            watch = Stopwatch()
+            if at_once is not None:
+                penalties = at_once(designs.part(rows))
+                return penalties, Work(making_s=watch.lap_s())
+            penalties = np.full(len(rows), np.nan)
+            for place, point in enumerate(x[rows]):
+                with suppress(BadInputError):  # no valid design
+                    penalties[place] = alone(self.space.design(point))
+            return penalties, Work(making_s=watch.lap_s())
+
+        least, share = (LEAST_PENALTIES, 2) if at_once is not None else (1, 4)
+        size = max(least, math.ceil(len(x) / (share * workers)))
+        return [
+            WorkUnit(partial(computed, rows)) for rows in in_work_units(np.arange(len(x)), size)
+        ]
 
     def _growth_units(
         self, designs: DesignBatch, launches: Launches, workers: int
@@ -847,24 +873,6 @@ def block_sizes(growths: int, workers: int) -> list[int]:
     return sizes
 
 
-def _penalties(x: Floats, space: Space, penalty: Penalty) -> tuple[Floats, Work]:
-    """Return the penalties of points, NaN where there is no valid design, and the time taken."""
-    watch = Stopwatch()
-    penalties = np.zeros(len(x))
-    for row, point in enumerate(x):
-        try:
-            penalties[row] = penalty(space.design(point))
-        except BadInputError:
-            penalties[row] = np.nan
-    return penalties, Work(making_s=watch.lap_s())
-
-
-def _timed(penalty: PenaltyOfBatch, designs: DesignBatch) -> tuple[Floats, Work]:
-    watch = Stopwatch()
-    penalties = penalty(designs)
-    return penalties, Work(making_s=watch.lap_s())
-
-
 def with_pose_range(world: Map, share: float) -> Map:
     """Return a map whose starts spread poses over a share of their range.
 
@@ -883,3 +891,75 @@ def with_pose_range(world: Map, share: float) -> Map:
         for start in world.starts
     ]
     return replace(world, starts=tuple(starts))
+
+
+Finish = Callable[[], Evaluations]
+"""Waits for evaluations that were begun and returns them in the order of the points."""
+
+Begin = Callable[[Floats, Conditions], Finish]
+"""Begins to evaluate points of shape (m, d) on poses."""
+
+SWITCH_S = 1e-4
+"""Interval after which a thread that returns from compiled code gets the interpreter; in the usual
+5 ms it would have grown fifty robots."""
+
+
+class PointEvaluator(Protocol):
+    """Evaluates points with several workers."""
+
+    @property
+    def count(self) -> int:
+        """Number of workers."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know after a run, a sentence each."""
+        ...
+
+    def started(self, evaluator: Evaluator, ledger: Ledger) -> AbstractContextManager[Begin]:
+        """Start the workers for a run; the ledger counts their work."""
+        ...
+
+
+class ThreadEvaluator:
+    """Threads of this process.
+
+    Growth is compiled and geometry is in C, and both release the interpreter. Threads draw no
+    random numbers and share nothing mutable, so that their number has no influence on results.
+    """
+
+    notes: tuple[str, ...] = ()
+
+    def __init__(self, count: int) -> None:
+        self.count = whole("workers", count, 1, 1024)
+
+    @contextmanager
+    def started(self, evaluator: Evaluator, ledger: Ledger) -> Iterator[Begin]:
+        """Start the threads for a run."""
+        usual_s = sys.getswitchinterval()
+        # A pool needs at least one worker; without work it starts no thread.
+        with ThreadPoolExecutor(max_workers=max(1, self.count - 1)) as pool:
+            executor, is_loaded = Executor(pool, self.count), False
+
+            def begin(x: Floats, conditions: Conditions) -> Finish:
+                nonlocal is_loaded
+                if not is_loaded:
+                    with ledger.spending("loading"):
+                        evaluator.warm_up(conditions)
+                    is_loaded = True
+                wait = evaluator.begin(x, conditions, executor)
+
+                def finish() -> Evaluations:
+                    evaluations, spent = wait()
+                    ledger.add(spent)
+                    return evaluations
+
+                return finish
+
+            sys.setswitchinterval(SWITCH_S)
+            try:
+                yield begin
+            finally:
+                sys.setswitchinterval(usual_s)
+                executor.stop()

@@ -17,11 +17,10 @@ from vinefab.core.validation import Floats
 from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.search.advice import FAILED
-from vinefab.search.evaluator import FRESH, INVALID_FITNESS, Evaluator, FullCheck
+from vinefab.search.evaluator import FRESH, INVALID_FITNESS, Begin, Evaluator, FullCheck
+from vinefab.search.manufacturability import FAILED
 from vinefab.search.record.generations import Finalist, Generation
 from vinefab.search.space import COSTS, Space
-from vinefab.search.workers import Begin
 from vinefab.tasks.evaluate import Conditions, score_designs
 from vinefab.tasks.reach import design_touches
 
@@ -296,7 +295,12 @@ def choose_finalists(
     if not isinstance(penalty, FullCheck):
         return FinalistChoice(points=best_points(history, space, count))
     passes = evaluator.may_win if by_table and evaluator.has_table else penalty.passes
-    passing = _passing(history, space, count, passes)
+    passing = list[Floats]()
+    for x, broken in _ranked(history, space, max(MOST_FULL_CHECKS, 2 * count)):
+        if len(passing) == count or broken > 0.0:
+            break
+        if passes(space.design(x)):
+            passing.append(x)
     if passing:
         return FinalistChoice(points=passing, checked=True)
     best = best_points(history, space, count)
@@ -335,19 +339,6 @@ def best_points(history: Sequence[Generation], space: Space, count: int) -> list
     points = [x for x, _ in _ranked(history, space, count)]
     if not points:
         raise BadInputError("space", "no point of it was a design", "bounds that hold designs")
-    return points
-
-
-def _passing(
-    history: Sequence[Generation], space: Space, count: int, passes: Callable[[Design], bool]
-) -> list[Floats]:
-    """Return the best points whose designs pass the full check, best first."""
-    points: list[Floats] = []
-    for x, penalty in _ranked(history, space, max(MOST_FULL_CHECKS, 2 * count)):
-        if len(points) == count or penalty > 0.0:
-            break
-        if passes(space.design(x)):
-            points.append(x)
     return points
 
 
@@ -466,12 +457,14 @@ def _on_fresh_maps(
     """Return finalists whose fitness is that on maps that the search has not seen."""
     x = np.array([finalist.x for finalist in finalists])
     settings = evaluator.spec.settings
-    whole = settings.evaluation.changed(maps_per_generation=0)
-    spec = replace(evaluator.spec, maps=tuple(worlds), settings=settings.changed(evaluation=whole))
+    # Penalties are known already.
+    grown = settings.evaluation.changed(maps_per_generation=0, fabricable=False, joint_weight=0.0)
+    spec = replace(evaluator.spec, maps=tuple(worlds), settings=settings.changed(evaluation=grown))
     unseen = Evaluator.of(spec)
     conditions = unseen.conditions(settings.search.seed, FRESH, 0, FRESH_POSES)
     scores = unseen.evaluate(x, conditions)[0].score
-    return _with_composites(finalists, unseen.composites(scores, conditions.weights), unseen)
+    composites = evaluator.composites(scores, conditions.weights)
+    return _with_composites(finalists, composites, evaluator)
 
 
 def _with_composites(

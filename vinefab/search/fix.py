@@ -94,8 +94,7 @@ class DesignChange:
 
 def design_changes(before: Design, after: Design) -> tuple[DesignChange, ...]:
     """Return every value that differs between a design and its fixed version."""
-    found = [*_where_it_goes(before, after), *_built(before.build, after.build)]
-    return tuple(change for change in found if change.cost > _UNCHANGED)
+    return tuple(change for change in _changes(before, after) if change.cost > _UNCHANGED)
 
 
 def change_cost(before: Design, after: Design) -> float:
@@ -128,7 +127,8 @@ def pruning_cost(before: Design, branches: tuple[int, ...]) -> float:
     return WEIGHTS["branches"] * max(0.0, math.log(whole / left))
 
 
-def _where_it_goes(before: Design, after: Design) -> Iterator[DesignChange]:
+def _changes(before: Design, after: Design) -> Iterator[DesignChange]:
+    """Yield the change of every value: where the robot goes, then how it is made."""
     counts = tuple(level.branches for level in after.levels)
     if counts != tuple(level.branches for level in before.levels):
         yield DesignChange(
@@ -151,23 +151,22 @@ def _where_it_goes(before: Design, after: Design) -> Iterator[DesignChange]:
             cost=WEIGHTS["angle"] * abs(new.fan_rad - old.fan_rad),
         )
         yield _relative("growth", f"level {number}", old.growth, new.growth, "%", 100.0)
-
-
-def _built(before: Build, after: Build) -> Iterator[DesignChange]:
-    for number, pair in enumerate(zip(before.widths_mm, after.widths_mm, strict=False), start=1):
+    one, two = before.build, after.build
+    for number, pair in enumerate(zip(one.widths_mm, two.widths_mm, strict=False), start=1):
         yield _relative("width", f"level {number}", *pair)
-    count = len(after.widths_mm)
-    old_new = (build.taper[:count] or count * (1.0,) for build in (before, after))
+    count = len(two.widths_mm)
+    old_new = (build.taper[:count] or count * (1.0,) for build in (one, two))
     for number, pair in enumerate(zip(*old_new, strict=True), start=1):
         yield _relative("taper", f"level {number}", *pair, "%", 100.0)
-    for number, pair in enumerate(zip(before.fillet_mm, after.fillet_mm, strict=False), start=2):
+    for number, pair in enumerate(zip(one.fillet_mm, two.fillet_mm, strict=False), start=2):
         yield _relative("fillet", f"level {number}", *pair)
-    yield _relative("tail", "the", before.tail_mm, after.tail_mm)
-    yield _relative("pressure", "the", before.pressure_kpa, after.pressure_kpa, "kPa")
+    yield _relative("tail", "the", one.tail_mm, two.tail_mm)
+    yield _relative("pressure", "the", one.pressure_kpa, two.pressure_kpa, "kPa")
     for name in ("radius_mm", "length_mm", "width_mm"):
-        old, new = getattr(before.pouch, name, None), getattr(after.pouch, name, None)
-        if old is not None and new is not None:
-            yield _relative("pouch", name.removesuffix("_mm").join(("", " of the")), old, new)
+        old_mm, new_mm = getattr(one.pouch, name, None), getattr(two.pouch, name, None)
+        if old_mm is not None and new_mm is not None:
+            size = name.removesuffix("_mm")
+            yield _relative("pouch", f"{size} of the", old_mm, new_mm)
 
 
 def _relative(

@@ -1,17 +1,30 @@
-"""Manufacturability in a search: penalty, full check, and refusal of infeasible spaces.
+"""Manufacturability in a search: penalty, full check, refused spaces and starts, and advice.
 
-A space is refused only where every design in it violates a rule: each rule is checked at the most
-favourable corner of the space. What depends on several variables at once is left to the search.
+Before: a space is refused only where every design in it violates a rule. Each rule is checked at
+the most favourable corner of the space; the search finds the rest. Starts that no trunk can leave
+are refused. Rules about trunk and targets give notes only: a robot with fewer branches, or one that
+misses a target, may serve.
+
+Meanwhile: the penalty knows the rules that thousands of designs a second can be asked for. The few
+that would be the best so far are asked for all rules before the optimizer learns of them, with
+joints from the table: a design that fails is never the best. Where none passes, single changes of
+the settings are tried.
 """
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import shapely
 
 from vinefab.core.errors import BadInputError, values_hidden
+from vinefab.core.plain_text import counted
+from vinefab.core.rng import child
+from vinefab.core.validation import Floats
 from vinefab.fabrication.checking import check_design, subject_of
 from vinefab.fabrication.job.passes import bare_sheet_mm
 from vinefab.fabrication.outline.body_outline import flat_layout
@@ -26,7 +39,7 @@ from vinefab.fabrication.rules.pressure_rules import (
     most_growth_kpa,
 )
 from vinefab.fabrication.rules.rule import ROUNDING, LimitChanges, Rule
-from vinefab.fabrication.rules.spacing import capsules_of, excess_mm
+from vinefab.fabrication.rules.spacing import RotatedSpan, capsules_of, excess_mm
 from vinefab.fabrication.rules.tree_rules import (
     CLAMP,
     LEAST_WIDTH,
@@ -35,16 +48,22 @@ from vinefab.fabrication.rules.tree_rules import (
     WIDTH_RATIO,
     occupancies,
 )
+from vinefab.growth.batch import grow_on
 from vinefab.inflation.pattern import pattern_of
-from vinefab.model.design import MOST_BRANCHES, Design
+from vinefab.model.design import DEFAULT_TRUNK_WIDTH_MM, MOST_BRANCHES, Design, Level, PieceSettings
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import Finding
-from vinefab.model.laser import LaserProfile, read_profile
+from vinefab.model.laser import LaserProfile, profile_files, read_profile
+from vinefab.model.map import Pose
 from vinefab.model.tree import branch_tree
 from vinefab.physics.growth_pressure import planned_growth_kpa
+from vinefab.search.evaluator import Evaluator
 from vinefab.search.penalty_batch import BatchPenalty, PenaltyRules
+from vinefab.search.record.generations import Finalist, Generation, Progress
 from vinefab.search.settings import EvaluationSettings, RunSettings
 from vinefab.search.space import Bounds, Space
+from vinefab.tasks.evaluate import Conditions, PreparedMap
+from vinefab.tasks.targets import task_targets
 
 MOST_TABLED = 400
 """Branches of the largest designs that are checked in full while a search runs."""
@@ -342,3 +361,440 @@ def _least(query: SpaceQuery) -> Iterator[BadInputError]:
             (build.widths_key, build.widths_value) if build.widths_mm else (key, build.width_ratio)
         )
         yield _no(WINDOW, *given, allowed)
+
+
+_WIDTHS = {"trunk_width_mm", "widths_mm"}
+
+MOST_BRANCHED = 20
+"""Children of a fan above which nothing is said of the film that rides in a trunk."""
+
+LEAST_EXCESS_MM = 20.0
+"""Excess over the sheet from which on it is named: fans are cut at other angles than deployed."""
+
+
+def middle_tree(query: SpaceQuery) -> Design | None:
+    """Return a design of middle depth, with the middle number of branches on each level."""
+    settings = query.settings
+    depth = int(settings.space.levels.low + settings.space.levels.high) // 2
+    below = [query.bounds(level, "branches")[1] for level in range(2, depth + 1)]
+    branches = [math.ceil((bounds.low + bounds.high) / 2.0) for bounds in below]
+    if max(branches, default=0) > MOST_BRANCHED:
+        return None
+    levels = tuple(Level.of(branches=count, length_mm=100.0, angle_deg=90.0) for count in branches)
+    build = settings.build.build(depth)
+    return Design(name="middle", trunk_length_mm=100.0, levels=levels, build=build)
+
+
+def with_trunk_for_film(settings: RunSettings) -> RunSettings:
+    """Return the settings of a run; a trunk width that it does not name is one its film takes.
+
+    The usual one, or the narrowest that the film of the middle tree of the space rides through.
+    """
+    if not settings.evaluation.fabricable or _WIDTHS & settings.build.model_fields_set:
+        return settings
+    # A name that is unknown is told; what stands in its files is not.
+    profile_files(settings.evaluation.recipe or DEFAULT_RECIPE)
+    query = SpaceQuery.of(settings, run_profile(settings.evaluation), (math.inf, math.inf))
+    tree = middle_tree(query)
+    wide_mm = DEFAULT_TRUNK_WIDTH_MM
+    if tree is not None and tree.levels:
+        holds_mm = math.ceil(film_in_trunk(query, tree)[1])
+        wide_mm = max(wide_mm, min(float(holds_mm), query.limit(CLAMP)))
+    return settings.changed(build=settings.build.changed(trunk_width_mm=wide_mm))
+
+
+def said_before(evaluator: Evaluator) -> str:
+    """Return the notes for a user on a run's trunk and targets; empty if none."""
+    penalty, settings = evaluator.penalty, evaluator.spec.settings
+    if not isinstance(penalty, ManufacturabilityPenalty):
+        return ""
+    query, build = SpaceQuery.of(settings, penalty.profile, penalty.sheet_mm), settings.build
+    tree, said = middle_tree(query), list[str]()
+    if tree is not None and tree.levels:  # whether film fills the trunk, or widens it
+        percent, holds_mm = film_in_trunk(query, tree)
+        shape = " x ".join(str(level.branches) for level in tree.levels)
+        ply_mm = query.profile.material.ply_mm.value
+        what = f"{counted(tree.depth, 'level')} (branches {shape}) of {ply_mm:g} mm film"
+        wide_mm, most = build.build(1).widths_mm[0], query.limit(PACKING)
+        if percent > most:
+            said.append(
+                f"a trunk of {wide_mm:g} mm is narrow for this film: {what} fill {percent:.0f} % "
+                f"of a lumen, and {most:g} % is allowed ({PACKING.id}); one of "
+                f"{math.ceil(holds_mm):g} mm holds them ({build.widths_key})"
+            )
+        elif wide_mm > DEFAULT_TRUNK_WIDTH_MM and wide_mm == math.ceil(holds_mm):
+            said.append(
+                f"trunk {wide_mm:g} mm: the narrowest that {what} ride through ({PACKING.id})"
+            )
+    sheet_mm, excess_mm = query.sheet_mm, max(_excesses_mm(evaluator, query), default=0.0)
+    if (build.pieces is None or build.pieces.most == 1) and excess_mm > LEAST_EXCESS_MM:
+        said.append(
+            f"one flat outline that touches all targets is about {excess_mm:.0f} mm too large "
+            f"for the sheet of {sheet_mm[0]:.0f} x {sheet_mm[1]:.0f} mm ({BED.id}), its tail of "
+            f"{build.tail_mm:g} mm included, unless walls bend it: allow pieces "
+            "([build.pieces] most = 6)"
+        )
+    return "; ".join(said)
+
+
+def _excesses_mm(evaluator: Evaluator, query: SpaceQuery) -> Iterator[float]:
+    """Yield by how much mouth, base and targets exceed the sheet, on maps with targets at points.
+
+    Of several starts the best counts. Tolerances and ranges of starts make robots smaller.
+    """
+    tail_mm = query.settings.build.tail_mm
+    for prepared in evaluator.maps:
+        found = []
+        targets = task_targets(evaluator.spec.tasks[0], prepared.world)
+        points = [target for target in targets if target.point_mm is not None]
+        for start in prepared.world.starts:
+            pose = start.pose
+            heading = np.array([math.cos(pose.heading_rad), math.sin(pose.heading_rad)])
+            base = np.array([pose.x_mm, pose.y_mm])
+            slack_mm = math.hypot(start.spread_x_mm, start.spread_y_mm)
+            slack_mm += tail_mm * start.spread_heading_rad
+            span = RotatedSpan()
+            span.add(np.stack([base - tail_mm * heading, base]), np.zeros(2))
+            for target in points:
+                away_mm = np.array([target.tolerance_mm + slack_mm])
+                span.add(np.array([target.point_mm]), -away_mm)
+            found.append(span.excess_mm(query.sheet_mm) if start.area is None else 0.0)
+        if points and found:
+            yield min(found)
+
+
+MOST_TRIALS = 40
+"""Most poses that a trunk is grown from."""
+
+
+def refuse_starts_without_room(evaluator: Evaluator, conditions: Conditions) -> None:
+    """Raise `BadInputError` where no robot of a run can leave the starts of its maps.
+
+    The run's own start needs room for the trunk on every map; of the maps' own starts one must have
+    it. From one of all poses the shortest trunk must grow by its own width.
+
+    Parameters
+    ----------
+    conditions
+        The poses of the first generation.
+    """
+    given = evaluator.spec.settings.maps.start is not None
+    starts = [(one, one.world.starts[0].pose) for one in evaluator.maps] if given else []
+    radius_mm = evaluator.radii_mm[0]
+    for prepared, pose in starts:
+        if radius_mm > 0.0 and not _has_room(prepared, pose, radius_mm):
+            raise _narrow(evaluator, prepared, pose, "maps.start")
+    poses = [
+        (prepared, pose)
+        for prepared, places in zip(evaluator.maps, conditions.poses, strict=True)
+        for pose in (*(start.pose for start in prepared.world.starts), *places)
+    ]
+    roomy = [pair for pair in poses if radius_mm == 0.0 or _has_room(*pair, radius_mm)]
+    if poses and not roomy:
+        prepared, pose = max(poses, key=lambda pair: _away_mm(*pair))
+        raise _narrow(evaluator, prepared, pose, f"start of map {prepared.world.name!r}")
+    growth, space, grown_mm = evaluator.growth.at_one_angle, evaluator.space, 0.0
+    length_mm, build = space.design(np.zeros(len(space))).trunk_length_mm, space.build_of(1)
+    trunk = Design(name="trunk", trunk_length_mm=length_mm, build=build)
+    for prepared, pose in roomy[:MOST_TRIALS]:
+        grown = float(grow_on(trunk, prepared.terrain, pose, growth).grown_mm.sum())
+        leaves = grown >= min(length_mm - 1.0, build.widths_mm[0])
+        if growth.children_of_stuck == "deploy" or leaves:
+            return
+        if grown >= grown_mm:
+            grown_mm, stuck = grown, (prepared, pose)
+    if roomy:
+        prepared, pose = stuck
+        key = "maps.start" if given else f"start of map {prepared.world.name!r}"
+        where = f"({pose.x_mm:g}, {pose.y_mm:g}), heading {np.degrees(pose.heading_rad):.0f} deg"
+        allowed = (
+            f"a pose that a robot can leave: the trunk stops after {grown_mm:.0f} mm (simulated), "
+            "less than its own width: turn or move the start"
+        )
+        raise BadInputError(key, where, allowed)
+
+
+def _has_room(prepared: PreparedMap, pose: Pose, radius_mm: float) -> bool:
+    terrain = prepared.terrain
+    return bool(terrain.have_room(terrain.starts_mm([pose]), radius_mm).all())
+
+
+def _away_mm(prepared: PreparedMap, pose: Pose) -> float:
+    """Return the distance of a start from the nearest wall."""
+    walls = shapely.boundary(prepared.terrain.free_space())
+    return float(shapely.distance(walls, shapely.Point(pose.x_mm, pose.y_mm)))
+
+
+def _narrow(evaluator: Evaluator, prepared: PreparedMap, pose: Pose, key: str) -> BadInputError:
+    """Return the error of a start that is too near a wall."""
+    radius_mm, build = evaluator.radii_mm[0], evaluator.space.build
+    away_mm, width_mm = _away_mm(prepared, pose), build.build(1).widths_mm[0]
+    most_mm = np.floor(10.0 * width_mm * away_mm / radius_mm) / 10.0
+    helps = f", or {build.widths_key} of at most {most_mm:g}" if most_mm >= 1.0 else ""
+    allowed = (
+        f"a place with room: it is {away_mm:.3g} mm from a wall of map {prepared.world.name!r}, "
+        f"and a trunk of {width_mm:g} mm needs {radius_mm:.1f} mm{helps}"
+    )
+    return BadInputError(key, f"({pose.x_mm:g}, {pose.y_mm:g})", allowed)
+
+
+MOST_SECONDS, MOST_CHANGES = 4.0, 3
+"""Processor time that the changes of a run are tried for, and how many are named."""
+
+_STREAM = 1418
+_POINTS, _ROUNDS, _KEPT, _CHECKED = 256, 4, 24, 4
+"""Points of the changed space that are tried, rounds of changes of those with the least penalties,
+how many of them are changed, and how many without penalty are asked for all rules."""
+
+
+FREE_GENERATIONS = 10
+"""Of the search that tells whether rules keep a robot from its targets."""
+
+
+def without_rules(settings: RunSettings) -> RunSettings:
+    """Return the settings of a short search that no rule stops."""
+    generations = min(settings.search.generations, FREE_GENERATIONS)
+    return settings.changed(
+        evaluation=settings.evaluation.changed(fabricable=False, joint_weight=0.0),
+        search=settings.search.changed(generations=generations, evaluations=0, wall_time_s=0.0),
+        start_from=(),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """Settings that differ from those of a run in one key."""
+
+    key: str
+    before: float | Bounds
+    after: float | Bounds
+    settings: RunSettings
+
+    @property
+    def text(self) -> str:
+        """The change for the user."""
+        return f"{self.key} = {_written(self.after)} in place of {_written(self.before)}"
+
+
+def _written(value: float | Bounds) -> str:
+    """Return a value as run files have it."""
+    if isinstance(value, Bounds):
+        return f"[{value.low:g}, {value.high:g}]"
+    return f"{value:g}"
+
+
+def changes(settings: RunSettings) -> Iterator[list[Change]]:
+    """Yield, for each key that may stop all designs, its changes from the least on."""
+    build, space = settings.build, settings.space
+
+    def built(key: str, values: Sequence[float]) -> list[Change]:
+        before = getattr(build, key)
+        return [
+            Change(
+                key=f"build.{key}",
+                before=before,
+                after=after,
+                settings=settings.changed(build=build.changed(**{key: after})),
+            )
+            for after in values
+            if after != before
+        ]
+
+    def ranged(key: str, ends: list[tuple[float, float]]) -> list[Change]:
+        bounds = getattr(space, key)
+        return [
+            Change(
+                key=f"space.{key}",
+                before=bounds,
+                after=Bounds(low=low, high=high),
+                settings=settings.changed(space=space.changed(**{key: Bounds(low=low, high=high)})),
+            )
+            for low, high in ends
+            if (low, high) != (bounds.low, bounds.high)
+        ]
+
+    width, ratio, kpa = build.trunk_width_mm, build.width_ratio, build.pressure_kpa
+    if not build.widths_mm:
+        yield built("trunk_width_mm", [float(round(width * by)) for by in (1.15, 1.3, 1.6, 2.0)])
+        yield built("trunk_width_mm", [float(round(width * by)) for by in (0.85, 0.7, 0.5)])
+    yield built("width_ratio", [round(by, 2) for by in (0.8, 0.7, 0.6, 0.5) if by < ratio])
+    yield built("width_ratio", [round(by, 2) for by in (0.65, 0.75, 0.8) if by > ratio])
+    yield built("pressure_kpa", [round(kpa * by, 1) for by in (0.8, 0.6, 0.4)])
+    yield built("pressure_kpa", [round(kpa * by, 1) for by in (1.25, 1.5, 2.0)])
+    pieces = build.pieces or PieceSettings(most=1)
+    more = [pieces.changed(most=most) for most in (2, 4, 6, 9) if most > pieces.most]
+    yield [
+        Change(
+            key="build.pieces.most",
+            before=pieces.most,
+            after=one.most,
+            settings=settings.changed(build=build.changed(pieces=one)),
+        )
+        for one in more
+    ]
+    few, deep = space.branches, space.levels
+    yield ranged("branches", [(float(low), few.high) for low in range(int(few.low) - 1, 0, -1)])
+    yield ranged("levels", [(float(low), deep.high) for low in range(int(deep.low) - 1, 0, -1)])
+    length, fan = space.length_mm, space.angle_deg
+    yield ranged("length_mm", [(length.low, round(length.high * by, 1)) for by in (1.3, 1.6, 2.0)])
+    yield ranged("length_mm", [(round(length.low * by, 1), length.high) for by in (0.7, 0.5, 0.3)])
+    yield ranged("angle_deg", [(fan.low, min(330.0, fan.high + by)) for by in (30, 60, 120)])
+    yield ranged("angle_deg", [(max(0.0, fan.low - by), fan.high) for by in (20, 40, 80)])
+
+
+def relaxations(
+    settings: RunSettings, penalty: ManufacturabilityPenalty, near: Floats | None = None
+) -> list[Change]:
+    """Return changes of which each lets a design pass, the least of a key; perhaps none.
+
+    Points of the changed space are drawn, those with the least penalties changed, and those without
+    penalty asked for all rules. A key that is not returned may help too, with other changes.
+
+    Parameters
+    ----------
+    near
+        Points of the run with small penalties to try too, shape (m, d).
+    """
+    until_s, found = time.process_time() + MOST_SECONDS, list[Change]()
+    for several in changes(settings):
+        for change in several:
+            if time.process_time() > until_s or len(found) == MOST_CHANGES:
+                return found
+            if change.key in {one.key for one in found}:
+                break
+            if has_design(change.settings, penalty, near):
+                found.append(change)
+                break
+    return found
+
+
+def has_design(
+    settings: RunSettings, penalty: ManufacturabilityPenalty, near: Floats | None = None
+) -> bool:
+    """Return whether a design of a run's space that passes all rules is soon found."""
+    try:
+        refuse_infeasible_space(SpaceQuery.of(settings, penalty.profile, penalty.sheet_mm))
+    except BadInputError:
+        return False
+    space, rng = Space(settings.space, settings.build), child(0, _STREAM)
+    if len(space) == 0:
+        return False
+    quick, x = penalty.within(space), rng.random((_POINTS, len(space)))
+    if near is not None and near.shape[1] == len(space):
+        x = np.concatenate([near, x])
+    for _ in range(_ROUNDS):
+        penalties = np.nan_to_num(quick(space.batch(x)), nan=np.inf)
+        order = np.argsort(penalties, kind="stable")
+        free = order[penalties[order] == 0.0]
+        if any(penalty.broken(space.design(x[row])) == () for row in free[:_CHECKED]):
+            return True
+        least = x[order[:_KEPT]]
+        moved = np.repeat(least, 6, axis=0)
+        moved += 0.2 * rng.standard_normal(moved.shape) * (rng.random(moved.shape) < 0.4)
+        x = np.concatenate([least, np.clip(moved, 0.0, 1.0)])
+    return False
+
+
+FAILED = 1.0
+"""Penalty of a design that fails the full check alone."""
+
+MOST_OF_GENERATION, MOST_FAILURES = 8, 200
+"""Full checks of one generation, and failures of a run after which no more are asked for: counts,
+not times, so that results are the same on every computer."""
+
+
+ADVICE_AT = 0.1
+"""Share of a run without a manufacturable design after which its rules and their relaxations are
+looked for."""
+
+NEAREST, MOST_NEAR = 5, 64
+"""Designs with the least penalties whose broken rules are named, and that changes are tried on."""
+
+
+class BestCheck:
+    """What is known of the best design of a run so far.
+
+    Attributes
+    ----------
+    passes
+        Whether it passes all rules; None where that is not asked, or only a simulation tells.
+    """
+
+    def __init__(self, evaluator: Evaluator, history: Sequence[Generation]) -> None:
+        self._evaluator = evaluator
+        self._best = max((generation.best for generation in history), default=-np.inf)
+        self._failures = sum(int((g.penalty == FAILED).sum()) for g in history)
+        self.passes: bool | None = None
+        if evaluator.penalty is not None:
+            self.passes = self._best >= evaluator.lowest
+        self._advice, self._outset = "", said_before(evaluator)
+
+    def penalties(self, x: Floats, composite: Floats, penalty: Floats, costs: Floats) -> Floats:
+        """Return penalties in which designs count that would be the best and fail the check.
+
+        Parameters
+        ----------
+        x, composite, penalty, costs
+            The points of a generation, their scores, penalties by the quick rules, and joint costs.
+        """
+        fitness = self._evaluator.fitness(composite, penalty, costs)
+        if self._evaluator.penalty is None:
+            return penalty
+        found, failures = penalty.copy(), self._failures
+        for row in np.argsort(-fitness, kind="stable")[:MOST_OF_GENERATION].tolist():
+            is_free = penalty[row] == 0.0 and np.isfinite(composite[row])
+            if not is_free or fitness[row] <= self._best:
+                break
+            broken: tuple[Finding, ...] | None = None
+            if failures < MOST_FAILURES:
+                broken = self._evaluator.broken(self._evaluator.space.design(x[row]))
+            if not broken:
+                self.passes = None if broken is None else True
+                break
+            found[row] = FAILED
+            failures += 1
+        # From the record alone, so that a resumed run continues alike.
+        self._failures += int((found == FAILED).sum())
+        self._best = max(self._best, float(self._evaluator.fitness(composite, found, costs).max()))
+        return found
+
+    def judged(self, progress: Progress) -> Progress:
+        """Return the progress of the run with the known facts of its best design."""
+        if self.passes is False and progress.share >= ADVICE_AT:
+            self._advice = self._advice or advice(self._evaluator, progress.history)
+        shown = self._advice if self.passes is False else ""
+        return replace(progress, passes=self.passes, advice=shown or self._outset)
+
+    def notes(self, finalists: Sequence[Finalist]) -> tuple[str, ...]:
+        """Return the advice given, where no finalist may win or the winner misses targets."""
+        beaten = all(finalist.penalty > 0.0 for finalist in finalists)
+        targets = finalists[0].score.targets
+        misses = targets is not None and not targets.all_touched
+        asked = [(self._outset, beaten or misses), (self._advice, beaten)]
+        return tuple(text for text, holds in asked if text and holds)
+
+
+def rules_broken(evaluator: Evaluator, x: Iterable[Floats]) -> str:
+    """Return the two rules that most of some designs break."""
+    rules = Counter[str]()
+    for point in x:
+        found = evaluator.broken(evaluator.space.design(point)) or ()
+        rules.update(sorted({f"{finding.rule} ({finding.title})" for finding in found}))
+    named = ", ".join(rule for rule, _ in rules.most_common(2))
+    return named or "the rules of the quick penalty"
+
+
+def advice(evaluator: Evaluator, history: Sequence[Generation]) -> str:
+    """Return the rules that stop the designs of a run, and single changes that let some pass."""
+    penalty, settings = evaluator.penalty, evaluator.spec.settings
+    if not isinstance(penalty, ManufacturabilityPenalty):
+        return ""
+    x = np.concatenate([generation.x for generation in history])
+    penalties = np.concatenate([generation.penalty for generation in history])
+    valid = np.isfinite(np.concatenate([generation.composite for generation in history]))
+    rows = np.flatnonzero(valid)[np.argsort(penalties[valid], kind="stable")]
+    stops = rules_broken(evaluator, x[rows[:NEAREST]])
+    helps = relaxations(settings, penalty, x[rows[:MOST_NEAR]])
+    named = " or ".join(change.text for change in helps)
+    helped = f"tried, and lets designs pass: {named}" if helps else "no single change tried helps"
+    return f"no design passes all rules yet; the nearest break {stops}; {helped}"

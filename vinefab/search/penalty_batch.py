@@ -53,10 +53,9 @@ from vinefab.inflation.pattern import (
     stretch_at,
 )
 from vinefab.model.design import MOST_BRANCHES, MOST_LEVELS, Build, Design
-from vinefab.model.laser import LaserProfile, Material
+from vinefab.model.laser import LaserProfile
 from vinefab.physics.tube import inflated_diameter_mm, lumen_area_mm2
-from vinefab.search.design_batch import DesignBatch, batch_branches
-from vinefab.search.space import Space
+from vinefab.search.space import DesignBatch, Space, batch_branches
 
 if TYPE_CHECKING:
     from vinefab.search import penalty_kernel
@@ -135,10 +134,10 @@ class PenaltyLimits(NamedTuple):
 
     angle_deg: float  # least angle between neighbours
     crotch: float  # most of a branch that may lie in the crotch
-    fillet_mm: float  # least radius, as `FilletSizes`
-    seal_mm: float
-    run_mm: float
-    end_mm: float
+    fillet_mm: float  # least radius that VF-C04 allows
+    seal_mm: float  # how far outside the lumen's edge the seam runs: smaller fillets are corners
+    run_mm: float  # least radius whose arc on the seam's path is large enough to be run (VF-L02)
+    end_mm: float  # least length of a parent's end on that path, with a tenth for the law's error
     sibling_share: float  # of the shorter, that inflated siblings may lie on each other
     packing_percent: float  # most of a lumen that folded film may fill
     film_mm: float  # thickness of all plies over the share of solid film when crumpled
@@ -237,26 +236,6 @@ class CutScratch(NamedTuple):
     fullest: Floats  # share of a lumen that is filled on each level
 
 
-class FilletSizes(NamedTuple):
-    """Which fillets can be made, and which ends of parents between them."""
-
-    error_mm: float  # least radius that VF-C04 allows
-    seal_mm: float  # how far outside the lumen's edge the seam runs: smaller fillets are corners
-    run_mm: float  # least radius whose arc on the seam's path is large enough to be run (VF-L02)
-    end_mm: float  # least length of a parent's end on that path, with a tenth for the law's error
-
-    @classmethod
-    def of(cls, changed: LimitChanges, profile: LaserProfile) -> "FilletSizes":
-        """Return the sizes for a recipe and limits that are changed."""
-        seal_mm, paths = seal_offset_mm(profile), _limits_of(PATHS, changed)
-        return cls(
-            error_mm=_limits_of(FILLET, changed)["error"],
-            seal_mm=seal_mm,
-            run_mm=1.001 * (paths["radius_error"] + seal_mm),
-            end_mm=1.1 * paths["segment_error"],
-        )
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PenaltyRules:
     """The rules of the penalty for designs that differ in widths and lengths, not in how they join.
@@ -296,22 +275,25 @@ class PenaltyRules:
         """
         fit = GrowthConstantsRange.of(profile, _limits_of(WINDOW, changed))
         packing, laps = (_limits_of(rule, changed) for rule in (PACKING, LAP_PACKING))
-        material, sizes = profile.material, FilletSizes.of(changed, profile)
+        material, seal_mm = profile.material, seal_offset_mm(profile)
+        paths = _limits_of(PATHS, changed)
+        fillet_mm = _limits_of(FILLET, changed)["error"]
+        run_mm = 1.001 * (paths["radius_error"] + seal_mm)
         size = sleeve_size(build, profile)
         limits = PenaltyLimits(
             angle_deg=_limits_of(ANGLE, changed)["error"],
             crotch=_limits_of(CROTCH, changed)["error"],
-            fillet_mm=sizes.error_mm,
-            seal_mm=sizes.seal_mm,
-            run_mm=sizes.run_mm,
-            end_mm=sizes.end_mm,
+            fillet_mm=fillet_mm,
+            seal_mm=seal_mm,
+            run_mm=run_mm,
+            end_mm=1.1 * paths["segment_error"],
             sibling_share=_limits_of(BODIES, changed)["sibling_share"],
             packing_percent=packing["error"],
             film_mm=material.plies * material.ply_mm.value / packing["packing"],
             clearance_mm=least_gap_mm(CLEARANCE, changed, taken_mm(profile)),
             segment_mm=LEAST_SEGMENT_MM,
-            side_mm=1.001 * _limits_of(PATHS, changed)["segment_error"],
-            drawn_mm=max(sizes.error_mm, sizes.run_mm),
+            side_mm=1.001 * paths["segment_error"],
+            drawn_mm=max(fillet_mm, run_mm),
             steepest=STEEPEST,
             compensated=build.compensation != "none",
             sheet_wide_mm=sheet_mm[0],
@@ -349,7 +331,7 @@ class PenaltyRules:
             Of each build, the numbers of children that the joints below each level may have, the
             trunk's at 0.
         """
-        tables = _tables(self, builds, _Laws.of(builds, self.profile.material, fans))
+        tables = _tables(self, builds, fans)
         return BatchPenalty(tables=tables, limits=self.limits)
 
     def of_space(self, space: Space) -> "BatchPenalty":
@@ -446,8 +428,10 @@ class BatchPenalty:
         sides
             Where the sides of tapered designs are straight.
         """
-        penalty, joints = np.full(len(designs), np.nan), np.zeros(len(designs), dtype=np.int64)
         rows = np.flatnonzero(designs.sizes <= MOST_BRANCHES)
+        if len(rows) == len(designs):
+            return self._of_valid(designs, builds, sides)
+        penalty, joints = np.full(len(designs), np.nan), np.zeros(len(designs), dtype=np.int64)
         if not len(rows):
             return BatchFound(penalty, joints, np.empty(0, dtype=np.int64), math.inf)
         known = None if sides is None else (sides[0][rows], sides[1][rows])
@@ -466,12 +450,12 @@ class BatchPenalty:
         self, designs: DesignBatch, builds: Ints, sides: tuple[Floats, Floats] | None
     ) -> BatchFound:
         """Return the penalties and joints of designs of which none is too large."""
-        arrays = _arrays(designs, builds)
-        flat = np.where(designs.sizes <= MOST_CHECKED_BRANCHES, designs.sizes, 0)
+        arrays, sizes = _arrays(designs, builds), designs.sizes
+        flat = np.where(sizes <= MOST_CHECKED_BRANCHES, sizes, 0)
         pouches, tails = (
             np.diff(first)[builds] for first in (self.tables.pouch_first, self.tables.tail_first)
         )
-        capsules, largest = int((flat * (1 + pouches) + tails).max()), int(designs.sizes.max())
+        capsules, largest = int((flat * (1 + pouches) + tails).max()), int(sizes.max())
         children = int(designs.branches.max(initial=1))
         penalty, joints = np.empty(len(designs)), np.zeros(len(designs), dtype=np.int64)
         if self.limits.most_cuts == 0:
@@ -558,9 +542,14 @@ def _cut_scratch(
     )
 
 
+_TURN = np.stack(
+    [np.cos(np.arange(TURNS) * np.pi / TURNS), np.sin(np.arange(TURNS) * np.pi / TURNS)]
+)
+"""Cosine and sine of the rotations on the sheet that are tried."""
+
+
 def _scratch(branches: int, capsules: int, children: int) -> Scratch:
     """Return memory for the largest design, with at most so many children in a fan."""
-    turns = np.arange(TURNS) * np.pi / TURNS
     return Scratch(
         angle=np.zeros((MOST_LEVELS, children)),
         run=np.zeros((MOST_LEVELS, children)),
@@ -575,7 +564,7 @@ def _scratch(branches: int, capsules: int, children: int) -> Scratch:
         box=np.empty((capsules, 4)),
         owner=np.empty(capsules, dtype=np.int64),
         bare=np.zeros(1, dtype=np.int64),
-        turn=np.stack([np.cos(turns), np.sin(turns)]),
+        turn=_TURN,
         low=np.empty(TURNS),
         high=np.empty(TURNS),
     )
@@ -594,47 +583,24 @@ def width_violations(build: Build, changed: LimitChanges) -> float:
     return narrow + math.fsum((least - ratio) / least for ratio in ratios if ratio < least)
 
 
-class _Laws(NamedTuple):
-    """How the fans of some builds are cut, as in `LevelTables`."""
-
-    law_at: Ints
-    law: Floats
-    least: Floats
-    drawn: Floats
-
-    @classmethod
-    def of(
-        cls,
-        builds: Sequence[Build],
-        material: Material,
-        fans: Sequence[Mapping[int, Collection[int]]],
-    ) -> "_Laws":
-        """Return the laws of the fans that some builds may have."""
-        counts = {count for by_place in fans for some in by_place.values() for count in some}
-        most = min(MOST_CHILDREN, max(counts, default=1))
-        levels = max(len(build.widths_mm) for build in builds)
-        law_at = np.full((len(builds), levels, most + 1), -1)
-        laws: dict[FanLaw, int] = {}
-        for row, (build, by_place) in enumerate(zip(builds, fans, strict=True)):
-            for place in range(len(build.widths_mm) - 1):
-                for count in (count for count in by_place[place] if count <= most):
-                    law = level_law(build, material, place, count)
-                    law_at[row, place, count] = laws.setdefault(law, len(laws))
-        compensated = builds[0].compensation != "none"
-        rows = [law.rows for law in laws if compensated]
-        drawn = [law.passages_as_drawn for law in laws if not compensated]
-        return cls(
-            law_at=law_at,
-            law=np.array(rows).reshape(-1, FANS, 2 * MOST_CHILDREN + 2),
-            least=np.array([law.least_rad for law in laws]),
-            drawn=np.array(drawn).reshape(-1, FANS, 1),
-        )
-
-
-def _tables(rules: PenaltyRules, builds: Sequence[Build], laws: _Laws) -> LevelTables:
+def _tables(
+    rules: PenaltyRules, builds: Sequence[Build], fans: Sequence[Mapping[int, Collection[int]]]
+) -> LevelTables:
     """Return the tables that depend on a build and a level alone."""
     profile, changed, limits = rules.profile, rules.changed, rules.limits
     material, window = profile.material, _limits_of(WINDOW, changed)
+    # How the fans that some builds may have are cut: each law once, and where it stands.
+    counts = {count for by_place in fans for some in by_place.values() for count in some}
+    children = min(MOST_CHILDREN, max(counts, default=1))
+    law_at = np.full((len(builds), max(len(one.widths_mm) for one in builds), children + 1), -1)
+    laws: dict[FanLaw, int] = {}
+    for row, (build, by_place) in enumerate(zip(builds, fans, strict=True)):
+        for place in range(len(build.widths_mm) - 1):
+            for count in (count for count in by_place[place] if count <= children):
+                law = level_law(build, material, place, count)
+                law_at[row, place, count] = laws.setdefault(law, len(laws))
+    law_rows = [law.rows for law in laws if limits.compensated]
+    drawn = [law.passages_as_drawn for law in laws if not limits.compensated]
     fitted_mm = GrowthConstantsRange.of(profile, window).diameter_mm
     widths_mm = _padded([build.widths_mm for build in builds])
     ends_mm = _padded([build.end_widths_mm for build in builds])
@@ -672,10 +638,10 @@ def _tables(rules: PenaltyRules, builds: Sequence[Build], laws: _Laws) -> LevelT
         pouch=pouch,
         tail_first=tail_first,
         tail=tail,
-        law_at=laws.law_at,
-        law=laws.law,
-        least=laws.least,
-        drawn=laws.drawn,
+        law_at=law_at,
+        law=np.array(law_rows).reshape(-1, FANS, 2 * MOST_CHILDREN + 2),
+        least=np.array([law.least_rad for law in laws]),
+        drawn=np.array(drawn).reshape(-1, FANS, 1),
         most_turn=MOST_TURN_RAD,
         least_length=LEAST_LENGTH,
     )

@@ -34,7 +34,11 @@ def penalize(designs, tables, limits, scratch, penalty):
             penalty[d] += math.log1p(float(count) ** 2)
         else:
             capsules = _lay_out(designs, d, tables, limits, scratch)
-            near = _too_near(designs, d, capsules, limits, scratch)
+            near, bare = 0.0, scratch.bare[0]
+            for one in range(capsules):
+                for two in range(one + 1, capsules):
+                    if _may_conflict(designs, d, one, two, bare, scratch):
+                        near += _pair_depth(scratch.capsule, one, two, limits.clearance_mm)
             penalty[d] += math.log1p(near + _over_sheet(designs, d, capsules, limits, scratch))
 
 
@@ -527,17 +531,6 @@ def _add_pouch(capsule, row, leaf, pouch, piece, heading):
 
 
 @inlined
-def _too_near(designs, d, capsules, limits, scratch):
-    """Return the summed depths of all pairs of capsules that are nearer than the clearance."""
-    found, bare = 0.0, scratch.bare[0]
-    for one in range(capsules):
-        for two in range(one + 1, capsules):
-            if _may_conflict(designs, d, one, two, bare, scratch):
-                found += _pair_depth(scratch.capsule, one, two, limits.clearance_mm)
-    return found
-
-
-@inlined
 def _near_pairs(designs, d, capsules, limits, scratch, cutting):
     """Write down as many of these pairs as there is room for; return their depths and number."""
     found, pairs, bare = 0.0, 0, scratch.bare[0]
@@ -858,7 +851,12 @@ def _prepare_pairs(designs, d, capsules, pairs, limits, scratch, cutting):
         cutting.cut[k] = cutting.banned[k] = cutting.used[k] = weight[k] = 0
     for p in range(pairs):
         one, two = cutting.one[p], cutting.two[p]
-        meet, also = _meet(designs, base, owner[one], owner[two]), -1
+        meet, other, also = owner[one], owner[two], -1
+        while meet != other:  # the lowest branch that both are, or lie beyond
+            if designs.level[base + meet] >= designs.level[base + other]:
+                meet = designs.parent[base + meet]
+            else:
+                other = designs.parent[base + other]
         if meet == owner[one] and _outer_clears(meet, capsules, two, limits, scratch, cutting):
             also = meet
         if meet == owner[two] and _outer_clears(meet, capsules, one, limits, scratch, cutting):
@@ -870,29 +868,12 @@ def _prepare_pairs(designs, d, capsules, pairs, limits, scratch, cutting):
         for way in range(ways):
             cutting.between[p, way] = cutting.path[way]
             weight[cutting.path[way]] += 1
-    _order_pairs(designs.depth[d], pairs, cutting)
-
-
-@inlined
-def _order_pairs(depth, pairs, cutting):
-    """Write the order of pairs: those that meet farthest from the base first."""
-    placed = 0
-    for level in range(depth, -1, -1):
+    placed = 0  # those that meet farthest from the base first
+    for level in range(designs.depth[d], -1, -1):
         for p in range(pairs):
             if cutting.top[p] == level:
                 cutting.order[placed] = p
                 placed += 1
-
-
-@inlined
-def _meet(designs, base, a, b):
-    """Return the lowest branch that both of two are, or lie beyond."""
-    while a != b:
-        if designs.level[base + a] >= designs.level[base + b]:
-            a = designs.parent[base + a]
-        else:
-            b = designs.parent[base + b]
-    return a
 
 
 @called
@@ -976,7 +957,12 @@ def _left(designs, d, capsules, pairs, tables, limits, scratch, cutting):
     for p in range(pairs):
         if _together(p, scratch, cutting):
             left += cutting.depth[p]
-    left += _sheet_left(designs, d, capsules, limits, scratch, cutting)
+    over = 0.0  # of all pieces over the sheet, relative to its shorter side
+    for root in range(designs.first[d + 1] - designs.first[d]):
+        if cutting.piece[root] == root:
+            _span_of_piece(designs, d, capsules, root, limits, scratch, cutting)
+            over += _excess_of_span(limits, scratch)
+    left += over
     return left + _overfull(designs, d, tables, limits, scratch, cutting)
 
 
@@ -1131,17 +1117,6 @@ def _depth_in_piece(a, one, b, two, also, limits, scratch, cutting):
 
 
 @inlined
-def _sheet_left(designs, d, capsules, limits, scratch, cutting):
-    """Return the summed excesses of all pieces over the sheet, relative to its shorter side."""
-    left = 0.0
-    for root in range(designs.first[d + 1] - designs.first[d]):
-        if cutting.piece[root] == root:
-            _span_of_piece(designs, d, capsules, root, limits, scratch, cutting)
-            left += _excess_of_span(limits, scratch)
-    return left
-
-
-@inlined
 def _span_of_piece(designs, d, capsules, root, limits, scratch, cutting):
     """Write how far a piece reaches across each rotation."""
     base, branches, piece = designs.first[d], designs.first[d + 1] - designs.first[d], cutting.piece
@@ -1286,7 +1261,13 @@ def _deepest_cuts(designs, d, pairs, limits, scratch, cutting):
     """Cut, one after the other, where pairs of the most depth are parted; return how often."""
     share, made = cutting.share, 0
     while made < limits.most_cuts:
-        _add_shares(designs, d, pairs, scratch, cutting)
+        _label(designs, d, cutting)
+        for k in range(designs.first[d + 1] - designs.first[d]):
+            share[k] = 0.0
+        for p in range(pairs):  # summed depths of the pairs that a cut in each branch parts
+            if _together(p, scratch, cutting):
+                for way in range(cutting.ways[p]):
+                    share[cutting.between[p, way]] += cutting.depth[p]
         chosen = 0
         for k in range(designs.first[d + 1] - designs.first[d]):
             if share[k] > share[chosen] + limits.least_depth:
@@ -1296,15 +1277,3 @@ def _deepest_cuts(designs, d, pairs, limits, scratch, cutting):
         cutting.cut[chosen] = 1
         made += 1
     return made
-
-
-@inlined
-def _add_shares(designs, d, pairs, scratch, cutting):
-    """Write the summed depths of the pairs that a cut in each branch parts."""
-    _label(designs, d, cutting)
-    for k in range(designs.first[d + 1] - designs.first[d]):
-        cutting.share[k] = 0.0
-    for p in range(pairs):
-        if _together(p, scratch, cutting):
-            for way in range(cutting.ways[p]):
-                cutting.share[cutting.between[p, way]] += cutting.depth[p]

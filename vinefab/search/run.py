@@ -25,14 +25,25 @@ from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
 from vinefab.model.start import with_starts
 from vinefab.model.target import out_of_reach
-from vinefab.search.advice import BestCheck, refuse_starts_without_room, rules_broken, without_rules
-from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Ledger, Penalty
+from vinefab.search.evaluator import (
+    Begin,
+    Evaluator,
+    EvaluatorSpec,
+    Ledger,
+    Penalty,
+    PointEvaluator,
+    ThreadEvaluator,
+)
 from vinefab.search.finalists import choose_finalists, minimized, reevaluated, settled
 from vinefab.search.manufacturability import (
+    BestCheck,
     ManufacturabilityPenalty,
     SpaceQuery,
     refuse_infeasible_space,
+    refuse_starts_without_room,
+    rules_broken,
     run_profile,
+    without_rules,
 )
 from vinefab.search.optimizers.optimizer import (
     FrontOptimizer,
@@ -54,15 +65,14 @@ from vinefab.search.record.store import Recorder, RunStore
 from vinefab.search.settings import (
     MapSettings,
     PartSettings,
-    RunLimits,
     RunSettings,
     SearchSettings,
     check_objectives,
     has_own_targets,
     limit_option,
+    with_limits,
 )
 from vinefab.search.space import Space
-from vinefab.search.workers import Begin, PointEvaluator, ThreadEvaluator
 from vinefab.tasks.evaluate import Conditions
 from vinefab.tasks.reach import task_targets
 from vinefab.tasks.task import Task
@@ -483,7 +493,7 @@ def run_search(  # noqa: PLR0913  options by keyword
     folder: Path,
     *,
     resume: bool = False,
-    limits: RunLimits | None = None,
+    limits: Mapping[str, float] | None = None,
     workers: int | PointEvaluator = 1,
     progress: Callable[[Progress], None] | None = None,
     predict: Callable[[Search, RunResult], Mapping[str, Any]] | None = None,
@@ -499,7 +509,7 @@ def run_search(  # noqa: PLR0913  options by keyword
     resume
         Whether to continue a record that is there.
     limits
-        Limits to raise in it.
+        Limits to raise in it, by their names in `LIMIT_NAMES`.
     predict
         Returns what is predicted of the winner elsewhere, in plain values; it is recorded, and
         what it has under ``origin`` stands in the winner's origin.
@@ -517,7 +527,7 @@ def run_search(  # noqa: PLR0913  options by keyword
         Where the record cannot be written.
     """
     if resume:
-        settings = _raised(resumed_limits(folder, settings), limits or RunLimits(), folder)
+        settings = _raised(resumed_limits(folder, settings), limits or {}, folder)
     with located(source) if source else nullcontext():
         maps = training_maps(settings)
         penalty = penalty_of(settings)
@@ -543,16 +553,16 @@ def run_search(  # noqa: PLR0913  options by keyword
     return result.with_prediction(prediction) if prediction else result
 
 
-def _raised(settings: RunSettings, limits: RunLimits, folder: Path) -> RunSettings:
+def _raised(settings: RunSettings, limits: Mapping[str, float], folder: Path) -> RunSettings:
     """Return settings with raised limits, unless a run that has ended would end all the same."""
-    raised = settings.changed(search=limits.raised(settings.search))
+    raised = settings.changed(search=with_limits(settings.search, limits))
     path = folder / RECORD_FILE
     if raised == settings or not path.is_file():
         return raised
     archive = RunArchive.read(path)
     stopped = why_stop(archive.history, raised.search)
     if archive.stopped and stopped is not None:
-        option, value = next(iter(limits.given.items()))
+        option, value = next(iter(limits.items()))
         if stopped in ("generations", "evaluations", "wall_time"):
             name = "wall_time_s" if stopped == "wall_time" else stopped
             allowed = f"more of {limit_option(name)}, by which the run has stopped"

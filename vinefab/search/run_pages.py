@@ -360,7 +360,9 @@ class LivePage:
         began_s, worked_s = time.monotonic(), time.thread_time()
         if began_s < self._next_s or self.problem:
             return
-        left = _duration(progress.left_s)
+        left_s = progress.left_s
+        left = f"{round(left_s)} s" if left_s < 90.0 else f"{round(left_s / 60.0)} min"
+        left = left if left_s < 7170.0 else f"{left_s / 3600.0:.1f} h"
         self._write(f"Running: {self._done(progress)}; about {left} left.", running=True)
         now_s = time.monotonic()
         if self._next_s:
@@ -469,8 +471,15 @@ class _BestSoFar:
             yield Text("No point of the space was a design yet.")
             return
         size = f"{size_words(design)}{self._pieces_words(design)}"
+        if self._drawn is None or self._drawn[0] is not design:
+            growth, pose = self._settings.growth.at_one_angle, self._world.starts[0].pose
+            deployment = grow_on(design, Terrain.of(self._world), pose, growth)
+            touched = touched_targets([(deployment, self._world)], run_task(self._settings))
+            widths_mm = growth.drawn_widths_mm(design.build.widths_mm)
+            plan = deployment_plan(self._world, deployment, widths_mm, touched=touched)
+            self._drawn = design, page_svg(plan)
         yield Picture(
-            image=self._picture(design),
+            image=self._drawn[1],
             caption=f"The best so far, from the start of {self._world.name} (simulated): {size}, "
             f"found in generation {self._at}.",
         )
@@ -485,17 +494,6 @@ class _BestSoFar:
         if count is None:
             return f", not yet in {counted(settings.most, 'piece')} that lie flat"
         return f", {counted(count, 'piece')} by the quick rules"
-
-    def _picture(self, design: Design) -> bytes:
-        if self._drawn is None or self._drawn[0] is not design:
-            growth, pose = self._settings.growth.at_one_angle, self._world.starts[0].pose
-            deployment = grow_on(design, Terrain.of(self._world), pose, growth)
-            touched = touched_targets([(deployment, self._world)], run_task(self._settings))
-            widths_mm = growth.drawn_widths_mm(design.build.widths_mm)
-            plan = deployment_plan(self._world, deployment, widths_mm, touched=touched)
-            image = page_svg(plan)
-            self._drawn = design, image
-        return self._drawn[1]
 
 
 def run_facts(settings: RunSettings) -> tuple[Fact, ...]:
@@ -517,13 +515,6 @@ def run_facts(settings: RunSettings) -> tuple[Fact, ...]:
         Fact("manufacturability", made),
         *([Fact("pieces", f"at most {pieces.most}, joined by sleeves{charged}")] if pieces else []),
     )
-
-
-def _duration(seconds: float) -> str:
-    minutes = round(seconds / 60.0)
-    if seconds < 90.0:
-        return f"{round(seconds)} s"
-    return f"{minutes} min" if minutes < 120 else f"{seconds / 3600.0:.1f} h"
 
 
 FRONT_SCHEMA = "vinefab/front-1"

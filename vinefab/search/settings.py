@@ -6,7 +6,7 @@ parameters of the task and the optimizer named there.
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
@@ -282,46 +282,31 @@ def limit_option(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunLimits:
-    """The limits of a run that `--resume` may raise; None leaves one as it is.
+def with_limits(search: SearchSettings, limits: Mapping[str, float]) -> SearchSettings:
+    """Return settings with limits that `--resume` raises.
 
     Parameters
     ----------
-    generations, evaluations, wall_time_s
-        As in `SearchSettings`, at least what the run has; 0 lifts the limit of the last two.
+    limits
+        Some of `LIMIT_NAMES`, each at least what the run has; 0 lifts the limit of the last two.
+
+    Raises
+    ------
+    BadInputError
+        For a limit below that of the settings.
     """
-
-    generations: int | None = None
-    evaluations: int | None = None
-    wall_time_s: float | None = None
-
-    @property
-    def given(self) -> dict[str, float]:
-        """The limits that are given, by name."""
-        named = {name: getattr(self, name) for name in LIMIT_NAMES}
-        return {name: value for name, value in named.items() if value is not None}
-
-    def raised(self, search: SearchSettings) -> SearchSettings:
-        """Return settings with the limits that are given.
-
-        Raises
-        ------
-        BadInputError
-            For a limit below that of the settings.
-        """
-        for name, value in self.given.items():
-            before = getattr(search, name)
-            can_be_lifted = name != "generations"
-            is_lifted = can_be_lifted and value == 0
-            if not is_lifted and (value < before or (can_be_lifted and before == 0)):
-                has = f"at least the {before} that the run has" if before else "0: it has no limit"
-                lifted = ", or 0 for no limit" if can_be_lifted and before else ""
-                raise BadInputError(limit_option(name), value, f"{has}{lifted}")
-        try:
-            return search.changed(**self.given)
-        except BadInputError as error:
-            raise BadInputError(limit_option(error.key), error.value, error.allowed) from error
+    for name, value in limits.items():
+        before = getattr(search, name)
+        can_be_lifted = name != "generations"
+        is_lifted = can_be_lifted and value == 0
+        if not is_lifted and (value < before or (can_be_lifted and before == 0)):
+            has = f"at least the {before} that the run has" if before else "0: it has no limit"
+            lifted = ", or 0 for no limit" if can_be_lifted and before else ""
+            raise BadInputError(limit_option(name), value, f"{has}{lifted}")
+    try:
+        return search.changed(**limits)
+    except BadInputError as error:
+        raise BadInputError(limit_option(error.key), error.value, error.allowed) from error
 
 
 # --- As plain values ------------------------------------------------------------------------------
@@ -421,7 +406,49 @@ def read_run(name_or_path: str | PathLike[str]) -> RunSettings:
         _read_files_in(content, path.parent)
     file = validated(RunFile, content, path)
     with located(path):
-        return _settings(file, path)
+        name = path.stem if file.name is None else file.name
+        if not name or name.startswith(".") or not all(c.isalnum() or c in "_-." for c in name):
+            raise BadInputError("name", name, "letters, digits, '_', '-' and '.'")
+        if len(name) > _MOST_LETTERS:
+            raise BadInputError("name", name, f"at most {_MOST_LETTERS} characters")
+        _refuse_together(file)
+        task, optimizer = file.task, file.optimizer
+        parameters, others = dict(task.model_extra or {}), dict[str, Mapping[str, object]]()
+        for key in [key for key, value in parameters.items() if isinstance(value, Mapping)]:
+            if key in task.objectives and key != task.name:
+                others[key] = cast("Mapping[str, object]", parameters.pop(key))
+            elif key in TASKS:
+                allowed = f"no table: {key!r} is not another task among task.objectives"
+                raise BadInputError(f"task.{key}", "a table", allowed)
+        # Islands do best only where designs have to be manufacturable.
+        best = "islands" if file.evaluation.fabricable else "cmaes"
+        settings = RunSettings(
+            name=name,
+            maps=_with_files(file.maps, path.parent),
+            task=PartSettings(name=task.name, parameters=parameters),
+            space=file.space,
+            build=file.build,
+            growth=file.growth,
+            optimizer=PartSettings(
+                name=optimizer.name or ("nsga2" if task.objectives else best),
+                parameters=optimizer.model_extra or {},
+            ),
+            search=SearchSettings(
+                **{n: getattr(optimizer, n) for n in SearchSettings.model_fields}
+            ),
+            evaluation=file.evaluation.changed(recipe=_beside(path.parent, file.evaluation.recipe)),
+            objectives=task.objectives,
+            other_parameters=others,
+        )
+        settings = settings.changed(start_from=_points(optimizer.start_from, settings, path))
+        check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
+        # Built once here, so that a wrong name or parameter is reported with the file.
+        settings.maps.environment_options()
+        make_task(settings.task.name, settings.task.parameters)
+        for other in settings.other_tasks:
+            make_other_task(other)
+        make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
+        return settings
 
 
 def _beside(folder: Path, given: str) -> str:
@@ -442,50 +469,6 @@ def _read_files_in(content: dict[str, Any], folder: Path) -> None:
         except BadInputError as error:
             key = f"growth.contacts.{error.key}".removesuffix(".contacts")
             raise BadInputError(key, error.value, error.allowed) from error
-
-
-def _settings(file: RunFile, path: Path) -> RunSettings:
-    name = path.stem if file.name is None else file.name
-    if not name or name.startswith(".") or not all(c.isalnum() or c in "_-." for c in name):
-        raise BadInputError("name", name, "letters, digits, '_', '-' and '.'")
-    if len(name) > _MOST_LETTERS:
-        raise BadInputError("name", name, f"at most {_MOST_LETTERS} characters")
-    _refuse_together(file)
-    task, optimizer = file.task, file.optimizer
-    parameters, others = dict(task.model_extra or {}), dict[str, Mapping[str, object]]()
-    for key in [key for key, value in parameters.items() if isinstance(value, Mapping)]:
-        if key in task.objectives and key != task.name:
-            others[key] = cast("Mapping[str, object]", parameters.pop(key))
-        elif key in TASKS:
-            allowed = f"no table: {key!r} is not another task among task.objectives"
-            raise BadInputError(f"task.{key}", "a table", allowed)
-    # Islands do best only where designs have to be manufacturable.
-    best = "islands" if file.evaluation.fabricable else "cmaes"
-    settings = RunSettings(
-        name=name,
-        maps=_with_files(file.maps, path.parent),
-        task=PartSettings(name=task.name, parameters=parameters),
-        space=file.space,
-        build=file.build,
-        growth=file.growth,
-        optimizer=PartSettings(
-            name=optimizer.name or ("nsga2" if task.objectives else best),
-            parameters=optimizer.model_extra or {},
-        ),
-        search=SearchSettings(**{n: getattr(optimizer, n) for n in SearchSettings.model_fields}),
-        evaluation=file.evaluation.changed(recipe=_beside(path.parent, file.evaluation.recipe)),
-        objectives=task.objectives,
-        other_parameters=others,
-    )
-    settings = settings.changed(start_from=_points(optimizer.start_from, settings, path))
-    check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
-    # Built once here, so that a wrong name or parameter is reported with the file.
-    settings.maps.environment_options()
-    make_task(settings.task.name, settings.task.parameters)
-    for other in settings.other_tasks:
-        make_other_task(other)
-    make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
-    return settings
 
 
 def _refuse_together(file: RunFile) -> None:

@@ -1,10 +1,16 @@
-"""The search space: ranges of the design variables, designs as points, costs and their limits."""
+"""The search space: ranges of the design variables, designs as points, costs and their limits.
+
+A search evaluates thousands of designs a second. Building each as an object, with its tree, would
+take as long as growing it: many designs are arrays (`DesignBatch`). Results equal those of
+`Space.design`, `vinefab.model.tree.branch_tree` and `vinefab.growth.plan.Plans.of` for single
+designs, to the last bit.
+"""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, overload
 
 import numpy as np
 from annotated_types import Ge, Le, Unit
@@ -17,10 +23,14 @@ from pydantic import (
 )
 from typing_extensions import Doc
 
+from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
 from vinefab.core.table import LATER, LaterThan, Table
 from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, Ints, number
 from vinefab.fabrication.outline.ends import Leaf, corner_radii_mm
+from vinefab.growth.arrays import TreesArrays
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Feed, Plan, Plans, Spans
 from vinefab.model.design import (
     DEFAULT_COMPENSATION,
     DEFAULT_MOUNTING,
@@ -28,6 +38,7 @@ from vinefab.model.design import (
     DEFAULT_TAIL_MM,
     DEFAULT_TRUNK_WIDTH_MM,
     DEFAULT_WIDTH_RATIO,
+    MOST_BRANCHES,
     MOST_LEVELS,
     Build,
     Compensation,
@@ -38,8 +49,82 @@ from vinefab.model.design import (
     Pouch,
     default_fillets_mm,
 )
-from vinefab.search.design_batch import DesignBatch, branch_counts
+from vinefab.model.tree import BranchTree
 from vinefab.search.optimizers.optimizer import SearchAxes
+
+if TYPE_CHECKING:
+    from vinefab.growth import batch_kernel
+else:
+    batch_kernel = imported_later("vinefab.growth.batch_kernel")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DesignBatch:
+    """Designs, m of them, with at most n levels below the trunk."""
+
+    depth: Ints  # number of levels, the trunk included, shape (m,)
+    trunk_mm: Floats  # length of the trunk, shape (m,)
+    # as in `vinefab.model.design.Level`, shape (m, n); meaningless beyond a design's depth
+    branches: Ints
+    length_mm: Floats
+    fan_rad: Floats
+    growth: Floats
+    # branches per level, the trunk first, shape (m, n + 1); capped just above MOST_BRANCHES
+    counts: Ints
+
+    def __len__(self) -> int:
+        return len(self.depth)
+
+    @classmethod
+    def of(cls, *designs: Design) -> "DesignBatch":
+        """Return a batch of some designs, all of even fans."""
+        below = max(design.depth for design in designs) - 1
+        depth = np.array([design.depth for design in designs])
+        branches, numbers = (
+            np.ones((len(designs), below), dtype=np.int64),
+            np.ones((3, len(designs), below)),
+        )
+        for row, design in enumerate(designs):
+            for place, level in enumerate(design.levels):
+                branches[row, place] = level.branches
+                numbers[:, row, place] = level.length_mm, level.fan_rad, level.growth
+        length_mm, fan_rad, growth = numbers
+        return cls(
+            depth=depth,
+            trunk_mm=np.array([design.trunk_length_mm for design in designs]),
+            branches=branches,
+            length_mm=length_mm,
+            fan_rad=fan_rad,
+            growth=growth,
+            counts=branch_counts(depth, branches),
+        )
+
+    @property
+    def sizes(self) -> Ints:
+        """Number of branches of each design, shape (m,)."""
+        return np.asarray(self.counts.sum(axis=1))
+
+    def part(self, rows: Ints) -> "DesignBatch":
+        """Return some of the designs."""
+        return DesignBatch(
+            depth=self.depth[rows],
+            trunk_mm=self.trunk_mm[rows],
+            branches=self.branches[rows],
+            length_mm=self.length_mm[rows],
+            fan_rad=self.fan_rad[rows],
+            growth=self.growth[rows],
+            counts=self.counts[rows],
+        )
+
+
+def branch_counts(depth: Ints, branches: Ints) -> Ints:
+    """Return the number of branches on each level, as in `DesignBatch.counts`."""
+    below = np.arange(branches.shape[1]) < depth[:, None] - 1
+    # The product may overflow; a cap just above the limit is enough.
+    counts = np.ones((len(depth), 1 + branches.shape[1]))
+    np.cumprod(np.where(below, branches, 0.0), axis=1, out=counts[:, 1:])
+    return np.minimum(counts, MOST_BRANCHES + 1.0).astype(np.int64)
+
 
 BuildOf = Callable[[int], Build]
 """Returns the build of the designs with so many levels; shallower ones begin with its widths."""
@@ -502,7 +587,13 @@ class Space:
         self.settings = settings
         self.most = settings.most
         self.build = build
-        every = tuple(_variables(settings))
+        every = [SearchVariable(name="levels", level=0, bounds=settings.levels)]
+        for level in range(1, int(settings.levels.high) + 1):
+            names = LIMITS if level > 1 else ("length_mm",)
+            every += [
+                SearchVariable(name=name, level=level, bounds=settings.bounds(level, name))
+                for name in names
+            ]
         self.variables = tuple(variable for variable in every if not variable.is_fixed)
         self._fixed = {
             (variable.level, variable.name): variable.value(0.0)
@@ -570,7 +661,11 @@ class Space:
             Points, shape (m, len(self)).
         """
         table = np.tile(self._row, (len(x), 1))
-        table[:, self._free] = self._values(x)
+        # As `SearchVariable.value`, for all variables at many points.
+        low, high = self._low, self._high
+        numbers = np.minimum(high, low + np.trunc(x * (high - low + 1.0)))
+        values = np.minimum(high, np.maximum(low, _rounded(low + x * (high - low))))
+        table[:, self._free] = np.where(self._integer, numbers, values)
         level = table[:, 2:].reshape(len(x), int(self.settings.levels.high) - 1, len(LIMITS))
         of = {name: level[:, :, place] for place, name in enumerate(LIMITS)}
         depth, branches = table[:, 0].astype(np.int64), of["branches"].astype(np.int64)
@@ -583,14 +678,6 @@ class Space:
             growth=of["growth_percent"] / 100.0,
             counts=branch_counts(depth, branches),
         )
-
-    def _values(self, x: Floats) -> Floats:
-        """Return the results of `SearchVariable.value` for all variables at many points."""
-        low, high = self._low, self._high
-        numbers = np.minimum(high, low + np.trunc(x * (high - low + 1.0)))
-        values = np.minimum(high, np.maximum(low, _rounded(low + x * (high - low))))
-        chosen: Floats = np.where(self._integer, numbers, values)
-        return chosen
 
     def limit_excess(self, designs: DesignBatch) -> Floats:
         """Return by how much designs exceed the space's limits, 0 within them, shape (m,)."""
@@ -667,14 +754,122 @@ def _rounded(values: Floats) -> Floats:
     return rounded
 
 
-def _variables(settings: SpaceSettings) -> list[SearchVariable]:
-    variables = [SearchVariable(name="levels", level=0, bounds=settings.levels)]
-    variables.append(
-        SearchVariable(name="length_mm", level=1, bounds=settings.bounds(1, "length_mm"))
+class BatchBranches(NamedTuple):
+    """All branches of a design batch, design by design, parents first."""
+
+    first: Ints  # where each design's branches begin, with the total at the end, shape (m + 1,)
+    parent: Ints  # within its tree, -1 for trunks
+    level: Ints  # 1 for trunks
+    offset_rad: Floats  # angle from the parent's heading
+    length_mm: Floats
+
+
+def batch_branches(designs: DesignBatch) -> BatchBranches:
+    """Return all branches of a design batch, as `vinefab.model.tree.branch_tree` has them."""
+    first = np.zeros(len(designs) + 1, dtype=np.int64)
+    np.cumsum(designs.sizes, out=first[1:])
+    parent, level = np.empty((2, first[-1]), dtype=np.int64)
+    offset_rad, length_mm = np.empty((2, first[-1]))
+    found = BatchBranches(first, parent, level, offset_rad, length_mm)
+    # Columns of a table are another type to numba, which would compile a second time.
+    batch_kernel.plan_trees(
+        np.ascontiguousarray(designs.depth),
+        np.ascontiguousarray(designs.trunk_mm),
+        np.ascontiguousarray(designs.branches),
+        np.ascontiguousarray(designs.fan_rad),
+        np.ascontiguousarray(designs.length_mm),
+        np.ascontiguousarray(designs.growth),
+        *found,
     )
-    variables += [
-        SearchVariable(name=name, level=level, bounds=settings.bounds(level, name))
-        for level in range(2, int(settings.levels.high) + 1)
-        for name in LIMITS
-    ]
-    return variables
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _PlannedTrees(Sequence[Plan]):
+    """The planned trees of a design batch; each plan is created on access."""
+
+    arrays: TreesArrays  # all trees, concatenated
+    level: Ints  # level of each branch, 1 for the trunk
+    offset_rad: Floats  # angle of each branch from its parent's heading
+    counts: Ints  # number of branches of each tree per level, shape (m, n + 1)
+    builds: dict[int, Build]  # by depth
+    # body radius per level of the deepest designs; one 0 for bare centrelines
+    radii_mm: tuple[float, ...]
+
+    def __len__(self) -> int:
+        return len(self.counts)
+
+    @overload
+    def __getitem__(self, index: int) -> Plan: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Plan]: ...
+
+    def __getitem__(self, index: int | slice) -> Plan | list[Plan]:
+        """Return the plan of one tree, or of some."""
+        if isinstance(index, slice):
+            return [self[row] for row in range(*index.indices(len(self)))]
+        one, two = self.arrays.first[index], self.arrays.first[index + 1]
+        level = self.level[one:two]
+        depth = int(level[-1])
+        build, wide = self.builds[depth], len(self.radii_mm) > 1 or self.radii_mm[0] > 0.0
+        edges = np.cumsum(self.counts[index, :depth]).tolist() if wide else [int(two - one)]
+        return Plan(
+            tree=BranchTree(
+                parent=self.arrays.parent[one:two],
+                level=level,
+                offset_rad=self.offset_rad[one:two],
+                length_mm=self.arrays.length[one:two],
+            ),
+            turn=self.arrays.turn[one:two],
+            edges=(0, *edges),
+            radii_mm=self.radii_mm[:depth] if wide else self.radii_mm,
+            limit_kpa=self.arrays.limit[one:two],
+            store_kpa=self.arrays.store[one:two],
+            build=build,
+        )
+
+
+def planned_batch(
+    designs: DesignBatch,
+    builds: dict[int, Build],
+    radii_mm: tuple[float, ...],
+    options: GrowthOptions,
+) -> Plans:
+    """Return the plans of a design batch; builds of other depths begin with the same widths."""
+    first, parent, level, offset_rad, length_mm = batch_branches(designs)
+    turn = np.column_stack([np.cos(offset_rad), np.sin(offset_rad)])
+    deepest = builds[max(builds)]
+    feed, riding_mm = Feed.of(deepest, options), np.zeros(len(length_mm))
+    if np.isfinite(feed.limit_kpa).any():
+        width_mm = np.array(deepest.widths_mm)
+        batch_kernel.riding_film(first, parent, level, length_mm, width_mm, riding_mm)
+    arrays = TreesArrays(
+        parent=parent,
+        turn=turn,
+        length=length_mm,
+        limit=feed.limit_kpa[level - 1],
+        store=feed.store_kpa(riding_mm),
+        first=first,
+    )
+    for array in arrays:
+        array.setflags(write=False)
+    each = _PlannedTrees(
+        arrays=arrays,
+        level=level,
+        offset_rad=offset_rad,
+        counts=designs.counts,
+        builds=builds,
+        radii_mm=radii_mm,
+    )
+    until = np.cumsum(designs.counts, axis=1)
+    if radii_mm == (0.0,):  # all branches are grown on the same walls
+        zeros = np.zeros((len(until), 1), dtype=np.int64)
+        spans = Spans(radii_mm, zeros[:, 0] + 1, zeros, until[:, -1:], zeros > 0)
+    else:  # level by level
+        rising, levels = tuple(sorted(set(radii_mm))), np.count_nonzero(designs.counts, axis=1)
+        there = np.arange(len(radii_mm)) < levels[:, None]
+        wider = np.diff(radii_mm, prepend=0.0) > 0.0
+        page = np.searchsorted(rising, radii_mm)
+        spans = Spans(rising, levels, np.where(there, page, 0), until, there & wider)
+    return Plans(each=each, trees=arrays, spans=spans)

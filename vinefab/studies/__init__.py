@@ -1,8 +1,7 @@
 """The paper's experiments, the optimizer contest and the benchmark; only the commands load them.
 
-`reproduction` does the experiments of `EXPERIMENTS` (`do_experiments`), `optimizer_contest`
-compares optimizers on run files, `benchmark` measures speed (`run_benchmark`) and simulates
-searches on many workers.
+`study_runs` does the experiments of `EXPERIMENTS` (`do_experiments`), `optimizer_contest`
+compares optimizers on run files, `benchmark` measures speed (`run_benchmark`).
 """
 
 from collections.abc import Callable

@@ -213,11 +213,14 @@ OPEN = "grid"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OpenBounds:
-    """The same comparison where the bounds let robots through, each of shape (runs, maps, 1)."""
+    """Branching compared with redeploying; here where the bounds let robots through.
+
+    Shapes are (runs, maps, 1) each.
+    """
 
     one: Floats  # share reached by one deployment of each branching design
     many: Floats  # by all redeployments of the plain vine together
-    shapes: Floats  # their whole shapes within the bounds
+    shapes: Floats  # number of their final shapes, whole ones within the bounds
     ends: dict[str, int]  # how many of them ended how
 
     @classmethod
@@ -251,20 +254,13 @@ def reach_test(size: StudySize, design: dict[str, Any], environment: str) -> Tes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Redeployments:
-    """The findings in one environment."""
+class Redeployments(OpenBounds):
+    """The same in one environment as it is, for the kept design: (1, maps, 1) each."""
 
     design: dict[str, Any]  # the kept design
-    one: Floats  # share reached by one deployment of it, shape (1, maps, 1)
-    all_seeds: Floats  # the same for all trained designs, shape (runs, maps, 1)
-    # many, each, shapes, tips: share reached by all redeployments of the plain vine together, by
-    # one of them on average, the number of final shapes, and that of groups of tips; the shape
-    # of each is (1, maps, 1)
-    many: Floats
-    each: Floats
-    shapes: Floats
-    tips: Floats
-    ends: dict[str, int]  # how many plain vines ended how
+    all_seeds: Floats  # `one` for all trained designs, shape (runs, maps, 1)
+    each: Floats  # share reached by one redeployment on average
+    tips: Floats  # number of groups of tips
     open: OpenBounds | None  # the same with open bounds, where that makes a difference
 
 

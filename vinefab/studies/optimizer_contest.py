@@ -2,32 +2,36 @@
 
 import json
 import math
+import multiprocessing
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from vinefab.core.atomic import ensure_writable, folder_to_fill
-from vinefab.core.errors import BadInputError, UnreadableFileError, located
+from vinefab.core.errors import BadInputError, UnreadableFileError, WorkersLostError, located
 from vinefab.core.hashing import fingerprint
+from vinefab.core.interruption import end_with_parent, stops_deferred
 from vinefab.core.plain_text import GENERATOR, counted, json_text
 from vinefab.core.statistics import LEVEL, SIGNIFICANT, mean_interval, mean_p
 from vinefab.core.validation import Floats, whole
 from vinefab.core.view import Block, Number, Rows, Value
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.files.run_context import package_versions
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import Ink, Page, Panel, ends_of, jitter, page_of_rows, series_colour
 from vinefab.search.record.generations import RunIdentity
-from vinefab.search.record.identity import package_versions
 from vinefab.search.run import Search, fresh_maps, generated_maps, penalty_of
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
-from vinefab.search.workers import WorkerProcesses
 from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 
@@ -200,30 +204,25 @@ def contest_rows(
                 _search(run.settings)
     total, begun = len(contest_runs), len(contest_runs) - len(todo)
     progress(begun / max(1, total), f"{begun} of {total} runs")
-    for done, row in enumerate(_rows_of(todo, jobs), start=begun + 1):
-        with folder_to_fill(record.parent), record.open("a", encoding="utf-8") as stream:
-            if stream.tell() == 0:
-                stream.write(
-                    json.dumps({"schema": "vinefab/bouts-1", "generator": GENERATOR}) + "\n"
-                )
-            stream.write(json.dumps(asdict(row)) + "\n")
-        known[row.key] = row
-        last = f"{row.problem} {row.contender} {row.unseen:.4f}"
-        progress(done / total, f"{done} of {total} runs, the last {last}")
+    processes = WorkerProcesses(jobs) if jobs > 1 and len(todo) > 1 else nullcontext()
+    with processes as pool:
+        rows = map(run_contest, todo) if pool is None else pool.map(run_contest, todo)
+        for done, row in enumerate(rows, start=begun + 1):
+            with folder_to_fill(record.parent), record.open("a", encoding="utf-8") as stream:
+                if stream.tell() == 0:
+                    stream.write(
+                        json.dumps({"schema": "vinefab/bouts-1", "generator": GENERATOR}) + "\n"
+                    )
+                stream.write(json.dumps(asdict(row)) + "\n")
+            known[row.key] = row
+            last = f"{row.problem} {row.contender} {row.unseen:.4f}"
+            progress(done / total, f"{done} of {total} runs, the last {last}")
     return [known[contest_run.key] for contest_run in contest_runs]
 
 
 def _search(settings: RunSettings) -> Search:
     maps, fresh = generated_maps(settings.maps), fresh_maps(settings)
     return Search.of(settings, maps, penalty_of(settings), fresh_maps=fresh)
-
-
-def _rows_of(contest_runs: Sequence[ContestRun], jobs: int) -> Iterator[ContestRow]:
-    if jobs == 1 or len(contest_runs) < 2:
-        yield from map(run_contest, contest_runs)
-        return
-    with WorkerProcesses(jobs) as pool:
-        yield from pool.map(run_contest, contest_runs)
 
 
 def _recorded(record: Path) -> dict[str, ContestRow]:
@@ -391,3 +390,49 @@ def panels_of_strips(panels: Mapping[str, Mapping[str, ArrayLike]], label: str) 
         rows.append([panel])
     rows[-1][0].x_name = f"{label}; bars: means"
     return page_of_rows(rows)
+
+
+_Job = TypeVar("_Job")
+Found = TypeVar("Found")
+
+
+class WorkerProcesses:
+    """A pool of processes, begun with its first jobs and ended with its block.
+
+    Only this process hears Ctrl-C, and ends the others; they end by themselves if it is killed.
+    """
+
+    def __init__(self, count: int) -> None:
+        spawn = multiprocessing.get_context("spawn")
+        # Its semaphores begin a process that would end, and complain, when a terminal is closed.
+        with stops_deferred():
+            self._pool = ProcessPoolExecutor(count, mp_context=spawn, initializer=end_with_parent)
+        self._processes = set[multiprocessing.process.BaseProcess]()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """End the processes; after an error or an interrupt without waiting for their jobs."""
+        with stops_deferred():
+            if kind is not None:
+                for process in self._processes:
+                    process.terminate()
+            self._pool.shutdown(cancel_futures=True)
+
+    def map(self, work: Callable[[_Job], Found], jobs: Sequence[_Job]) -> Iterator[Found]:
+        """Yield the result of the work for each job, in the order of the jobs."""
+        with stops_deferred():
+            others = set(multiprocessing.active_children())
+            futures = [self._pool.submit(work, job) for job in jobs]
+            self._processes |= {*multiprocessing.active_children()} - others
+        for future in futures:
+            try:
+                found = future.result()
+            except BrokenProcessPool as error:
+                raise WorkersLostError(
+                    "a worker process",
+                    "was killed, perhaps for want of memory",
+                    "run the command again with fewer; what is finished is kept",
+                ) from error
+            yield found

@@ -37,9 +37,9 @@ from vinefab.core.validation import Floats, check_plain
 from vinefab.model.design import Design, design_content
 from vinefab.model.files.shipped import path_inside
 from vinefab.model.score import Score
-from vinefab.search.advice import with_trunk_for_film
 from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.finalists import minimized, non_dominated, spread_out
+from vinefab.search.manufacturability import with_trunk_for_film
 from vinefab.search.record.generations import Generation, first_difference
 from vinefab.search.record.result import RECORD_FILE, RecordTail, RunArchive
 from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings, read_run

@@ -7,7 +7,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.search.optimizers.optimizer import OPTIMIZERS
 from vinefab.search.record.result import RECORD_FILE, RunArchive, plain_summary
 from vinefab.search.run import run_search
-from vinefab.search.settings import MapSettings, PartSettings, RunLimits
+from vinefab.search.settings import MapSettings, PartSettings
 
 
 def of_generations(settings, generations, **changed):
@@ -16,7 +16,7 @@ def of_generations(settings, generations, **changed):
 
 
 def extended(folder, settings, **limits):
-    return run_search(settings, folder, resume=True, limits=RunLimits(**limits))  # type: ignore[arg-type]
+    return run_search(settings, folder, resume=True, limits=limits)
 
 
 @pytest.mark.parametrize("name", OPTIMIZERS)
@@ -60,9 +60,7 @@ def test_an_extension_that_is_interrupted_goes_on(tmp_path, small):
 
     run_search(asked, tmp_path / "run")
     with pytest.raises(KeyboardInterrupt):
-        run_search(
-            asked, tmp_path / "run", resume=True, limits=RunLimits(generations=5), progress=stop
-        )
+        run_search(asked, tmp_path / "run", resume=True, limits={"generations": 5}, progress=stop)
     run_search(asked, tmp_path / "run", resume=True)
     run_search(of_generations(small, 5), tmp_path / "whole")
     assert content(tmp_path / "run") == content(tmp_path / "whole")

@@ -12,9 +12,9 @@ from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.cave import cave_map
 from vinefab.model.design import PieceSettings, Pouch
+from vinefab.model.files.run_context import map_fingerprint
 from vinefab.model.laser import read_profile
 from vinefab.search.record.generations import RunIdentity
-from vinefab.search.record.identity import map_fingerprint
 from vinefab.search.record.result import (
     RECORD_FILE,
     RecordTail,

@@ -4,8 +4,11 @@ Small values stand there themselves: task, growth options, fingerprints of the t
 recipe is a copy next to the design file, with its digest.
 """
 
+import platform
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -13,6 +16,7 @@ import shapely
 from pydantic import Field
 from typing_extensions import Doc
 
+from vinefab.core import __version__
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.hashing import fingerprint
@@ -23,6 +27,7 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE, file_named, locate, path
 from vinefab.model.files.toml import read_toml
 from vinefab.model.laser import LaserProfile, profile_files, read_profile
 from vinefab.model.map import Map
+from vinefab.model.start import start_record
 from vinefab.model.target import TOLERANCE_MM, Target, targets_given
 
 RECORD = "the record of the run"
@@ -155,6 +160,19 @@ def shape_fingerprint(world: Map) -> str:
     return fingerprint(bounds, sorted(obstacles))
 
 
+def map_fingerprint(world: Map) -> str:
+    """Return the fingerprint of a map's name, bounds, obstacles, starts and targets."""
+    starts = [start_record(start) for start in world.starts]
+    return fingerprint(
+        world.name,
+        world.bounds.wkb_hex,
+        [obstacle.wkb_hex for obstacle in world.obstacles],
+        starts,
+        # Maps without them keep the fingerprint that they had before there were any.
+        *([[target.content for target in world.targets]] if world.targets else []),
+    )
+
+
 def recipe_digest(recipe: str | Path) -> str:
     """Return a digest of the content of a recipe, its machine and its material, comments apart."""
     return fingerprint(*(read_toml(path) for path in profile_files(recipe).values()))
@@ -241,3 +259,21 @@ def _named(name: str) -> list[Path]:
         return []
     places = (Path(f"{name}.toml"), file_named("recipe", name))
     return [place for place in places if place is not None and place.is_file()]
+
+
+# As in records of before: searches no longer compute with cmaes, which fixes use.
+_PACKAGES = ("cmaes", "numba", "numpy", "pymoo", "pyswarms", "scipy", "shapely")
+
+_own_version = cache(version)  # to ask takes a millisecond; plug-ins are asked for each time
+
+
+def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
+    """Return the versions of all packages that a run's numbers depend on."""
+    versions = {"vinefab": __version__, "python": platform.python_version()}
+    for name in (*_PACKAGES, *others):
+        if name not in versions:
+            try:
+                versions[name] = (_own_version if name in _PACKAGES else version)(name)
+            except PackageNotFoundError:
+                versions[name] = "none"
+    return versions

@@ -72,6 +72,8 @@ class Distribution:
         self._B: Floats | None = None
         self._D: Floats | None = None
         self._p_sigma, self._pc, self._A = np.zeros(size), np.zeros(size), np.ones(size)
+        self._low = np.where(np.arange(size) < self._reals, 0.0, -np.inf)
+        self._high = np.where(np.arange(size) < self._reals, 1.0, np.inf)
         # Integers, padded to the longest range with their largest value, and the limits between.
         self._discrete_idx = np.arange(self._reals, size)
         if counts:
@@ -128,10 +130,8 @@ class Distribution:
 
         Hansen et al. 2009, A method for handling uncertainty, https://doi.org/10.1109/tevc.2008.924423.
         """
-        places = np.arange(len(v), dtype=np.float64)
-        low = np.where(np.arange(v.shape[1]) < self._reals, 0.0, -np.inf)
-        high = np.where(np.arange(v.shape[1]) < self._reals, 1.0, np.inf)
-        inside = np.where(v < low, low, np.where(v > high, high, v))
+        places, low, high = np.arange(len(v), dtype=np.float64), self._low, self._high
+        inside = np.minimum(np.maximum(v, low), high)
         if (inside == v).all():
             return places
         size, variances = len(self._mean), np.diag(self._C) * self._A
@@ -209,7 +209,16 @@ class Distribution:
         better = slice(self._mu)
         mean_step = np.sum(steps[better].T * self._weights[better], axis=1)
         self._mean += self._sigma * mean_step
-        goes_on = self._follow(whiten.dot(mean_step), mean_step)
+        # Both paths and the step size; `goes_on` is 0 while the step size grows fast, else 1.
+        rate = math.sqrt(self._c_sigma * (2 - self._c_sigma) * self._mu_eff)
+        self._p_sigma = (1 - self._c_sigma) * self._p_sigma + rate * whiten.dot(mean_step)
+        length = np.linalg.norm(self._p_sigma)
+        self._sigma *= np.exp((self._c_sigma / self._d_sigma) * (length / self._chi_n - 1))
+        self._sigma = min(self._sigma, _MOST)
+        begun = math.sqrt(1 - (1 - self._c_sigma) ** (2 * (self._g + 1)))
+        goes_on = float(length / begun < (1.4 + 2 / (len(self._mean) + 1)) * self._chi_n)
+        pull = math.sqrt(self._cc * (2 - self._cc) * self._mu_eff)
+        self._pc = (1 - self._cc) * self._pc + goes_on * pull * mean_step
         lengths = np.linalg.norm(whiten.dot(steps.T), axis=0) ** 2
         weights = self._weights * np.where(
             self._weights >= 0, 1, len(self._mean) / (lengths + _LEAST)
@@ -226,19 +235,6 @@ class Distribution:
         self._B = self._D = None
         _, roots = self._eigen_decomposition()
         self._sigma = max(self._sigma, np.sqrt(_LEAST_EIGENVALUE / np.min(roots)))
-
-    def _follow(self, white_step: Floats, mean_step: Floats) -> float:
-        """Update both paths and the step size; return 0 while the step size grows fast, else 1."""
-        rate = math.sqrt(self._c_sigma * (2 - self._c_sigma) * self._mu_eff)
-        self._p_sigma = (1 - self._c_sigma) * self._p_sigma + rate * white_step
-        length = np.linalg.norm(self._p_sigma)
-        self._sigma *= np.exp((self._c_sigma / self._d_sigma) * (length / self._chi_n - 1))
-        self._sigma = min(self._sigma, _MOST)
-        begun = math.sqrt(1 - (1 - self._c_sigma) ** (2 * (self._g + 1)))
-        goes_on = float(length / begun < (1.4 + 2 / (len(self._mean) + 1)) * self._chi_n)
-        pull = math.sqrt(self._cc * (2 - self._cc) * self._mu_eff)
-        self._pc = (1 - self._cc) * self._pc + goes_on * pull * mean_step
-        return goes_on
 
     def _margin_correction(self) -> None:
         """Keep the probability that each integer changes above the margin (its equations)."""

@@ -13,12 +13,12 @@ from vinefab.core.registry import Registry
 from vinefab.core.validation import Floats
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import Design
+from vinefab.model.files.run_context import map_fingerprint, package_versions
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.model.start import start_of_record, start_text
 from vinefab.search.evaluator import INVALID_FITNESS, Penalty
 from vinefab.search.optimizers.optimizer import OPTIMIZERS
-from vinefab.search.record.identity import map_fingerprint, package_versions
 from vinefab.search.settings import (
     LIMIT_NAMES,
     RunSettings,

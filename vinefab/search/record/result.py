@@ -125,7 +125,18 @@ def elsewhere_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
             detail=f"mean at head-on half-angles of {angles[0]:g} to {angles[-1]:g} deg",
             standing=f"simulated, {standing.partition(':')[0]}",
         ),
-        *(_rule_fact(task, rule) for rule in content.get("rules", ())),
+        *(  # under each choice of a rule
+            Fact(
+                f"{task} {_RULES[rule['option']][0]}",
+                ", ".join(
+                    f"{choice}: {value['mean']:.3f}"
+                    for choice, value in zip(_choices(rule), rule["unseen"], strict=True)
+                ),
+                detail=f"mean where {_RULES[rule['option']][1]} (growth.{rule['option']})",
+                standing=f"simulated, {rule['standing'].partition(':')[0]}",
+            )
+            for rule in content.get("rules", ())
+        ),
         Fact(
             f"{task} placed off",
             f"{low:.3f} to {high:.3f}",
@@ -144,18 +155,6 @@ _RULES = {
 
 def _choices(rule: Mapping[str, Any]) -> list[str]:
     return [one if isinstance(one, str) else f"{one:.3g}" for one in rule["choices"]]
-
-
-def _rule_fact(task: str, rule: Mapping[str, Any]) -> Fact:
-    """Return the mean scores under each choice of a rule."""
-    name, meaning = _RULES[rule["option"]]
-    means = (f"{value['mean']:.3f}" for value in rule["unseen"])
-    return Fact(
-        f"{task} {name}",
-        ", ".join(f"{choice}: {mean}" for choice, mean in zip(_choices(rule), means, strict=True)),
-        detail=f"mean where {meaning} (growth.{rule['option']})",
-        standing=f"simulated, {rule['standing'].partition(':')[0]}",
-    )
 
 
 def rule_tables(content: Mapping[str, Any]) -> tuple[Rows, ...]:
@@ -391,25 +390,24 @@ class RunResult(Result):
                   if drift else []),
             )
         )  # fmt: skip
-        yield Data(self._only_in_json)
-
-    def _only_in_json(self) -> dict[str, Any]:
-        return {
-            "repair": self.repair,
-            "extensions": [asdict(extension) for extension in self.extensions],
-            "prediction": {k: v for k, v in self.prediction.items() if k != "origin"} or None,
-            "generations": [
-                {
-                    "best": g.best,
-                    "mean": float(np.nanmean(g.composite)) if g.has_designs else None,
-                    "spread": float(np.nanstd(g.composite)) if g.has_designs else None,
-                    "fabricable_share": g.fabricable_share,
-                    "seconds": g.seconds,
-                }
-                for g in self.history
-            ],
-            "times": {**self.times.plain(), "shares": self.times.shares},
-        }
+        yield Data(
+            {
+                "repair": self.repair,
+                "extensions": [asdict(extension) for extension in self.extensions],
+                "prediction": {k: v for k, v in self.prediction.items() if k != "origin"} or None,
+                "generations": [
+                    {
+                        "best": g.best,
+                        "mean": float(np.nanmean(g.composite)) if g.has_designs else None,
+                        "spread": float(np.nanstd(g.composite)) if g.has_designs else None,
+                        "fabricable_share": g.fabricable_share,
+                        "seconds": g.seconds,
+                    }
+                    for g in self.history
+                ],
+                "times": {**self.times.plain(), "shares": self.times.shares},
+            }
+        )
 
     @property
     def answer(self) -> Answer:

@@ -257,7 +257,17 @@ class RunStore:
         with damage_errors(self.path):
             names = self._connection.execute("SELECT name FROM sqlite_master").fetchall()
         if not names:
-            self._create(maps)
+            run_id = self.identity.run_id
+            entries = {"schema": RECORD_SCHEMA, "run_id": run_id, **self._identity_texts()}
+            with self._transaction() as connection:
+                for table in _TABLES:
+                    connection.execute(table)
+                connection.executemany("INSERT INTO run VALUES (?, ?)", entries.items())
+                texts = enumerate(map(map_to_text, maps))
+                connection.executemany("INSERT INTO map VALUES (?, ?)", texts)
+            with system_errors(self.path):
+                # Into the file itself, so that it is recognized as ours during the run.
+                self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         elif ("run",) not in names:
             raise UnreadableFileError(self.path, "is not the record of a run")
         row = (datetime.now(UTC).isoformat(), json.dumps(dict(self.identity.versions)), "{}")
@@ -268,18 +278,6 @@ class RunStore:
                 "INSERT INTO session (began_utc, versions, seconds) VALUES (?, ?, ?)", row
             )
             self._session = session.lastrowid or 0
-
-    def _create(self, maps: Sequence[Map]) -> None:
-        record = {"schema": RECORD_SCHEMA, "run_id": self.identity.run_id, **self._identity_texts()}
-        with self._transaction() as connection:
-            for table in _TABLES:
-                connection.execute(table)
-            connection.executemany("INSERT INTO run VALUES (?, ?)", record.items())
-            texts = enumerate(map(map_to_text, maps))
-            connection.executemany("INSERT INTO map VALUES (?, ?)", texts)
-        with system_errors(self.path):
-            # Into the file itself, so that it is recognized as ours during the run.
-            self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
     def _identity_texts(self) -> dict[str, str]:
         identity = self.identity

@@ -9,11 +9,10 @@ import time
 import pytest
 
 from vinefab.core.errors import WorkersLostError
-from vinefab.search.workers import WorkerProcesses
+from vinefab.studies.optimizer_contest import WorkerProcesses
 
 PROGRAM = """
 import os, sys, time
-from vinefab.search.workers import WorkerProcesses
 
 def work(path):
     with open(path, "w") as stream:
@@ -21,6 +20,8 @@ def work(path):
     time.sleep(60)
 
 if __name__ == "__main__":
+    from vinefab.studies.optimizer_contest import WorkerProcesses
+
     with WorkerProcesses(1) as processes:
         list(processes.map(work, sys.argv[1:]))
 """

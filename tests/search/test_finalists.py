@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +27,7 @@ from vinefab.search.finalists import (
     STEPS,
     RepairBudget,
     RepairResults,
-    _passing,
+    choose_finalists,
     knee,
     non_dominated,
     repair_design,
@@ -166,11 +168,18 @@ def test_so_many_designs_are_checked_in_full(count, most):
     x, checked = np.random.default_rng(1).random((300, len(space))), list[Design]()
     history = [made_generation(0, x[:, 0], x=x)]
 
-    def refuse(design):
-        checked.append(design)
-        return False
+    class Refusing:
+        def __call__(self, _):
+            return 1.5
 
-    assert _passing(history, space, count, refuse) == []
+        def passes(self, design):
+            checked.append(design)
+            return False
+
+    evaluator: Any = SimpleNamespace(
+        winner_penalty=Refusing(), penalty=None, space=space, has_table=False
+    )
+    assert not choose_finalists(history, evaluator, count).checked
     assert len(checked) == most
     assert checked[0] == space.design(x[x[:, 0].argmax()])
 

@@ -683,15 +683,10 @@ class Evaluator:
     def begin(
         self, x: Floats, conditions: Conditions, executor: Executor
     ) -> Callable[[], tuple[Evaluations, Work]]:
-        """Begin to evaluate points; a point without a valid design has a result too.
+        """Begin to evaluate points, shape (m, d), m at least 1; also those without a design.
 
         Points do not influence each other: results depend neither on the executor nor on how the
         points are divided. The larger designs are begun first, which shortens the wait at the end.
-
-        Parameters
-        ----------
-        x
-            The points, shape (m, d), m at least 1.
 
         Returns
         -------

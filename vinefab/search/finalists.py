@@ -281,13 +281,8 @@ def choose_finalists(
 
     Without a full check these are the best of the run. With one, they are the best that pass it;
     if none does, the best are repaired, and if that fails too they stay as they are. With further
-    objectives, they are taken from the front.
-
-    Parameters
-    ----------
-    by_table
-        Whether the check takes joints from the table where it can: then the winner's are left to be
-        simulated.
+    objectives, they are taken from the front. ``by_table``: joints come from the table where they
+    can; then the winner's are left to be simulated.
     """
     if further and (front := front_points(history, evaluator, count, further)):
         return FinalistChoice(points=front, checked=True)

@@ -471,12 +471,8 @@ def refuse_starts_without_room(evaluator: Evaluator, conditions: Conditions) -> 
     """Raise `BadInputError` where no robot of a run can leave the starts of its maps.
 
     The run's own start needs room for the trunk on every map; of the maps' own starts one must have
-    it. From one of all poses the shortest trunk must grow by its own width.
-
-    Parameters
-    ----------
-    conditions
-        The poses of the first generation.
+    it. From one of all poses, those of the first generation among them, the shortest trunk must
+    grow by its own width.
     """
     given = evaluator.spec.settings.maps.start is not None
     starts = [(one, one.world.starts[0].pose) for one in evaluator.maps] if given else []
@@ -648,12 +644,8 @@ def relaxations(
     """Return changes of which each lets a design pass, the least of a key; perhaps none.
 
     Points of the changed space are drawn, those with the least penalties changed, and those without
-    penalty asked for all rules. A key that is not returned may help too, with other changes.
-
-    Parameters
-    ----------
-    near
-        Points of the run with small penalties to try too, shape (m, d).
+    penalty asked for all rules; ``near``, shape (m, d), are points of the run with small penalties.
+    A key that is not returned may help too, with other changes.
     """
     until_s, found = time.process_time() + MOST_SECONDS, list[Change]()
     for several in changes(settings):
@@ -730,13 +722,7 @@ class BestCheck:
         self._advice, self._outset = "", said_before(evaluator)
 
     def penalties(self, x: Floats, composite: Floats, penalty: Floats, costs: Floats) -> Floats:
-        """Return penalties in which designs count that would be the best and fail the check.
-
-        Parameters
-        ----------
-        x, composite, penalty, costs
-            The points of a generation, their scores, penalties by the quick rules, and joint costs.
-        """
+        """Return penalties in which designs count that would be the best and fail the check."""
         fitness = self._evaluator.fitness(composite, penalty, costs)
         if self._evaluator.penalty is None:
             return penalty

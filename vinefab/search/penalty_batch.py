@@ -423,10 +423,7 @@ class BatchPenalty:
     ) -> BatchFound:
         """Return the penalties of designs with some builds, by their rows in the tables.
 
-        Parameters
-        ----------
-        sides
-            Where the sides of tapered designs are straight.
+        ``sides``: where the sides of tapered designs are straight.
         """
         rows = np.flatnonzero(designs.sizes <= MOST_BRANCHES)
         if len(rows) == len(designs):

@@ -44,15 +44,7 @@ def penalize(designs, tables, limits, scratch, penalty):
 
 @compiled
 def penalize_pieces(designs, tables, limits, scratch, cutting, penalty, joints):
-    """Write the penalty of every design that may be cut in pieces, and how often it is cut.
-
-    Parameters
-    ----------
-    designs, tables, limits, scratch, cutting
-        As `DesignArrays`, `LevelTables`, `PenaltyLimits`, `Scratch` and `CutScratch` of the batch.
-    penalty, joints
-        Where penalties and numbers of sleeve joints go, shape (m,).
-    """
+    """Write the penalty of every design that may be cut in pieces, and how often it is cut."""
     for d in range(len(designs.depth)):
         count, joints[d] = designs.first[d + 1] - designs.first[d], 0
         beyond = _cut_fans(designs, d, tables, limits, scratch)
@@ -76,15 +68,7 @@ def penalize_pieces(designs, tables, limits, scratch, cutting, penalty, joints):
 
 @compiled
 def add_path_excess(designs, tables, limits, scratch, excess):
-    """Add every design's distance from paths fit for the laser: side lengths and drawn fillets.
-
-    Parameters
-    ----------
-    designs, tables, limits, scratch
-        As of `penalize`.
-    excess
-        To what the summed excesses are added, shape (m,).
-    """
+    """Add every design's distance from paths fit for the laser: side lengths and drawn fillets."""
     for d in range(len(designs.depth)):
         _cut_fans(designs, d, tables, limits, scratch)
         excess[d] += _drawn_fillets(designs, d, tables, limits, scratch)

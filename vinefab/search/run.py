@@ -464,10 +464,7 @@ def violations_of(
 ) -> str:
     """Return the rules and limits that a run's winner violates; empty if none, or none was checked.
 
-    Parameters
-    ----------
-    profile
-        The recipe that designs were checked with; None: read as the run's settings name it.
+    Without a profile it is read as the run's settings name it.
     """
     if result.fabricable:
         return ""

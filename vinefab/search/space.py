@@ -622,13 +622,7 @@ class Space:
         )
 
     def design(self, x: Floats, name: str = "candidate") -> Design:
-        """Return the design at a point.
-
-        Parameters
-        ----------
-        x
-            Shares of the ranges, shape (len(self),), each 0 to 1.
-        """
+        """Return the design at a point."""
         values = dict(self._fixed)
         for variable, share in zip(self.variables, x.tolist(), strict=True):
             # The number of levels comes first; those that a design does not have come last.
@@ -653,13 +647,7 @@ class Space:
         )
 
     def batch(self, x: Floats) -> DesignBatch:
-        """Return the designs at many points, equal to those of `design`.
-
-        Parameters
-        ----------
-        x
-            Points, shape (m, len(self)).
-        """
+        """Return the designs at many points, shape (m, len(self)), equal to those of `design`."""
         table = np.tile(self._row, (len(x), 1))
         # As `SearchVariable.value`, for all variables at many points.
         low, high = self._low, self._high

@@ -150,16 +150,11 @@ def _along_maps(found: Floats, sample: CrossedSample) -> VarianceShare:
 
 
 def interval(values: Floats, statistic: Statistic = seed_mean) -> ConfidenceInterval:
-    """Return a statistic of scores, averaged over runs, with its interval by Student's law.
+    """Return a statistic of scores (runs, maps, poses), a mean over runs, with its interval.
 
     Runs and maps are two crossed samples: the variance is that between runs plus that between
     maps less what both hold, with Satterthwaite's degrees of freedom. With one run the interval
     is over maps only, with one map over runs only.
-
-    Parameters
-    ----------
-    values
-        Scores, shape (runs, maps, poses).
     """
     one = CrossedSample.of(values, statistic)
     return _student(float(one.by_run.mean()), [one.run_share, one.map_share], [one.both_share])
@@ -179,13 +174,7 @@ def difference(
     same_maps: bool = True,
     same_runs: bool = False,
 ) -> ConfidenceInterval:
-    """Return the difference of a statistic between two groups of designs.
-
-    Parameters
-    ----------
-    first, second
-        Scores, each of shape (runs, maps, poses).
-    """
+    """Return the difference of a statistic between two groups of scores (runs, maps, poses)."""
     one, two = CrossedSample.of(first, statistic), CrossedSample.of(second, statistic)
     value = float(one.by_run.mean() - two.by_run.mean())
     if same_maps and same_runs:

@@ -135,13 +135,7 @@ def grouped_bars(
 
 
 def curves(lines: Mapping[str, ArrayLike], across: str, label: str) -> Figure:
-    """Return means over runs with one standard error.
-
-    Parameters
-    ----------
-    lines
-        Values by name, each of shape (runs, steps).
-    """
+    """Return means over runs with one standard error; each line is of shape (runs, steps)."""
     with house_style():
         figure, axes = blank(6.5, 3.4)
         for rank, (name, given) in enumerate(lines.items()):
@@ -162,13 +156,7 @@ def curves(lines: Mapping[str, ArrayLike], across: str, label: str) -> Figure:
 
 
 def densities(groups: Mapping[str, ArrayLike], label: str) -> Figure:
-    """Return the probability density of each group's scores, with its mean as a tick.
-
-    Parameters
-    ----------
-    groups
-        Scores by name, each of shape (n,).
-    """
+    """Return the probability density of each group's scores, with its mean as a tick."""
     with house_style():
         figure, axes = blank(6.5, 3.6)
         x = np.linspace(*ends_of(*groups.values(), rim=0.15), 300)

@@ -590,10 +590,7 @@ class Exchange:
     ) -> "Exchange":
         """Train designs and test them, as their runs grow robots and score them.
 
-        Parameters
-        ----------
-        unseen_maps
-            On how many unseen maps; 0: as many as most experiments.
+        ``unseen_maps``: on how many; 0: as many as most experiments.
         """
         size = replace(store.size, unseen_maps=unseen_maps or store.size.unseen_maps)
         runs = {

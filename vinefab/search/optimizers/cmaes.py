@@ -103,13 +103,7 @@ class Distribution:
         return deviations
 
     def learn(self, v: Floats) -> None:
-        """Update mean and covariance by points in the order of their fitness, best first.
-
-        Parameters
-        ----------
-        v
-            As sampled, shape (count, d).
-        """
+        """Update mean and covariance by sampled points, shape (count, d), best first."""
         v = v[np.argsort(self._places(v), kind="stable")]
         self._g += 1
         if len(self._discrete_idx):

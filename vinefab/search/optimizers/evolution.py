@@ -187,13 +187,7 @@ class Nsga(Evolution):
 
 
 def ranking(fitness: Floats, costs: Floats, lowest: float) -> Ints:
-    """Return the order of points, the best first.
-
-    Parameters
-    ----------
-    fitness
-        Shape (m,).
-    """
+    """Return the order of points, the best first."""
     feasible = np.flatnonzero((fitness >= lowest) & np.isfinite(costs).all(axis=1))
     rest = np.setdiff1d(np.arange(len(fitness)), feasible)
     order = [rest[np.argsort(-fitness[rest], kind="stable")]]

@@ -51,13 +51,7 @@ class SearchAxes:
         return np.array(self.choices) > 0
 
     def active(self, x: Floats) -> NDArray[np.bool_]:
-        """Return whether each coordinate is active at each point, shape (m, d).
-
-        Parameters
-        ----------
-        x
-            Points, shape (m, d), entries 0 to 1.
-        """
+        """Return whether each coordinate is active at each point; (m, d) both."""
         depths = np.full(len(x), self.least_depth)
         if self.depth is not None:
             depths = self.least_depth + self.indices(x)[:, self.depth]
@@ -65,13 +59,7 @@ class SearchAxes:
         return active
 
     def indices(self, x: Floats) -> Ints:
-        """Return the integer, from 0, that each entry stands for; 0 if continuous.
-
-        Parameters
-        ----------
-        x
-            Points, shape (m, d), entries 0 to 1.
-        """
+        """Return the integer, from 0, that each entry of points stands for; 0 if continuous."""
         counts = np.array(self.choices)
         indices: Ints = np.clip((x * counts).astype(np.int64), 0, np.maximum(counts - 1, 0))
         return indices
@@ -81,11 +69,6 @@ class SearchAxes:
 
         Inactive entries become 0.5, integers the middle of their interval: points that stand for
         the same design become the same point.
-
-        Parameters
-        ----------
-        x
-            Points, shape (m, d), entries 0 to 1.
         """
         counts = np.maximum(np.array(self.choices), 1)
         middle = np.where(self.integer, (self.indices(x) + 0.5) / counts, x)

@@ -12,6 +12,7 @@ from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.model.design import Design, Level
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.laser import Quantity, Standing, read_profile
+from vinefab.search.finalists import RepairBudget
 from vinefab.search.manufacturability import (
     FAILED,
     BestCheck,
@@ -62,12 +63,18 @@ def test_the_width_is_the_narrowest_that_three_levels_of_the_film_keep_the_rule_
     assert (not run_checks(subject, only={"VF-W03"}).blocking) is passes
 
 
+@pytest.fixture(scope="module")
+def asked(tmp_path_factory):
+    """The target cases, by kind and number."""
+    found = cases(tmp_path_factory.mktemp("cases"), 2)
+    return {(kind, number): settings for kind, number, settings in found}
+
+
 def searched(settings):
     return Search.of(settings, training_maps(settings), penalty_of(settings))
 
 
-def test_a_narrow_trunk_and_a_small_sheet_are_named_before_anything_is_searched(tmp_path):
-    asked = {(kind, number): settings for kind, number, settings in cases(tmp_path, 2)}
+def test_a_narrow_trunk_and_a_small_sheet_are_named_before_anything_is_searched(asked):
     flat, pieces = (asked[f"0.1 mm, 300 mm roll, {kind}", 1] for kind in ("flat", "pieces"))
     narrow = pieces.changed(build=pieces.build.changed(trunk_width_mm=24.0))
     named = {
@@ -84,10 +91,15 @@ def test_a_narrow_trunk_and_a_small_sheet_are_named_before_anything_is_searched(
     assert said_before(searched(asked["shipped film, flat", 1]).evaluator) == ""
 
 
-def test_a_run_says_it_with_its_first_generation_and_where_targets_are_missed(tmp_path):
-    asked = {(kind, number): settings for kind, number, settings in cases(tmp_path, 2)}
+def test_a_run_says_it_with_its_first_generation_and_where_targets_are_missed(
+    asked, tmp_path, monkeypatch
+):
     settings, seen = asked["0.1 mm, 300 mm roll, flat", 1], list[Progress]()
-    settings = settings.changed(search=settings.search.changed(population=12))
+    settings = settings.changed(
+        search=settings.search.changed(population=12),
+        evaluation=settings.evaluation.changed(finalists=1),
+    )
+    monkeypatch.setattr("vinefab.search.finalists.RepairBudget", lambda: RepairBudget(steps=20))
     maps = training_maps(settings)
     with RunStore.open(tmp_path, RunIdentity.of(settings, maps), maps=maps) as store:
         result = Search.of(settings, maps, penalty_of(settings)).run(
@@ -214,12 +226,28 @@ SMALL_ARCS = RunSettings(
 """On the seam, 2.5 mm outside the lumen, fillets of 2.8 mm are arcs too small to be run."""
 
 
+class Searched(Exception):  # noqa: N818  a run that is ended before it repairs designs
+    pass
+
+
+def reports_of(settings):
+    """Return what a run reports of its generations; its winner is not chosen."""
+    reports = list[Progress]()
+
+    def tell(progress):
+        if progress.stage:
+            raise Searched
+        reports.append(progress)
+
+    with pytest.raises(Searched):
+        Search.of(settings, training_maps(settings), PENALTY).run(progress=tell)
+    return reports
+
+
 @pytest.fixture(scope="module")
 def seen():
     """What a run reports that finds nothing."""
-    reports = list[Progress]()
-    Search.of(SMALL_ARCS, training_maps(SMALL_ARCS), PENALTY).run(progress=reports.append)
-    return reports
+    return reports_of(SMALL_ARCS)
 
 
 def test_a_run_without_a_manufacturable_design_names_rule_and_key_in_its_first_tenth(seen):
@@ -239,10 +267,8 @@ def test_every_change_that_is_named_lets_a_design_pass_and_the_run_itself_does_n
     for change in found:
         assert change.settings != SMALL_ARCS
         assert change.text.startswith(f"{change.key} = ")
-        reports = list[Progress]()
         short = change.settings.changed(search=SearchSettings(population=12, generations=2))
-        Search.of(short, training_maps(short), PENALTY).run(progress=reports.append)
-        assert any(one.passes for one in reports)
+        assert any(one.passes for one in reports_of(short))
 
 
 def test_a_run_that_finds_designs_needs_no_advice():

@@ -165,33 +165,17 @@ class Islands:
 
     def ask(self) -> Floats:
         """Return the points of all active islands, shape (m, d); fewer where few are valid."""
-        if not self._asked:
-            while len(self._active) < self._slots:
-                self._active.append(self._promoted() or self._new_island())
-            self._asked = self._samples()
-        return np.concatenate([asked.x for asked in self._asked])
-
-    def tell(self, x: Floats, fitness: Floats) -> None:  # noqa: ARG002 - points are kept as sampled
-        """Let every island learn; those at the end of their rung make room for others."""
-        first = 0
-        for asked in self._asked:
-            values = fitness[first : first + asked.count]
-            first += asked.count
-            self._learn(asked, values)
-        self._asked = []
-        self._park()
-
-    # --- One generation -------------------------------------------------------------------------
-
-    def _samples(self) -> list["_Asked"]:
-        """Return the points that every active island asks for; more where few are valid."""
-        asked = []
+        if self._asked:
+            return np.concatenate([each.x for each in self._asked])
+        while len(self._active) < self._slots:
+            self._active.append(self._promoted() or self._new_island())
+        asked = list[_Asked]()
         for island in self._active:
             place = (_STREAM, _SAMPLES, island.number, island.generations)
             sequence = np.random.SeedSequence(self._seed, spawn_key=place)
             rng = np.random.RandomState(np.random.MT19937(sequence))
             asked.append(_Asked(island=island, rng=rng, size=self._size))
-        for times in _DRAWN if self._penalty else (1,):
+        for times in _DRAWN if self._penalty else (1,):  # more where few are valid
             lacking = [each for each in asked if each.count < self._size]
             if lacking:
                 samples = [each.draw(times * self._size) for each in lacking]
@@ -202,7 +186,26 @@ class Islands:
         if not any(each.count for each in asked):
             for each in asked:  # nothing valid anywhere: the least violations are evaluated
                 each.count = 1
-        return asked
+        self._asked = asked
+        return np.concatenate([each.x for each in asked])
+
+    def tell(self, x: Floats, fitness: Floats) -> None:  # noqa: ARG002 - points are kept as sampled
+        """Let every island learn; those at the end of their rung make room for others."""
+        first = 0
+        for asked in self._asked:
+            island, values = asked.island, fitness[first : first + asked.count]
+            first += asked.count
+            # Evaluated points by fitness, others by penalty.
+            best = np.argsort(-values, kind="stable")
+            island.search.learn(np.concatenate([asked.v[best], asked.v[asked.count :]]))
+            island.generations += 1
+            if asked.count:
+                better = values[best][: max(1, asked.count // 2)]
+                island.ratings.append(float(better.mean()))
+        self._asked = []
+        self._park()
+
+    # --- One generation -------------------------------------------------------------------------
 
     def _penalties(self, x: Floats) -> Floats:
         """Return the penalties of points, infinite where there is no design, shape (m,)."""
@@ -210,16 +213,6 @@ class Islands:
             return np.zeros(len(x))
         penalty = self._penalty(x)
         return np.where(np.isnan(penalty), np.inf, penalty)
-
-    def _learn(self, asked: "_Asked", fitness: Floats) -> None:
-        """Update an island by its points: evaluated ones by fitness, others by penalty."""
-        island = asked.island
-        best = np.argsort(-fitness, kind="stable")
-        island.search.learn(np.concatenate([asked.v[best], asked.v[asked.count :]]))
-        island.generations += 1
-        if asked.count:
-            better = fitness[best][: max(1, asked.count // 2)]
-            island.ratings.append(float(better.mean()))
 
     def _park(self) -> None:
         """Take islands at the end of their rungs out of the active ones."""

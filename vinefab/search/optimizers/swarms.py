@@ -25,7 +25,7 @@ from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.core.table import Table
-from vinefab.core.validation import Floats, Ints
+from vinefab.core.validation import Floats
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
 _ADAPTIVE_STREAM = 1403
@@ -156,7 +156,12 @@ class AdaptiveSwarm:
 
     def _move(self) -> None:
         rng = child(self._seed, _ADAPTIVE_STREAM, self.generation)
-        leaders = self.best_x[self._leaders(rng)]
+        count = len(self.position)
+        lots = rng.random((count, count))
+        np.fill_diagonal(lots, np.inf)
+        others = np.argsort(lots, axis=1)[:, : self.neighbours]
+        best = np.argmax(self._best_means()[others], axis=1)  # of each particle's neighbours
+        leaders = self.best_x[others[np.arange(count), best]]
         own, social = rng.random((2, *self.position.shape))
         self.velocity = (
             self.inertia * self.velocity
@@ -167,16 +172,6 @@ class AdaptiveSwarm:
         self.position = np.clip(moved, 0.0, 1.0)
         # A clipped coordinate stops at the face: its velocity would only push against it.
         self.velocity = np.where(moved == self.position, self.velocity, 0.0)
-
-    def _leaders(self, rng: np.random.Generator) -> Ints:
-        """Return for each particle the best of its random neighbours, shape (m,)."""
-        count = len(self.position)
-        lots = rng.random((count, count))
-        np.fill_diagonal(lots, np.inf)
-        others = np.argsort(lots, axis=1)[:, : self.neighbours]
-        best = np.argmax(self._best_means()[others], axis=1)
-        leaders: Ints = others[np.arange(count), best]
-        return leaders
 
 
 _QUIET = Path(__file__).with_name("quiet_pyswarms.yaml")

@@ -262,16 +262,13 @@ class FixTargets:
         allowed_kpa = growth_limit_kpa(build.widest_mm, self.profile.material, window)
         wide = relative_excess(build.mouth_width_mm, self.of_rule(CLAMP)["error"])
         pouch_mm = build.pouch.flat_width_mm if build.pouch else 0.0
+        least_mm = 1.01 * build.widths_mm[-1] if build.pouch else 0.0
         return (
             (0.0 if build.collar else wide)  # a collar fits its own clamp
             + relative_excess(self.of_rule(MOUTH)["error"], build.mouth_width_mm)
-            + relative_excess(self.least_pouch_mm(build), pouch_mm)
+            + relative_excess(least_mm, pouch_mm)
             + relative_excess(self._growth_kpa(design), self.window_share * allowed_kpa)
         )
-
-    def least_pouch_mm(self, build: Build) -> float:
-        """Return the least flat width of a design's pouches, 0 where it has none."""
-        return 1.01 * build.widths_mm[-1] if build.pouch else 0.0
 
     def settled(self, design: Design) -> Design:
         """Return a design whose fillets, tail and pressure keep the limits at its widths."""

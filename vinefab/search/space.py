@@ -7,7 +7,7 @@ designs, to the last bit.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, overload
@@ -244,30 +244,6 @@ COSTS: Mapping[str, Cost] = MappingProxyType(
     }
 )
 """Costs by their names in run files."""
-
-
-def limit_excess(designs: DesignBatch, build_of: BuildOf, most: Mapping[str, float]) -> Floats:
-    """Return by how much designs exceed limits, relative to each and added up, shape (m,).
-
-    Parameters
-    ----------
-    most
-        Name of a cost to its limit. A design within all of them has an excess of 0.
-    """
-    excess = np.zeros(len(designs))
-    for name, limit in most.items():
-        excess += np.maximum(0.0, COSTS[name].of(designs, build_of) / limit - 1.0)
-    return excess
-
-
-def exceeded_limits(
-    designs: DesignBatch, build_of: BuildOf, most: Mapping[str, float]
-) -> Iterator[str]:
-    """Yield a phrase for each limit that the first design exceeds."""
-    for name, limit in most.items():
-        cost, value = COSTS[name], float(COSTS[name].of(designs, build_of)[0])
-        if value > limit:
-            yield f"space.{cost.limit_key} ({cost_text(name, value)}, limit {limit:g})"
 
 
 def cost_text(name: str, value: float) -> str:
@@ -668,13 +644,25 @@ class Space:
         )
 
     def limit_excess(self, designs: DesignBatch) -> Floats:
-        """Return by how much designs exceed the space's limits, 0 within them, shape (m,)."""
-        return limit_excess(designs, self.build_of, self.most)
+        """Return by how much designs exceed the limits, relative to each and added up, shape (m,).
+
+        A design within all of them has an excess of 0.
+        """
+        excess = np.zeros(len(designs))
+        for name, limit in self.most.items():
+            value = COSTS[name].of(designs, self.build_of)
+            excess += np.maximum(0.0, value / limit - 1.0)
+        return excess
 
     def exceeded_limits(self, design: Design) -> list[str]:
         """Return a phrase for each of the space's limits that a design exceeds."""
-        batch = DesignBatch.of(design)
-        return list(exceeded_limits(batch, self.build_of, self.most))
+        batch, found = DesignBatch.of(design), list[str]()
+        for name, limit in self.most.items():
+            cost, value = COSTS[name], float(COSTS[name].of(batch, self.build_of)[0])
+            if value > limit:
+                words = f"{cost_text(name, value)}, limit {limit:g}"
+                found.append(f"space.{cost.limit_key} ({words})")
+        return found
 
     def limits_text(self, design: Design) -> str:
         """Return a design's use of the limits of the space; empty without limits."""

@@ -63,7 +63,7 @@ from vinefab.search.record.generations import Finalist, Generation, Progress
 from vinefab.search.settings import EvaluationSettings, RunSettings
 from vinefab.search.space import Bounds, Space
 from vinefab.tasks.evaluate import Conditions, PreparedMap
-from vinefab.tasks.targets import task_targets
+from vinefab.tasks.reach import task_targets
 
 MOST_TABLED = 400
 """Branches of the largest designs that are checked in full while a search runs."""

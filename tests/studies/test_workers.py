@@ -9,7 +9,6 @@ import time
 import pytest
 
 from vinefab.core.errors import WorkersLostError
-from vinefab.studies.optimizer_contest import WorkerProcesses
 
 PROGRAM = """
 import os, sys, time
@@ -32,6 +31,9 @@ def kill_itself(number):
 
 
 def test_a_worker_that_is_killed_is_one_error_and_no_hang():
+    # Not at the top: the worker would load it too.
+    from vinefab.studies.optimizer_contest import WorkerProcesses  # noqa: PLC0415
+
     with (
         pytest.raises(WorkersLostError, match="was killed, perhaps for want of memory; run the"),
         WorkerProcesses(1) as processes,

@@ -9,7 +9,9 @@ from vinefab.model.map import Map, Pose
 from vinefab.observation.film import Sight, found_film
 from vinefab.photos.photo import PlanView
 
-WORLD = Map(name="bench", bounds=shapely.box(0, 0, 60, 40), obstacles=(shapely.box(45, 5, 55, 15),))
+WORLD = Map(
+    name="bench", bounds=shapely.box(0, 0, 60, 40), obstacles=(shapely.box(42, 2, 58, 15.5),)
+)
 POSE = Pose(x_mm=5.0, y_mm=20.0, heading_rad=0.0)
 
 
@@ -19,7 +21,7 @@ def view_of(film, floor=(180, 180, 175), shadow=0.45):
     pixels = np.full((80, 120, 3), floor, dtype=np.float64)
     pixels[50:79, 10:90] *= shadow
     pixels[32:48, 4:100] = film
-    pixels[50:70, 90:110] = (90, 110, 140)
+    pixels[49:76, 84:116] = (90, 110, 140)
     pixels += rng.normal(0.0, 3.0, pixels.shape)
     return PlanView(
         pixels=pixels.clip(0, 255).astype(np.uint8), mm_per_pixel=0.5, left_mm=0.0, top_mm=40.0

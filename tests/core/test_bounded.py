@@ -79,6 +79,13 @@ def test_results_and_errors_come_back_from_one_process(tmp_path, monkeypatch):
     assert bounded(tmp_path, print, "in the way of answers") is None
 
 
+def test_a_process_that_is_begun_early_has_loaded_its_reader(tmp_path):
+    limits.end_children()
+    limits.begin_reader("vinefab.core.rng")
+    loaded = "'vinefab.core.rng' in __import__('sys').modules"
+    assert bounded(tmp_path, eval, loaded)
+
+
 def test_threads_read_at_once(tmp_path):
     found = []
     threads = [

@@ -285,14 +285,17 @@ def import_(
     ...     import_(drawn, scale_mm_per_unit=10.0).size_mm
     (400.0, 300.0)
     """
+    from vinefab.maps.importers.importers import begin_importing, import_map, import_suffixes
+
+    source = as_path("path", path, f"a file ending in {', '.join(import_suffixes())}")
+    begin_importing(source)  # first: what follows takes as long to load as the reader
+
     from vinefab.core.atomic import ensure_writable, write_bytes
     from vinefab.core.errors import BadInputError
     from vinefab.maps.importers.import_options import PHOTO_SUFFIXES, ImportOptions
-    from vinefab.maps.importers.importers import import_map, import_suffixes
     from vinefab.model.map import Start
     from vinefab.model.start import start_given
 
-    source = as_path("path", path, f"a file ending in {', '.join(import_suffixes())}")
     for name, file in (("out", out), ("preview", preview)):
         if file is not None:
             target = as_path(name, file)

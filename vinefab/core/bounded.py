@@ -18,6 +18,7 @@ import time
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from queue import SimpleQueue
 from types import MappingProxyType, TracebackType
@@ -42,9 +43,9 @@ _OVER_LIMITS = {-getattr(signal, name, 0) for name in ("SIGKILL", "SIGXCPU")} - 
 """Exit codes; the first is that of a system without memory."""
 _START = """\
 import pickle, sys
-sys.path[:] = pickle.load(sys.stdin.buffer)
+sys.path[:], module = pickle.load(sys.stdin.buffer)
 from vinefab.core.bounded import serve_files
-serve_files()
+serve_files(module)
 """
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "VECLIB")}
 """The stacks of more would count as memory."""
@@ -97,10 +98,15 @@ def bounded(path: Path, read: Callable[P, R], *arguments: P.args, **options: P.k
     return result
 
 
+def begin_reader(module: str) -> None:
+    """Begin a process that loads a module with a reader, while this one loads what it needs."""
+    _IDLE.append(_idle_child() or _Child(module))
+
+
 class _Child:
     """A process that reads files, one at a time."""
 
-    def __init__(self) -> None:
+    def __init__(self, module: str = "") -> None:
         self.owner = os.getpid()
         self.overdue = False
         # In a separate session: Ctrl-C reaches the parent alone, which ends it.
@@ -112,7 +118,7 @@ class _Child:
             start_new_session=True,
             creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
         )
-        self._send(pickle.dumps(sys.path))
+        self._send(pickle.dumps((sys.path, module)))
 
     def ask(self, cpu_s: int, call: bytes) -> tuple[Any, BaseException | None]:
         """Return the result of a call and None, or None and its error.
@@ -170,8 +176,14 @@ def end_children() -> None:
         child.end()
 
 
-def serve_files() -> None:
-    """Read files as the parent asks, until it is gone: the child's main program."""
+def serve_files(module: str) -> None:
+    """Read files as the parent asks, until it is gone: the child's main program.
+
+    Parameters
+    ----------
+    module
+        Loaded before the first file is asked for; none if empty.
+    """
     requests: SimpleQueue[tuple[str, int, bytes]] = SimpleQueue()
     threading.Thread(target=_listen, args=(requests,), daemon=True).start()
     # Libraries that print do so elsewhere.
@@ -189,6 +201,8 @@ def serve_files() -> None:
         answer(None, error)
 
     sys.excepthook = last
+    if module:
+        import_module(module)
     while True:
         folder, cpu_s, call = requests.get()
         os.chdir(folder)

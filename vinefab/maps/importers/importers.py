@@ -3,17 +3,26 @@
 To add one: a file with ``read(path, options)``, an entry here, a valid sample in the contract test.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from vinefab.core.bounded import bounded
+from vinefab.core.bounded import begin_reader, bounded
+from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
 from vinefab.core.registry import Registry
 from vinefab.maps.importers.import_options import PHOTO_SUFFIXES, ImportOptions
-from vinefab.model.map import Map
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+
+    from vinefab.model.map import Map
+else:
+    np = imported_later("numpy")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,6 +149,13 @@ def _advice(source: Path) -> str:
 def import_suffixes() -> dict[str, MapImporter]:
     """Return the importers by the suffixes of their files."""
     return {suffix: importer for importer in IMPORTERS.values() for suffix in importer.suffixes}
+
+
+def begin_importing(source: Path) -> None:
+    """Let a process of its own load the reader of a file that `import_map` will be asked for."""
+    importer = import_suffixes().get(source.suffix.lower())
+    if importer is not None and source.suffix.lower() not in PHOTO_SUFFIXES:
+        begin_reader(importer.reader.partition(":")[0])
 
 
 def import_map(source: Path, options: ImportOptions) -> Map:

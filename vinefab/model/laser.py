@@ -423,24 +423,19 @@ class Sealer(Table):
     ] = Quantity(value=4.0, standing=Standing.ASSUMED, source="common locating pin")
 
 
-_BY_SEALER = Quantity(
-    value=0.0, standing=Standing.COMPUTED, source="an impulse sealer makes the seam"
-)
-
-
 class SealerSettings(Sealer, OperationSettings):
     """Settings of lines to seal along by hand: power and speed of the laser are 0."""
 
-    power_percent: Quantity = _BY_SEALER
-    min_power_percent: Quantity = _BY_SEALER
-    speed_mm_s: Quantity = _BY_SEALER
-    passes: int = 1
-    focus_offset_mm: Quantity = _BY_SEALER
-    frequency_hz: Quantity = _BY_SEALER
-    air_assist: bool = False
-    spot_mm: Quantity = _BY_SEALER
-    kerf_mm: Quantity = _BY_SEALER
-    overcut_mm: Quantity = _BY_SEALER
+    @classmethod
+    def of(cls, sealer: Sealer) -> "SealerSettings":
+        """Return the settings of a sealer."""
+        given = Quantity(
+            value=0.0, standing=Standing.COMPUTED, source="an impulse sealer makes the seam"
+        )
+        nothing = dict.fromkeys(OperationSettings.model_fields, given)
+        # Not checked: what a laser cannot do either.
+        values = {**nothing, **dict(sealer), "passes": 1, "air_assist": False}
+        return cls.model_construct(**values)
 
 
 class GrowthConstants(Table):
@@ -671,7 +666,7 @@ class Recipe(Table):
         found = {name: given for name, given in self.operations if given is not None}
         if self.sealer is None:
             return found
-        return {"weld": SealerSettings(**dict(self.sealer)), **found}
+        return {"weld": SealerSettings.of(self.sealer), **found}
 
     def __repr_args__(self) -> Iterable[tuple[str, Any]]:
         """Yield the values that predictions of a robot in one piece use, for fingerprints."""

@@ -6,19 +6,24 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.maps.generators.corridors import (
     CorridorsOptions,
-    DoorRules,
-    FloorLimits,
     Region,
     corridors_map,
     doorways,
     floor_plan,
 )
 
-LIMITS = FloorLimits(hall_mm=40.0, room_min_mm=80.0, room_max_mm=170.0, wall_mm=6.0)
+FLOOR = CorridorsOptions(
+    height_mm=400.0,
+    hall_width_mm=40.0,
+    room_min_mm=80.0,
+    room_max_mm=170.0,
+    door_mm=25.0,
+    loops=0.0,
+)
 
 
 def plan(seed: int, halls: int) -> list[Region]:
-    return floor_plan(child(seed), Region(0.0, 0.0, 500.0, 400.0), halls, LIMITS)
+    return floor_plan(child(seed), FLOOR.changed(halls=halls))
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -40,7 +45,7 @@ def test_a_floor_is_halls_rooms_and_nothing_but_walls_between(seed: int) -> None
 
 
 def test_every_room_by_a_hall_opens_on_it_and_halls_open_on_each_other() -> None:
-    rules = DoorRules(wall_mm=6.0, door_mm=20.0, loops=0.0)
+    rules = FLOOR.changed(door_mm=20.0)
     for seed in range(10):
         regions = plan(seed, 3)
         doors = doorways(child(seed, 1), regions, rules)
@@ -59,12 +64,12 @@ def test_every_room_by_a_hall_opens_on_it_and_halls_open_on_each_other() -> None
 
 def test_doors_have_their_width_and_keep_off_the_corners() -> None:
     regions = plan(4, 2)
-    doors = doorways(child(4, 1), regions, DoorRules(wall_mm=6.0, door_mm=25.0, loops=1.0))
+    doors = doorways(child(4, 1), regions, FLOOR.changed(loops=1.0))
     sizes = [sorted((door.length(0), door.length(1))) for door in doors]
     assert sizes == [pytest.approx([6.0, size[1]], abs=1e-3) for size in sizes]
     widths = {round(size[1], 2) for size in sizes}
     assert widths == {25.0, 40.0}
-    fewer = doorways(child(4, 1), regions, DoorRules(wall_mm=6.0, door_mm=25.0, loops=0.0))
+    fewer = doorways(child(4, 1), regions, FLOOR)
     assert len(fewer) == len(regions) - 1 < len(doors)
 
 

@@ -14,9 +14,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.maps.generators.rubble import (
     Pile,
-    PileRules,
     RubbleOptions,
-    SlabKind,
     power_law,
     rubble_map,
     slab,
@@ -28,8 +26,7 @@ NOWHERE = shapely.points(-1e6, -1e6)
 
 
 def test_leaning_slabs_touch_one_host_and_keep_the_passage_to_all_else() -> None:
-    rules = PileRules(size_mm=400.0, passage_mm=12.0, keep_out=NOWHERE, keep_out_mm=0.0)
-    pile, rng = Pile(rules), child(3)
+    pile, rng = Pile(RubbleOptions(size_mm=400.0, passage_mm=12.0), NOWHERE), child(3)
     bar = np.array([(-30.0, -8.0), (30.0, -8.0), (30.0, 8.0), (-30.0, 8.0)])
     for size in np.linspace(1.0, 0.3, 40):
         pile.add(rng, bar * size, leaning=True)
@@ -121,13 +118,9 @@ def test_lengths_follow_the_power_law() -> None:
 def test_slabs_are_strictly_convex_and_as_long_as_requested(
     seed: int, thin: float, share: float, raggedness: float
 ) -> None:
-    kind = SlabKind(
-        thickness=(thin, thin + share * (0.8 - thin)),
-        direction_rad=1.0,
-        direction_spread_rad=0.5,
-        raggedness=raggedness,
-    )
-    corners = slab(np.random.default_rng(seed), 50.0, kind)
+    thick = min(0.8, thin + share * (0.8 - thin))
+    options = RubbleOptions(thickness_min=thin, thickness_max=thick, raggedness=raggedness)
+    corners = slab(np.random.default_rng(seed), 50.0, options)
     edges = np.roll(corners, -1, axis=0) - corners
     after = np.roll(edges, -1, axis=0)
     assert (edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0] > 0.0).all()
@@ -148,10 +141,8 @@ def test_a_square_meets_a_square_where_it_should() -> None:
 @given(st.integers(0, 2**32))
 def test_after_the_way_to_contact_polygons_touch_and_not_before(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    kind = SlabKind(
-        thickness=(0.2, 0.6), direction_rad=0.0, direction_spread_rad=3.0, raggedness=0.5
-    )
-    host, mover = slab(rng, 40.0, kind), slab(rng, 20.0, kind)
+    options = RubbleOptions(direction_spread_deg=90.0)
+    host, mover = slab(rng, 40.0, options), slab(rng, 20.0, options)
     turn = 2.0 * math.pi * rng.random()
     way = np.array([math.cos(turn), math.sin(turn)])
     mover = mover - 100.0 * way + 25.0 * (2.0 * rng.random() - 1.0) * np.array([-way[1], way[0]])

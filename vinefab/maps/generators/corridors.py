@@ -1,7 +1,7 @@
 """The Corridors environment: a floor plan of halls, rooms and doors."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -29,247 +29,6 @@ from vinefab.model.map import Map, Start
 
 _PLANS = 50
 """Attempts at a plan in which the halls fit."""
-
-
-class Region(NamedTuple):
-    """An axis-parallel rectangle of the floor, without the walls around it.
-
-    A hall through a region ends on the hall before it and does not run alongside it, so ``way``
-    changes with every division.
-    """
-
-    x_min_mm: float
-    y_min_mm: float
-    x_max_mm: float
-    y_max_mm: float
-    hall: bool = False  # whether it is one
-    way: int = 0  # axis along which a hall through it would run, 0: x, 1: y
-
-    def span(self, axis: int) -> tuple[float, float]:
-        """Return the smallest and the largest coordinate along an axis."""
-        return self[axis], self[axis + 2]
-
-    def length(self, axis: int) -> float:
-        """Return the size along an axis, in mm."""
-        low, high = self.span(axis)
-        return high - low
-
-    @property
-    def area_mm2(self) -> float:
-        """Width times height."""
-        return self.length(0) * self.length(1)
-
-    def part(self, axis: int, low: float, high: float) -> "Region":
-        """Return the part between two coordinates along an axis."""
-        if axis == 0:
-            return self._replace(x_min_mm=low, x_max_mm=high)
-        return self._replace(y_min_mm=low, y_max_mm=high)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FloorLimits:
-    """Limits that walls respect."""
-
-    hall_mm: float  # width of halls
-    room_min_mm: float  # least width and depth of rooms
-    # longer rooms are divided where that is possible; at least twice ``room_min_mm`` and a wall
-    room_max_mm: float
-    wall_mm: float  # thickness of walls
-    keep_out: Region | None = None  # no wall may stand in it, if there is one
-
-
-def floor_plan(
-    rng: np.random.Generator, floor: Region, halls: int, limits: FloorLimits
-) -> list[Region]:
-    """Return the halls and rooms of a floor.
-
-    Neighbours are exactly a wall apart; no two overlap. The first hall runs along y from side to
-    side, every other one ends on an earlier one or at a side.
-    """
-    for _ in range(_PLANS):
-        parts = _with_halls(rng, floor._replace(way=1), halls, limits)
-        if parts is not None:
-            return [room for part in parts for room in _rooms(rng, part, limits)]
-    raise BadInputError("halls", halls, "fewer, so that rooms fit next to them")
-
-
-def _with_halls(
-    rng: np.random.Generator, floor: Region, halls: int, limits: FloorLimits
-) -> list[Region] | None:
-    parts = [floor]
-    for _ in range(halls):
-        parts.sort(key=lambda part: (part.hall, -part.area_mm2))
-        for index, part in enumerate(parts):
-            pieces = None if part.hall else _crossed(rng, part, limits)
-            if pieces is not None:
-                parts[index : index + 1] = pieces
-                break
-        else:
-            return None
-    return parts
-
-
-def _crossed(rng: np.random.Generator, part: Region, limits: FloorLimits) -> list[Region] | None:
-    """Return the two parts next to a hall, and the hall; None if there is no room for it."""
-    axis, wall_mm = 1 - part.way, limits.wall_mm
-    inner_mm = wall_mm + limits.hall_mm
-    # Neither of the two walls may stand in the keep-out.
-    at = _wall_place(rng, part, axis, (0.0, inner_mm), limits)
-    if at is None:
-        return None
-    low, high = part.span(axis)
-    turned = part._replace(way=axis)
-    second = round(at + inner_mm, COORDINATE_DECIMALS)
-    return [
-        turned.part(axis, low, at),
-        part.part(axis, round(at + wall_mm, COORDINATE_DECIMALS), second)._replace(hall=True),
-        turned.part(axis, round(second + wall_mm, COORDINATE_DECIMALS), high),
-    ]
-
-
-def _rooms(rng: np.random.Generator, part: Region, limits: FloorLimits) -> list[Region]:
-    if part.hall:
-        return [part]
-    for axis in sorted((0, 1), key=part.length, reverse=True):
-        if part.length(axis) <= limits.room_max_mm:
-            continue
-        at = _wall_place(rng, part, axis, (0.0,), limits)
-        if at is not None:
-            low, high = part.span(axis)
-            after = round(at + limits.wall_mm, COORDINATE_DECIMALS)
-            halves = (part.part(axis, low, at), part.part(axis, after, high))
-            return [room for half in halves for room in _rooms(rng, half, limits)]
-    return [part]
-
-
-def _wall_place(
-    rng: np.random.Generator,
-    part: Region,
-    axis: int,
-    walls_at_mm: tuple[float, ...],
-    limits: FloorLimits,
-) -> float | None:
-    """Draw where the first of some walls across a part begins; None if there is no room."""
-    low, high = part.span(axis)
-    first = low + limits.room_min_mm
-    last = high - limits.room_min_mm - limits.wall_mm - walls_at_mm[-1]
-    pieces = [(first, last)]
-    across = 1 - axis
-    area = limits.keep_out
-    if area is not None and min(part[across + 2], area[across + 2]) > max(
-        part[across], area[across]
-    ):
-        near, far = area.span(axis)
-        for begin in walls_at_mm:
-            # Without the open interval in which the wall would stand in the area.
-            before = [(start, min(end, near - begin - limits.wall_mm)) for start, end in pieces]
-            after = [(max(start, far - begin), end) for start, end in pieces]
-            pieces = [piece for piece in (*before, *after) if piece[1] >= piece[0]]
-    pieces = [(start, end) for start, end in pieces if end >= start]
-    lengths = np.array([end - start for start, end in pieces])
-    if not pieces:
-        return None
-    place = rng.random() * lengths.sum()
-    index = min(int(np.searchsorted(np.cumsum(lengths), place)), len(pieces) - 1)
-    return round(pieces[index][0] + float(place - lengths[:index].sum()), COORDINATE_DECIMALS)
-
-
-_SLACK_MM = 1e-3
-"""Slack for rounded coordinates."""
-
-
-@dataclass(frozen=True, slots=True)
-class DoorRules:
-    """Dimensions and share of doors."""
-
-    wall_mm: float  # thickness of walls, and distance of a door from the corners of a room
-    door_mm: float  # width
-    loops: float  # share, 0 to 1, of the doors beyond the necessary ones
-
-
-class _Border(NamedTuple):
-    """The wall between two regions: ``axis`` leads through it, ``low .. high`` along it."""
-
-    one: int
-    other: int
-    axis: int
-    low: float
-    high: float
-    halls: int
-
-
-def doorways(rng: np.random.Generator, regions: Sequence[Region], rules: DoorRules) -> list[Region]:
-    """Return the openings in the walls: where halls meet, and doors.
-
-    Halls that meet are open to each other. Doors connect all the rest, to halls where there is
-    one and to other rooms where there is none, and then a share of the other neighbours. Between
-    the two sides of any wall of a floor plan there is room for a door: a room's side is at least
-    twice the length that a door needs, plus a wall, and at most one wall ends in its middle, or
-    a whole hall or room lies against it.
-    """
-    borders = _borders(regions, rules.wall_mm)
-    open_wide = [border for border in borders if border.halls == 2]
-    least_mm = rules.door_mm + 2.0 * rules.wall_mm - _SLACK_MM
-    possible = [b for b in borders if b.halls < 2 and b.high - b.low >= least_mm]
-    possible = [possible[index] for index in rng.permutation(len(possible))]
-    possible.sort(key=lambda border: -border.halls)
-    needed = _spanning(len(regions), open_wide, possible)
-    taken = needed | (rng.random(len(possible)) < rules.loops)
-    doors = [border for border, take in zip(possible, taken, strict=True) if take]
-    openings = [_opening(regions, border, border.low, border.high) for border in open_wide]
-    for border in doors:
-        low, high = border.low + rules.wall_mm, border.high - rules.wall_mm - rules.door_mm
-        begin = round(low + rng.random() * max(0.0, high - low), COORDINATE_DECIMALS)
-        end = round(begin + rules.door_mm, COORDINATE_DECIMALS)
-        openings.append(_opening(regions, border, begin, end))
-    return openings
-
-
-def _borders(regions: Sequence[Region], wall_mm: float) -> list[_Border]:
-    """Return the borders between regions that face each other a wall apart."""
-    sides = np.array([region[:4] for region in regions])
-    halls = [region.hall for region in regions]
-    borders = []
-    for axis in (0, 1):
-        low, high = sides[:, axis], sides[:, axis + 2]
-        along_low = np.maximum(sides[:, None, 1 - axis], sides[None, :, 1 - axis])
-        along_high = np.minimum(sides[:, None, 3 - axis], sides[None, :, 3 - axis])
-        facing = (np.abs(low[None, :] - high[:, None] - wall_mm) < _SLACK_MM) & (
-            along_high > along_low
-        )
-        for one, other in np.argwhere(facing).tolist():
-            between = float(along_low[one, other]), float(along_high[one, other])
-            borders.append(_Border(one, other, axis, *between, halls[one] + halls[other]))
-    return borders
-
-
-def _spanning(
-    count: int, joined: Sequence[_Border], borders: Sequence[_Border]
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return the mask of the borders to open, the earliest first, to connect all regions."""
-    group = list(range(count))
-
-    def root(index: int) -> int:
-        while group[index] != index:
-            group[index] = group[group[index]]
-            index = group[index]
-        return index
-
-    for border in joined:
-        group[root(border.one)] = root(border.other)
-    needed = np.zeros(len(borders), dtype=np.bool_)
-    for index, border in enumerate(borders):
-        one, other = root(border.one), root(border.other)
-        needed[index] = one != other
-        group[one] = other
-    return needed
-
-
-def _opening(regions: Sequence[Region], border: _Border, low: float, high: float) -> Region:
-    through = regions[border.one].span(border.axis)[1], regions[border.other].span(border.axis)[0]
-    if border.axis == 0:
-        return Region(through[0], low, through[1], high)
-    return Region(low, through[0], high, through[1])
 
 
 _STREAM = 1601
@@ -346,6 +105,229 @@ class CorridorsOptions(StartOptions):
         return self.door_mm + 2.0 * self.wall_mm
 
 
+class Region(NamedTuple):
+    """An axis-parallel rectangle of the floor, without the walls around it.
+
+    A hall through a region ends on the hall before it and does not run alongside it, so ``way``
+    changes with every division.
+    """
+
+    x_min_mm: float
+    y_min_mm: float
+    x_max_mm: float
+    y_max_mm: float
+    hall: bool = False  # whether it is one
+    way: int = 0  # axis along which a hall through it would run, 0: x, 1: y
+
+    def span(self, axis: int) -> tuple[float, float]:
+        """Return the smallest and the largest coordinate along an axis."""
+        return self[axis], self[axis + 2]
+
+    def length(self, axis: int) -> float:
+        """Return the size along an axis, in mm."""
+        low, high = self.span(axis)
+        return high - low
+
+    @property
+    def area_mm2(self) -> float:
+        """Width times height."""
+        return self.length(0) * self.length(1)
+
+    def part(self, axis: int, low: float, high: float) -> "Region":
+        """Return the part between two coordinates along an axis."""
+        if axis == 0:
+            return self._replace(x_min_mm=low, x_max_mm=high)
+        return self._replace(y_min_mm=low, y_max_mm=high)
+
+
+def floor_plan(
+    rng: np.random.Generator, options: CorridorsOptions, keep_out: Region | None = None
+) -> list[Region]:
+    """Return the halls and rooms of a floor; no wall stands in ``keep_out`` if it has no halls.
+
+    Neighbours are exactly a wall apart; no two overlap. The first hall runs along y from side to
+    side, every other one ends on an earlier one or at a side.
+    """
+    floor = Region(0.0, 0.0, options.width_mm, options.height_mm, way=1)
+    for _ in range(_PLANS):
+        parts = _with_halls(rng, floor, options)
+        if parts is not None:
+            return [room for part in parts for room in _rooms(rng, part, options, keep_out)]
+    raise BadInputError("halls", options.halls, "fewer, so that rooms fit next to them")
+
+
+def _with_halls(
+    rng: np.random.Generator, floor: Region, options: CorridorsOptions
+) -> list[Region] | None:
+    parts = [floor]
+    for _ in range(options.halls):
+        parts.sort(key=lambda part: (part.hall, -part.area_mm2))
+        for index, part in enumerate(parts):
+            pieces = None if part.hall else _crossed(rng, part, options)
+            if pieces is not None:
+                parts[index : index + 1] = pieces
+                break
+        else:
+            return None
+    return parts
+
+
+def _crossed(
+    rng: np.random.Generator, part: Region, options: CorridorsOptions
+) -> list[Region] | None:
+    """Return the two parts next to a hall, and the hall; None if there is no room for it."""
+    axis, wall_mm = 1 - part.way, options.wall_mm
+    inner_mm = wall_mm + options.hall_width_mm
+    at = _wall_place(rng, part, axis, options, inner_mm)
+    if at is None:
+        return None
+    low, high = part.span(axis)
+    turned = part._replace(way=axis)
+    second = round(at + inner_mm, COORDINATE_DECIMALS)
+    return [
+        turned.part(axis, low, at),
+        part.part(axis, round(at + wall_mm, COORDINATE_DECIMALS), second)._replace(hall=True),
+        turned.part(axis, round(second + wall_mm, COORDINATE_DECIMALS), high),
+    ]
+
+
+def _rooms(
+    rng: np.random.Generator, part: Region, options: CorridorsOptions, keep_out: Region | None
+) -> list[Region]:
+    if part.hall:
+        return [part]
+    for axis in sorted((0, 1), key=part.length, reverse=True):
+        if part.length(axis) <= options.room_max_mm:
+            continue
+        at = _wall_place(rng, part, axis, options, keep_out=keep_out)
+        if at is not None:
+            low, high = part.span(axis)
+            after = round(at + options.wall_mm, COORDINATE_DECIMALS)
+            halves = (part.part(axis, low, at), part.part(axis, after, high))
+            return [room for half in halves for room in _rooms(rng, half, options, keep_out)]
+    return [part]
+
+
+def _wall_place(
+    rng: np.random.Generator,
+    part: Region,
+    axis: int,
+    options: CorridorsOptions,
+    second_mm: float = 0.0,
+    keep_out: Region | None = None,
+) -> float | None:
+    """Draw where a wall across a part begins, or the first of two; None if there is no room."""
+    low, high = part.span(axis)
+    first = low + options.room_min_mm
+    last = high - options.room_min_mm - options.wall_mm - second_mm
+    pieces = [(first, last)]
+    across = 1 - axis
+    if keep_out is not None and min(part[across + 2], keep_out[across + 2]) > max(
+        part[across], keep_out[across]
+    ):
+        # Without the open interval in which the wall would stand in the area.
+        near, far = keep_out.span(axis)
+        pieces = [(first, min(last, near - options.wall_mm)), (max(first, far), last)]
+    pieces = [(start, end) for start, end in pieces if end >= start]
+    lengths = np.array([end - start for start, end in pieces])
+    if not pieces:
+        return None
+    place = rng.random() * lengths.sum()
+    index = min(int(np.searchsorted(np.cumsum(lengths), place)), len(pieces) - 1)
+    return round(pieces[index][0] + float(place - lengths[:index].sum()), COORDINATE_DECIMALS)
+
+
+_SLACK_MM = 1e-3
+"""Slack for rounded coordinates."""
+
+
+class _Border(NamedTuple):
+    """The wall between two regions: ``axis`` leads through it, ``low .. high`` along it."""
+
+    one: int
+    other: int
+    axis: int
+    low: float
+    high: float
+    halls: int
+
+
+def doorways(
+    rng: np.random.Generator, regions: Sequence[Region], options: CorridorsOptions
+) -> list[Region]:
+    """Return the openings in the walls: where halls meet, and doors.
+
+    Halls that meet are open to each other. Doors connect all the rest, to halls where there is
+    one and to other rooms where there is none, and then a share of the other neighbours. Between
+    the two sides of any wall of a floor plan there is room for a door: a room's side is at least
+    twice the length that a door needs, plus a wall, and at most one wall ends in its middle, or
+    a whole hall or room lies against it.
+    """
+    borders = _borders(regions, options.wall_mm)
+    open_wide = [border for border in borders if border.halls == 2]
+    least_mm = options.door_mm + 2.0 * options.wall_mm - _SLACK_MM
+    possible = [b for b in borders if b.halls < 2 and b.high - b.low >= least_mm]
+    possible = [possible[index] for index in rng.permutation(len(possible))]
+    possible.sort(key=lambda border: -border.halls)
+    needed = _spanning(len(regions), open_wide, possible)
+    taken = needed | (rng.random(len(possible)) < options.loops)
+    doors = [border for border, take in zip(possible, taken, strict=True) if take]
+    openings = [_opening(regions, border, border.low, border.high) for border in open_wide]
+    for border in doors:
+        low, high = border.low + options.wall_mm, border.high - options.wall_mm - options.door_mm
+        begin = round(low + rng.random() * max(0.0, high - low), COORDINATE_DECIMALS)
+        end = round(begin + options.door_mm, COORDINATE_DECIMALS)
+        openings.append(_opening(regions, border, begin, end))
+    return openings
+
+
+def _borders(regions: Sequence[Region], wall_mm: float) -> list[_Border]:
+    """Return the borders between regions that face each other a wall apart."""
+    sides = np.array([region[:4] for region in regions])
+    halls = [region.hall for region in regions]
+    borders = []
+    for axis in (0, 1):
+        low, high = sides[:, axis], sides[:, axis + 2]
+        along_low = np.maximum(sides[:, None, 1 - axis], sides[None, :, 1 - axis])
+        along_high = np.minimum(sides[:, None, 3 - axis], sides[None, :, 3 - axis])
+        facing = (np.abs(low[None, :] - high[:, None] - wall_mm) < _SLACK_MM) & (
+            along_high > along_low
+        )
+        for one, other in np.argwhere(facing).tolist():
+            between = float(along_low[one, other]), float(along_high[one, other])
+            borders.append(_Border(one, other, axis, *between, halls[one] + halls[other]))
+    return borders
+
+
+def _spanning(
+    count: int, joined: Sequence[_Border], borders: Sequence[_Border]
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return the mask of the borders to open, the earliest first, to connect all regions."""
+    group = list(range(count))
+
+    def root(index: int) -> int:
+        while group[index] != index:
+            group[index] = group[group[index]]
+            index = group[index]
+        return index
+
+    for border in joined:
+        group[root(border.one)] = root(border.other)
+    needed = np.zeros(len(borders), dtype=np.bool_)
+    for index, border in enumerate(borders):
+        one, other = root(border.one), root(border.other)
+        needed[index] = one != other
+        group[one] = other
+    return needed
+
+
+def _opening(regions: Sequence[Region], border: _Border, low: float, high: float) -> Region:
+    through = regions[border.one].span(border.axis)[1], regions[border.other].span(border.axis)[0]
+    if border.axis == 0:
+        return Region(through[0], low, through[1], high)
+    return Region(low, through[0], high, through[1])
+
+
 def corridors_map(seed: int, options: CorridorsOptions | None = None) -> Map:
     """Generate one instance of a Corridors environment.
 
@@ -371,18 +353,11 @@ def corridors_map(seed: int, options: CorridorsOptions | None = None) -> Map:
         x_mm, y_mm = start.spread_x_mm + clear_mm, start.spread_y_mm + clear_mm
         x, y = start.pose.x_mm, start.pose.y_mm
         keep_out = Region(x - x_mm, y - y_mm, x + x_mm, y + y_mm)
-    limits = FloorLimits(
-        hall_mm=options.hall_width_mm,
-        room_min_mm=options.room_min_mm,
-        room_max_mm=options.room_max_mm,
-        wall_mm=options.wall_mm,
-        keep_out=keep_out,
-    )
-    regions = floor_plan(rng, floor, options.halls, limits)
+    regions = floor_plan(rng, options, keep_out)
     if options.halls > 0:
         # Robots start in the first hall: no other reaches from side to side along y; a room may.
         entrance = next(r for r in regions if r.hall and r.length(1) == options.height_mm)
-    doors = doorways(rng, regions, DoorRules(options.wall_mm, options.door_mm, options.loops))
+    doors = doorways(rng, regions, options)
     bounds = box(options.width_mm, options.height_mm)
     boxes = shapely.box(*np.array([region[:4] for region in [*regions, *doors]]).T)
     # All coordinates are on this grid, where the difference is exact.

@@ -1,7 +1,6 @@
 """The Rubble environment: a collapsed building, broken slabs of many sizes that lie one way."""
 
 import math
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -31,205 +30,6 @@ from vinefab.model.map import Map, Start
 
 _TAPER = 0.2
 _DEEPEST = 0.35
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SlabKind:
-    """Dimensions and directions of slabs."""
-
-    # smallest and largest thickness, as a share of the length; at most 0.8
-    thickness: tuple[float, float]
-    direction_rad: float  # of slabs, counter-clockwise from +x
-    direction_spread_rad: float  # largest deviation from it
-    # 0: straight ends; 1: ends broken off at a slant, by a third of the thickness
-    raggedness: float
-
-
-def power_law(rng: np.random.Generator, limits: tuple[float, float], exponent: float) -> float:
-    """Draw a length from a power law between limits."""
-    low, high = limits
-    share = rng.random()
-    power = 1.0 - exponent
-    if abs(power) < 1e-9:
-        return float(low * (high / low) ** share)
-    return float((low**power + share * (high**power - low**power)) ** (1.0 / power))
-
-
-def slab(rng: np.random.Generator, length_mm: float, kind: SlabKind) -> Floats:
-    """Return the corners of a slab around the origin: strictly convex, counter-clockwise.
-
-    It is a tapered bar with a broken end at both sides: six corners, four if not ragged.
-    """
-    low, high = kind.thickness
-    thick_mm = length_mm * (low + (high - low) * rng.random())
-    ends = [_end(rng, thick_mm, kind.raggedness) for _ in range(2)]
-    right = np.array([0.5 * length_mm, 0.0]) + ends[0]
-    left = -(np.array([0.5 * length_mm, 0.0]) + ends[1])
-    turn = kind.direction_rad + kind.direction_spread_rad * (2.0 * rng.random() - 1.0)
-    cosine, sine = math.cos(turn), math.sin(turn)
-    turned = np.array([[cosine, sine], [-sine, cosine]])
-    return np.asarray(np.concatenate([right, left]) @ turned)
-
-
-def _end(rng: np.random.Generator, thick_mm: float, raggedness: float) -> Floats:
-    """Return the corners of a right end, from below, relative to the middle of a straight one."""
-    half_mm = 0.5 * thick_mm * (1.0 - _TAPER * rng.random())
-    back_low, back_high, tip = rng.random(3)
-    if raggedness == 0.0:
-        return np.array([(0.0, -half_mm), (0.0, half_mm)])
-    # Above 0, so that the tip stays a corner.
-    deep_mm = _DEEPEST * raggedness * thick_mm * (0.1 + 0.9 * np.array([back_low, back_high]))
-    return np.array([(-deep_mm[0], -half_mm), (0.0, half_mm * (tip - 0.5)), (-deep_mm[1], half_mm)])
-
-
-def way_to_contact(mover: Floats, host: Floats, way: Floats) -> float:
-    """Return the distance that a convex polygon can move until a contact; infinity if never.
-
-    Parameters
-    ----------
-    mover, host
-        Corners, shape (n, 2); apart from each other.
-    """
-    ahead = _shortest_way(mover, host, way)
-    return min(ahead, _shortest_way(host, mover, -way))
-
-
-def _shortest_way(points: Floats, corners: Floats, way: Floats) -> float:
-    """Return the shortest distance along ``way`` from any point to any edge."""
-    edges = np.roll(corners, -1, axis=0) - corners
-    from_points = corners - points[:, None]
-    slope = way[0] * edges[:, 1] - way[1] * edges[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        far = (from_points[..., 0] * edges[:, 1] - from_points[..., 1] * edges[:, 0]) / slope
-        place = (from_points[..., 0] * way[1] - from_points[..., 1] * way[0]) / slope
-    meets = (slope != 0.0) & (far >= 0.0) & (place >= 0.0) & (place <= 1.0)
-    return float(np.where(meets, far, np.inf).min())
-
-
-_TRIES = 150
-_SIDES = 4
-_DEEPEST_IN_SIDE = 0.4
-_BITE = 0.15
-"""Depth by which a leaning slab overlaps its host, as a share of the root of its area."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PileRules:
-    """Rules for the places of slabs."""
-
-    size_mm: float  # width and height of the bounds, from the origin
-    # least distance between slabs that do not lean on each other, and to the sides
-    passage_mm: float
-    keep_out: BaseGeometry  # where no slab may be
-    keep_out_mm: float  # least distance of slabs to it
-
-
-class Pile:
-    """Placed slabs, with a search for room for more."""
-
-    def __init__(self, rules: PileRules) -> None:
-        self.rules = rules
-        self._count = 0
-        self._corners_mm: list[Floats] = []
-        self._polygons: NDArray[np.object_] = np.empty(64, dtype=object)
-        self._middles_mm = np.zeros((64, 2))
-        self._radii_mm = np.zeros(64)
-
-    @property
-    def polygons(self) -> NDArray[np.object_]:
-        """The slabs, in the order of their placement; some overlap, some cross the bounds."""
-        return self._polygons[: self._count]
-
-    def add(self, rng: np.random.Generator, slab_mm: Floats, *, leaning: bool) -> bool:
-        """Place a slab where there is room; return whether there is."""
-        for lean in (True, False) if leaning else (False,):
-            for _ in range(_TRIES):
-                host, off_mm = self._draw_place(rng, slab_mm, lean=lean)
-                if off_mm is not None and self._place_at(slab_mm + off_mm, host):
-                    return True
-        return False
-
-    def _draw_place(
-        self, rng: np.random.Generator, slab_mm: Floats, *, lean: bool
-    ) -> tuple[int, Floats | None]:
-        """Draw a host and an offset; hosts -4 .. -1 are the sides, -5 is none."""
-        if not lean:
-            return -_SIDES - 1, self._amid(rng, slab_mm)
-        host = int(rng.integers(-_SIDES, self._count))
-        if host < 0:
-            side = host + _SIDES  # 0 and 2: left and right
-            off_mm = self._amid(rng, slab_mm)
-            axis = side % 2
-            low, high = float(slab_mm[:, axis].min()), float(slab_mm[:, axis].max())
-            deep_mm = (high - low) * (0.05 + (_DEEPEST_IN_SIDE - 0.05) * rng.random())
-            off_mm[axis] = -low - deep_mm if side < 2 else self.rules.size_mm - high + deep_mm
-            return host, off_mm
-        return host, self._on_slab(rng, slab_mm, host)
-
-    def _amid(self, rng: np.random.Generator, slab_mm: Floats) -> Floats:
-        low = self.rules.passage_mm - slab_mm.min(axis=0)
-        high = self.rules.size_mm - self.rules.passage_mm - slab_mm.max(axis=0)
-        return np.asarray(low + rng.random(2) * (high - low))
-
-    def _on_slab(self, rng: np.random.Generator, slab_mm: Floats, host: int) -> Floats | None:
-        """Return an offset that slides a slab against another until they overlap slightly."""
-        turn = 2.0 * math.pi * rng.random()
-        way = np.array([math.cos(turn), math.sin(turn)])
-        aside = self._radii_mm[host] * (2.0 * rng.random() - 1.0) * np.array([-way[1], way[0]])
-        far_mm = self._radii_mm[host] + _radius(slab_mm) + 1.0
-        begin_mm = self._middles_mm[host] + aside - far_mm * way
-        contact_mm = way_to_contact(slab_mm + begin_mm, self._corners_mm[host], way)
-        if not math.isfinite(contact_mm):
-            return None
-        bite_mm = _BITE * math.sqrt(Polygon(slab_mm).area)
-        return np.asarray(begin_mm + (contact_mm + bite_mm) * way)
-
-    def _place_at(self, slab_mm: Floats, host: int) -> bool:
-        """Place a slab if it touches nothing but its host; return whether it does."""
-        polygon = Polygon(slab_mm)
-        gaps_mm = np.concatenate([slab_mm.min(axis=0), self.rules.size_mm - slab_mm.max(axis=0)])
-        if -_SIDES <= host < 0:
-            gaps_mm[host + _SIDES] = np.inf
-        if (gaps_mm < self.rules.passage_mm - 1e-9).any():
-            return False
-        middle_mm = slab_mm.mean(axis=0)
-        radius_mm = _radius(slab_mm - middle_mm)
-        away_mm = np.hypot(*(self._middles_mm[: self._count] - middle_mm).T)
-        near = away_mm < self._radii_mm[: self._count] + radius_mm + self.rules.passage_mm
-        if host >= 0:
-            near[host] = False
-        if (shapely.distance(self.polygons[near], polygon) < self.rules.passage_mm).any():
-            return False
-        if shapely.distance(polygon, self.rules.keep_out) < self.rules.keep_out_mm:
-            return False
-        if host >= 0:
-            # Neither a mere touch nor most of the slab.
-            shared_mm2 = shapely.intersection(polygon, self._polygons[host]).area
-            if not 0.1 * _BITE**2 * polygon.area < shared_mm2 < 0.5 * polygon.area:
-                return False
-        if self._count == len(self._polygons):
-            self._polygons = np.concatenate([self._polygons, np.empty(self._count, dtype=object)])
-            self._middles_mm = np.concatenate([self._middles_mm, np.zeros((self._count, 2))])
-            self._radii_mm = np.concatenate([self._radii_mm, np.zeros(self._count)])
-        self._polygons[self._count] = polygon
-        self._middles_mm[self._count] = middle_mm
-        self._radii_mm[self._count] = radius_mm
-        self._corners_mm.append(slab_mm)
-        self._count += 1
-        return True
-
-
-def _radius(slab_mm: Floats) -> float:
-    return float(np.hypot(*slab_mm.T).max())
-
-
-_STREAM = 1401
-_MOST_SLABS = 4000
-_MOST_MISSES = 12
-"""Slabs in a row without a place until the bounds count as full."""
-_SHORTFALL = 0.1
-_NEAR = 0.03
-_ROUNDS = 4
 
 
 class RubbleOptions(SeveralStartOptions):
@@ -294,15 +94,183 @@ class RubbleOptions(SeveralStartOptions):
         self.check_starts((self.size_mm, self.size_mm), 0.5 * self.passage_mm)
         return self
 
+
+def power_law(rng: np.random.Generator, limits: tuple[float, float], exponent: float) -> float:
+    """Draw a length from a power law between limits."""
+    low, high = limits
+    share = rng.random()
+    power = 1.0 - exponent
+    if abs(power) < 1e-9:
+        return float(low * (high / low) ** share)
+    return float((low**power + share * (high**power - low**power)) ** (1.0 / power))
+
+
+def slab(rng: np.random.Generator, length_mm: float, options: RubbleOptions) -> Floats:
+    """Return the corners of a slab around the origin: strictly convex, counter-clockwise.
+
+    It is a tapered bar with a broken end at both sides: six corners, four if not ragged.
+    """
+    low, high = options.thickness_min, options.thickness_max
+    thick_mm = length_mm * (low + (high - low) * rng.random())
+    ends = [_end(rng, thick_mm, options.raggedness) for _ in range(2)]
+    right = np.array([0.5 * length_mm, 0.0]) + ends[0]
+    left = -(np.array([0.5 * length_mm, 0.0]) + ends[1])
+    spread_rad = math.radians(options.direction_spread_deg)
+    turn = math.radians(options.direction_deg) + spread_rad * (2.0 * rng.random() - 1.0)
+    cosine, sine = math.cos(turn), math.sin(turn)
+    turned = np.array([[cosine, sine], [-sine, cosine]])
+    return np.asarray(np.concatenate([right, left]) @ turned)
+
+
+def _end(rng: np.random.Generator, thick_mm: float, raggedness: float) -> Floats:
+    """Return the corners of a right end, from below, relative to the middle of a straight one."""
+    half_mm = 0.5 * thick_mm * (1.0 - _TAPER * rng.random())
+    back_low, back_high, tip = rng.random(3)
+    if raggedness == 0.0:
+        return np.array([(0.0, -half_mm), (0.0, half_mm)])
+    # Above 0, so that the tip stays a corner.
+    deep_mm = _DEEPEST * raggedness * thick_mm * (0.1 + 0.9 * np.array([back_low, back_high]))
+    return np.array([(-deep_mm[0], -half_mm), (0.0, half_mm * (tip - 0.5)), (-deep_mm[1], half_mm)])
+
+
+def way_to_contact(mover: Floats, host: Floats, way: Floats) -> float:
+    """Return the distance that a convex polygon can move until a contact; infinity if never.
+
+    Parameters
+    ----------
+    mover, host
+        Corners, shape (n, 2); apart from each other.
+    """
+    ahead = _shortest_way(mover, host, way)
+    return min(ahead, _shortest_way(host, mover, -way))
+
+
+def _shortest_way(points: Floats, corners: Floats, way: Floats) -> float:
+    """Return the shortest distance along ``way`` from any point to any edge."""
+    edges = np.roll(corners, -1, axis=0) - corners
+    from_points = corners - points[:, None]
+    slope = way[0] * edges[:, 1] - way[1] * edges[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        far = (from_points[..., 0] * edges[:, 1] - from_points[..., 1] * edges[:, 0]) / slope
+        place = (from_points[..., 0] * way[1] - from_points[..., 1] * way[0]) / slope
+    meets = (slope != 0.0) & (far >= 0.0) & (place >= 0.0) & (place <= 1.0)
+    return float(np.where(meets, far, np.inf).min())
+
+
+_TRIES = 150
+_SIDES = 4
+_DEEPEST_IN_SIDE = 0.4
+_BITE = 0.15
+"""Depth by which a leaning slab overlaps its host, as a share of the root of its area."""
+
+
+class Pile:
+    """Placed slabs, with a search for room for more."""
+
+    def __init__(self, options: RubbleOptions, keep_out: BaseGeometry) -> None:
+        self.options, self.keep_out = options, keep_out
+        self.keep_out_mm = max(options.start_clearance_mm, options.passage_mm)
+        self._count = 0
+        self._corners_mm: list[Floats] = []
+        self._polygons: NDArray[np.object_] = np.empty(64, dtype=object)
+        self._middles_mm = np.zeros((64, 2))
+        self._radii_mm = np.zeros(64)
+
     @property
-    def slab_kind(self) -> SlabKind:
-        """Dimensions and directions of its slabs."""
-        return SlabKind(
-            thickness=(self.thickness_min, self.thickness_max),
-            direction_rad=math.radians(self.direction_deg),
-            direction_spread_rad=math.radians(self.direction_spread_deg),
-            raggedness=self.raggedness,
-        )
+    def polygons(self) -> NDArray[np.object_]:
+        """The slabs, in the order of their placement; some overlap, some cross the bounds."""
+        return self._polygons[: self._count]
+
+    def add(self, rng: np.random.Generator, slab_mm: Floats, *, leaning: bool) -> bool:
+        """Place a slab where there is room; return whether there is."""
+        for lean in (True, False) if leaning else (False,):
+            for _ in range(_TRIES):
+                host, off_mm = self._draw_place(rng, slab_mm, lean=lean)
+                if off_mm is not None and self._place_at(slab_mm + off_mm, host):
+                    return True
+        return False
+
+    def _draw_place(
+        self, rng: np.random.Generator, slab_mm: Floats, *, lean: bool
+    ) -> tuple[int, Floats | None]:
+        """Draw a host and an offset; hosts -4 .. -1 are the sides, -5 is none."""
+        if not lean:
+            return -_SIDES - 1, self._amid(rng, slab_mm)
+        host = int(rng.integers(-_SIDES, self._count))
+        if host < 0:
+            side = host + _SIDES  # 0 and 2: left and right
+            off_mm = self._amid(rng, slab_mm)
+            axis = side % 2
+            low, high = float(slab_mm[:, axis].min()), float(slab_mm[:, axis].max())
+            deep_mm = (high - low) * (0.05 + (_DEEPEST_IN_SIDE - 0.05) * rng.random())
+            off_mm[axis] = -low - deep_mm if side < 2 else self.options.size_mm - high + deep_mm
+            return host, off_mm
+        return host, self._on_slab(rng, slab_mm, host)
+
+    def _amid(self, rng: np.random.Generator, slab_mm: Floats) -> Floats:
+        low = self.options.passage_mm - slab_mm.min(axis=0)
+        high = self.options.size_mm - self.options.passage_mm - slab_mm.max(axis=0)
+        return np.asarray(low + rng.random(2) * (high - low))
+
+    def _on_slab(self, rng: np.random.Generator, slab_mm: Floats, host: int) -> Floats | None:
+        """Return an offset that slides a slab against another until they overlap slightly."""
+        turn = 2.0 * math.pi * rng.random()
+        way = np.array([math.cos(turn), math.sin(turn)])
+        aside = self._radii_mm[host] * (2.0 * rng.random() - 1.0) * np.array([-way[1], way[0]])
+        far_mm = self._radii_mm[host] + _radius(slab_mm) + 1.0
+        begin_mm = self._middles_mm[host] + aside - far_mm * way
+        contact_mm = way_to_contact(slab_mm + begin_mm, self._corners_mm[host], way)
+        if not math.isfinite(contact_mm):
+            return None
+        bite_mm = _BITE * math.sqrt(Polygon(slab_mm).area)
+        return np.asarray(begin_mm + (contact_mm + bite_mm) * way)
+
+    def _place_at(self, slab_mm: Floats, host: int) -> bool:
+        """Place a slab if it touches nothing but its host; return whether it does."""
+        polygon = Polygon(slab_mm)
+        gaps_mm = np.concatenate([slab_mm.min(axis=0), self.options.size_mm - slab_mm.max(axis=0)])
+        if -_SIDES <= host < 0:
+            gaps_mm[host + _SIDES] = np.inf
+        if (gaps_mm < self.options.passage_mm - 1e-9).any():
+            return False
+        middle_mm = slab_mm.mean(axis=0)
+        radius_mm = _radius(slab_mm - middle_mm)
+        away_mm = np.hypot(*(self._middles_mm[: self._count] - middle_mm).T)
+        near = away_mm < self._radii_mm[: self._count] + radius_mm + self.options.passage_mm
+        if host >= 0:
+            near[host] = False
+        if (shapely.distance(self.polygons[near], polygon) < self.options.passage_mm).any():
+            return False
+        if shapely.distance(polygon, self.keep_out) < self.keep_out_mm:
+            return False
+        if host >= 0:
+            # Neither a mere touch nor most of the slab.
+            shared_mm2 = shapely.intersection(polygon, self._polygons[host]).area
+            if not 0.1 * _BITE**2 * polygon.area < shared_mm2 < 0.5 * polygon.area:
+                return False
+        if self._count == len(self._polygons):
+            self._polygons = np.concatenate([self._polygons, np.empty(self._count, dtype=object)])
+            self._middles_mm = np.concatenate([self._middles_mm, np.zeros((self._count, 2))])
+            self._radii_mm = np.concatenate([self._radii_mm, np.zeros(self._count)])
+        self._polygons[self._count] = polygon
+        self._middles_mm[self._count] = middle_mm
+        self._radii_mm[self._count] = radius_mm
+        self._corners_mm.append(slab_mm)
+        self._count += 1
+        return True
+
+
+def _radius(slab_mm: Floats) -> float:
+    return float(np.hypot(*slab_mm.T).max())
+
+
+_STREAM = 1401
+_MOST_SLABS = 4000
+_MOST_MISSES = 12
+"""Slabs in a row without a place until the bounds count as full."""
+_SHORTFALL = 0.1
+_NEAR = 0.03
+_ROUNDS = 4
 
 
 def rubble_map(seed: int, options: RubbleOptions | None = None) -> Map:
@@ -362,13 +330,7 @@ def _pile(rng: np.random.Generator, options: RubbleOptions, starts: tuple[Start,
 
     Further rounds replace what is lost to overlaps and beyond the sides.
     """
-    rules = PileRules(
-        size_mm=options.size_mm,
-        passage_mm=options.passage_mm,
-        keep_out=start_zones(starts),
-        keep_out_mm=max(options.start_clearance_mm, options.passage_mm),
-    )
-    pile, wanted_mm2 = Pile(rules), options.cover * options.size_mm**2
+    pile, wanted_mm2 = Pile(options, start_zones(starts)), options.cover * options.size_mm**2
     for _ in range(_ROUNDS):
         missing_mm2 = wanted_mm2 - _solid(pile, options).area
         if missing_mm2 <= _NEAR * wanted_mm2 or not _add_slabs(rng, pile, missing_mm2, options):
@@ -396,7 +358,7 @@ def _slabs(rng: np.random.Generator, missing_mm2: float, options: RubbleOptions)
     areas_mm2: list[float] = []
     while missing_mm2 > 0.0:
         length_mm = power_law(rng, limits, options.exponent)
-        slabs.append(slab(rng, length_mm, options.slab_kind))
+        slabs.append(slab(rng, length_mm, options))
         areas_mm2.append(Polygon(slabs[-1]).area)
         missing_mm2 -= areas_mm2[-1]
         if len(slabs) > _MOST_SLABS:

@@ -9,7 +9,6 @@ import io
 import logging
 import math
 import struct
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -36,6 +35,7 @@ from vinefab.maps.importers.source_drawing import (
     Arc,
     CurvePiece,
     DrawingItem,
+    Reading,
     Ring,
     SourceDrawing,
     Straight,
@@ -366,7 +366,7 @@ def _drawing(document: Document, layers: tuple[str, ...]) -> SourceDrawing:
     for name in layers:
         if name.lower() not in by_key:
             raise UnknownNameError("layer", name, known)
-    walk = _Walk(document, frozenset(name.lower() for name in layers))
+    walk = _Walk(frozenset(name.lower() for name in layers), document=document)
     items = walk.items(space)
     code = int(document.header.get("$INSUNITS", 0))
     unit, mm_per_unit = _MM.get(code, ("mm (taken; the file names none)", 1.0))
@@ -379,9 +379,7 @@ def _drawing(document: Document, layers: tuple[str, ...]) -> SourceDrawing:
         facts={
             "dxf_version": document.acad_release,
             "units": unit,
-            **({"layers": sorted(layers)} if layers else {}),
-            "entities": dict(walk.read),
-            **({"ignored": dict(walk.ignored)} if walk.ignored else {}),
+            **walk.facts(layers, "entities"),
         },
     )
 
@@ -392,13 +390,10 @@ def _layer(entity: DXFGraphic) -> str:
 
 
 @dataclass(slots=True)
-class _Walk:
+class _Walk(Reading):
     """Traversal of model space and the blocks inserted in it."""
 
-    document: Document
-    layers: frozenset[str]
-    read: Counter[str] = field(default_factory=Counter)
-    ignored: Counter[str] = field(default_factory=Counter)
+    document: Document = field(kw_only=True)
 
     def items(self, space: Iterable[DXFGraphic]) -> list[DrawingItem]:
         found: list[DrawingItem] = []

@@ -1,6 +1,7 @@
 """Drawings as their readers give them: curves, items and options, and how they become a map."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -188,6 +189,23 @@ class SourceDrawing:
     facts: Mapping[str, object] = field(default_factory=dict)  # what was read and left out
     curved: bool = True  # whether such files hold curves
     layered: bool = False  # whether such files have layers to choose from
+
+
+@dataclass(slots=True)
+class Reading:
+    """What a reader of drawings was asked for, read and left out."""
+
+    layers: frozenset[str]  # to read; empty for all
+    read: Counter[str] = field(default_factory=Counter)  # by kind
+    ignored: Counter[str] = field(default_factory=Counter)  # by reason or kind
+
+    def facts(self, names: tuple[str, ...], what: str) -> dict[str, object]:
+        """Return it as facts of a map; ``names`` are the layers as the user gave them."""
+        return {
+            **({"layers": sorted(names)} if names else {}),
+            what: dict(self.read),
+            **({"ignored": dict(self.ignored)} if self.ignored else {}),
+        }
 
 
 def drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> Map:

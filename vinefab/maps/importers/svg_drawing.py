@@ -8,7 +8,6 @@ and keeps the axes of a sheared arc at right angles (0.5 % of a rounded rectangl
 
 import math
 import re
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -27,6 +26,7 @@ from vinefab.maps.importers.source_drawing import (
     Bezier,
     CurvePiece,
     DrawingItem,
+    Reading,
     Ring,
     SourceDrawing,
     Straight,
@@ -442,7 +442,7 @@ def import_svg(path: Path, options: ImportOptions) -> Map:
 def _drawing(root: Node, options: ImportOptions) -> SourceDrawing:
     box, mm_per_unit, units = page_frame(root)
     walls, free = options.wall_mm is not None, options.drawn == "free"
-    walk = _Walk(root, frozenset(options.layers), box, walls=walls, free=free)
+    walk = _Walk(frozenset(options.layers), root=root, page=box, walls=walls, free=free)
     items = walk.items()
     unknown = sorted(set(options.layers) - walk.names)
     if unknown:
@@ -455,25 +455,20 @@ def _drawing(root: Node, options: ImportOptions) -> SourceDrawing:
         origin=(float(box[0]), float(box[1] + box[3])),
         facts={
             "units": units,
-            **({"layers": sorted(options.layers)} if options.layers else {}),
-            "elements": dict(walk.read),
-            **({"ignored": dict(walk.ignored)} if walk.ignored else {}),
+            **walk.facts(options.layers, "elements"),
             **({"page": _PAGE_IS_AREA} if walk.backgrounds and options.drawn is None else {}),
         },
     )
 
 
 @dataclass(slots=True)
-class _Walk:
+class _Walk(Reading):
     """Traversal of the elements of a drawing."""
 
-    root: Node
-    layers: frozenset[str]
-    page: Floats
+    root: Node = field(kw_only=True)
+    page: Floats = field(kw_only=True)
     walls: bool = field(kw_only=True)
     free: bool = field(kw_only=True)
-    read: Counter[str] = field(default_factory=Counter)
-    ignored: Counter[str] = field(default_factory=Counter)
     names: set[str] = field(default_factory=set)
     drawn_in: set[tuple[str, ...]] = field(default_factory=set)  # groups of the elements read
     by_id: dict[str, Node] = field(default_factory=dict)

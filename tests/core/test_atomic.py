@@ -190,12 +190,6 @@ def test_a_folder_in_the_place_of_the_file_is_refused(tmp_path):
         ensure_writable(tmp_path)
 
 
-def test_a_file_in_the_place_of_a_parent_folder_is_refused(tmp_path):
-    (tmp_path / "file").write_text("x")
-    with pytest.raises(CannotWriteError):
-        ensure_writable(tmp_path / "file" / "below.toml")
-
-
 def fill(path: Path, content: str, mark: str = "job.json", *, force: bool = False) -> None:
     with new_folder(path, mark, force=force) as folder:
         (folder / mark).write_text(OURS + content)
@@ -295,12 +289,6 @@ def test_somebody_elses_folder_is_refused(tmp_path):
     with pytest.raises(ForeignFileError):
         fill(tmp_path / "thesis", "1")
     assert names(tmp_path / "thesis") == ["chapter1.tex"]
-
-
-def test_an_empty_folder_is_filled(tmp_path):
-    (tmp_path / "out").mkdir()
-    fill(tmp_path / "out", "1")
-    assert names(tmp_path / "out") == ["MANIFEST.sha256", "job.json"]
 
 
 @pytest.mark.parametrize("deeper", ["", "/deep/er"])

@@ -45,12 +45,6 @@ def test_unknown_name_offers_the_nearest_spelling():
     assert "plain_vine, tree" in str(error)
 
 
-def test_errors_are_ours_and_a_matching_builtin():
-    assert issubclass(BadInputError, VinefabError)
-    assert issubclass(BadInputError, ValueError)
-    assert issubclass(UnknownNameError, KeyError)
-
-
 @pytest.mark.parametrize(
     "error", [BadInputError("length", 3, "less"), UnknownNameError("task", "reech", ["reach"])]
 )

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.core.errors import BadInputError
 from vinefab.model.files.shipped import names, shipped_root
 from vinefab.model.laser import (
     LaserProfile,
@@ -42,18 +42,6 @@ def fluence(profile: LaserProfile, operation: str) -> float:
     return 0.1 * settings.line_energy_mj_mm(profile.machine) / settings.spot_mm.value
 
 
-def test_energy_grows_with_power_and_passes_and_falls_with_speed() -> None:
-    profile = read_profile(SHIPPED)
-    machine, settings = profile.machine, profile.settings("weldcut")
-    power_w = machine.power_w.value * settings.power_percent.value / 100.0
-    once = settings.changed(passes=1)
-    energy = once.line_energy_mj_mm(machine)
-    assert energy == pytest.approx(1000.0 * power_w / settings.speed_mm_s.value)
-    assert once.changed(passes=3).line_energy_mj_mm(machine) == pytest.approx(3.0 * energy)
-    fast = settings.speed_mm_s.changed(value=2.0 * settings.speed_mm_s.value)
-    assert once.changed(speed_mm_s=fast).line_energy_mj_mm(machine) == pytest.approx(energy / 2)
-
-
 def test_the_shipped_recipe_is_unverified_and_says_so() -> None:
     profile = read_profile(SHIPPED)
     assert profile.recipe.status is RecipeStatus.UNVERIFIED
@@ -64,11 +52,6 @@ def test_the_shipped_recipe_is_unverified_and_says_so() -> None:
     assert seam.width_mm.standing is Standing.ASSUMED
     assert not seam.burst
     assert profile.machine.usable_mm == (990.0, 590.0)
-
-
-@pytest.mark.parametrize("name", names("recipe"))
-def test_every_shipped_recipe_reads(name: str) -> None:
-    assert read_profile(name).recipe.name == name
 
 
 LASERED = [name for name in names("recipe") if name.endswith("stretchlon_200")]
@@ -308,11 +291,6 @@ def test_a_recipe_outside_any_folder_uses_shipped_machines(tmp_path: Path) -> No
     alone.parent.mkdir()
     alone.write_text(source.read_text(encoding="utf-8"), encoding="utf-8")
     assert read_profile(alone).machine.name == "co2_60w"
-
-
-def test_an_unknown_recipe_offers_the_nearest_name() -> None:
-    with pytest.raises(UnknownNameError, match=SHIPPED):
-        read_profile("co2_60w__stretchlon_20")
 
 
 WELD_KERF = (

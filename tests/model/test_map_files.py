@@ -129,11 +129,6 @@ def test_bounds_with_a_large_hole_are_still_the_bounds(reading: Any) -> None:
     assert world.bounds.area == 10_000 - 98 * 98
 
 
-def test_one_polygon_alone_is_the_bounds(reading: Any) -> None:
-    world = reading(collection(feature("Polygon", [BOX])))
-    assert world.obstacles == ()
-
-
 def test_a_z_coordinate_and_an_open_ring_do_no_harm(reading: Any) -> None:
     ring = [[x, y, 7.0] for x, y in BOX[:-1]]
     assert reading(collection(feature("Polygon", [ring]))).bounds.area == 10_000
@@ -223,16 +218,6 @@ def test_bad_content_is_one_clear_line(reading: Any, document: Any, message: str
 def test_what_is_not_json_is_unreadable(reading: Any, text: str, message: str) -> None:
     with pytest.raises(UnreadableFileError, match=message):
         reading(text)
-
-
-def test_a_missing_file_a_folder_and_bytes_are_unreadable(tmp_path: Path) -> None:
-    with pytest.raises(UnreadableFileError, match="no such file"):
-        Map.read(tmp_path / "none.geojson")
-    with pytest.raises(UnreadableFileError, match="folder"):
-        Map.read(tmp_path)
-    (tmp_path / "b.geojson").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(UnreadableFileError, match="UTF-8"):
-        Map.read(tmp_path / "b.geojson")
 
 
 LINE = [[5, 5], [5, 95]]

@@ -437,7 +437,11 @@ def replace_files(folder: Path, staging: Path, *, force: bool) -> None:
         Before anything is changed: if a folder stands where a new file belongs, a file where a
         new folder does, or a file is write-protected.
     """
-    names, owned = _new_names(staging / NEW), _owned(folder)
+    new = [path for path in (staging / NEW).rglob("*") if not path.is_dir()]
+    names = sorted(path.relative_to(staging / NEW).as_posix() for path in new)
+    # The manifest is the last, as it vouches for the others.
+    names.sort(key=lambda name: name == MANIFEST_NAME)
+    owned = _owned(folder)
     stale = [
         name for name in sorted(owned) if name not in names and _is_as_written(folder, name, owned)
     ]
@@ -456,12 +460,6 @@ def replace_files(folder: Path, staging: Path, *, force: bool) -> None:
         _forget(folder, staging)
         raise
     _forget(folder, staging)
-
-
-def _new_names(new: Path) -> list[str]:
-    """Return the names of the new files; the manifest is the last, as it vouches for the others."""
-    names = [path.relative_to(new).as_posix() for path in new.rglob("*") if not path.is_dir()]
-    return sorted(names, key=lambda name: (name == MANIFEST_NAME, name))
 
 
 def _owned(folder: Path) -> Owned:
@@ -502,8 +500,10 @@ def _refuse_conflicts(
             place = folder / above
             if os.path.lexists(place) and not place.is_dir() and place not in gone:
                 raise CannotWriteError(place, "a folder is to be written here; move the file away")
-        if path.is_dir() and not path.is_symlink() and not _will_be_empty(path, gone):
-            raise CannotWriteError(path, "a file is to be written here; move the folder away")
+        if path.is_dir() and not path.is_symlink():
+            held = [one for one in path.rglob("*") if not one.is_dir()]
+            if not held or not gone.issuperset(held):  # not all of it is removed as stale
+                raise CannotWriteError(path, "a file is to be written here; move the folder away")
         if (
             os.path.lexists(path)
             and not path.is_dir()
@@ -516,12 +516,6 @@ def _refuse_conflicts(
                 else "was not written by vinefab"
             )
             raise ForeignFileError(path, problem)
-
-
-def _will_be_empty(path: Path, gone: set[Path]) -> bool:
-    """Tell whether all that a folder holds is removed as stale."""
-    files = [place for place in path.rglob("*") if not place.is_dir()]
-    return bool(files) and gone.issuperset(files)
 
 
 def _write_mark(folder: Path, staging: Path, names: list[str], owned: Owned) -> None:

@@ -36,7 +36,9 @@ class BadInputError(VinefabError, ValueError):
 
     def __str__(self) -> str:
         where = f"{self.source}: " if self.source else ""
-        given = "is missing" if self.value is None else f"is {_brief(self.value)}"
+        value = " ".join(_BEGINNING.repr(self.value).split())
+        value = value if len(value) <= 60 else f"{value[:57]}..."
+        given = "is missing" if self.value is None else f"is {value}"
         return f"{where}{shortened(self.key)} {given}; allowed: {self.allowed}"
 
     def at(self, source: str | Path) -> "BadInputError":
@@ -279,8 +281,3 @@ _MOST_LETTERS = 1_000
 def shortened(text: str, most: int = 200) -> str:
     """Return a text that goes into one line, its middle left out if it is long."""
     return text if len(text) <= most else f"{text[: most // 2]} ... {text[-most // 2 :]}"
-
-
-def _brief(value: object) -> str:
-    text = " ".join(_BEGINNING.repr(value).split())
-    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -66,8 +66,15 @@ def stop_requests() -> Iterator[StopRequest]:
             raise KeyboardInterrupt
 
     usual_hook = sys.unraisablehook
+
+    def hook(what: "sys.UnraisableHookArgs") -> None:
+        if issubclass(what.exc_type, KeyboardInterrupt):
+            _repeat_soon(request.number or signal.SIGINT)
+        else:
+            usual_hook(what)
+
     with _handled(stop):
-        sys.unraisablehook = _repeating(usual_hook, request)
+        sys.unraisablehook = hook
         try:
             yield request
         finally:
@@ -122,20 +129,6 @@ def _hidden_from_children() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, usual)
-
-
-def _repeating(
-    usual: Callable[["sys.UnraisableHookArgs"], object], request: StopRequest
-) -> Callable[["sys.UnraisableHookArgs"], object]:
-    """Return a hook that repeats a request whose exception could not be raised."""
-
-    def hook(what: "sys.UnraisableHookArgs") -> None:
-        if not issubclass(what.exc_type, KeyboardInterrupt):
-            usual(what)
-            return
-        _repeat_soon(request.number or signal.SIGINT)
-
-    return hook
 
 
 def _loads_module(frame: FrameType | None) -> bool:

@@ -143,20 +143,16 @@ def _foreign_code(plugin: str, passing: type[BaseException] = KeyboardInterrupt)
     except (KeyboardInterrupt, MemoryError, passing):
         raise
     except BaseException as error:
-        raise BrokenPluginError(plugin, f"{type(error).__name__}: {_text(error)}") from error
+        # Also of one that cannot be printed.
+        told = format_exception_only(error)[-1].partition(": ")[2].strip()
+        words = str(error) if isinstance(error, SyntaxError) else told
+        raise BrokenPluginError(plugin, f"{type(error).__name__}: {words}") from error
 
 
 def _of(point: EntryPoint) -> str:
     """Return where a plug-in comes from: its package and its entry point."""
     package = f"of package {point.dist.name} " if point.dist else ""
     return f"{package}({point.group}: {point.value})"
-
-
-def _text(error: BaseException) -> str:
-    """Return the words of any error, also of one that cannot be printed."""
-    if isinstance(error, SyntaxError):
-        return str(error)
-    return format_exception_only(error)[-1].partition(": ")[2].strip()
 
 
 def _is_table(part: type) -> bool:

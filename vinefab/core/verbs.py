@@ -291,7 +291,12 @@ def options_of(function: Callable[..., Any]) -> tuple[Option, ...]:
         marks = _marks(hint)
         listed = next((mark for mark in marks if isinstance(mark, FieldsOf)), None)
         if listed is not None:
-            found += _field_options(listed)
+            for where in listed.where:
+                module, _, name = where.partition(":")
+                for one in field_options(getattr(import_module(module), name), listed.without):
+                    flags = (*one.flags, *listed.also.get(one.name, ()))
+                    kind = listed.kinds.get(one.name, one.kind)
+                    found.append(replace(one, flags=flags, kind=kind))
             continue
         option = _option(parameter.name, hint, parameter.default, said.get(parameter.name, ""))
         starred = parameter.kind is parameter.VAR_POSITIONAL
@@ -313,15 +318,6 @@ def _hint(parameter: inspect.Parameter, function: Any) -> Any:  # noqa: ANN401  
     """Return an annotation of a verb: other names in a signature are for type checkers alone."""
     hint = parameter.annotation
     return eval(hint, function.__globals__) if isinstance(hint, str) else hint  # noqa: S307  ours
-
-
-def _field_options(listed: FieldsOf) -> Iterator[Option]:
-    """Yield an option for each field of some classes."""
-    for where in listed.where:
-        module, _, name = where.partition(":")
-        for option in field_options(getattr(import_module(module), name), listed.without):
-            flags = (*option.flags, *listed.also.get(option.name, ()))
-            yield replace(option, flags=flags, kind=listed.kinds.get(option.name, option.kind))
 
 
 def field_options(kind: Any, without: tuple[str, ...] = ()) -> Iterator[Option]:  # noqa: ANN401
@@ -680,8 +676,12 @@ def progress_shown(title: str, *, shown: bool) -> Iterator[Callable[[float, str]
 
     That is who sits at a terminal or in a notebook; elsewhere nothing is written.
     """
-    stream = _watched_stream() if shown else None
-    if stream is None:
+    stream: TextIO | None = sys.stderr
+    if stream is None or not stream.isatty():
+        # IPython gives its cells this name; in a notebook standard error would look like trouble.
+        shell = getattr(builtins, "get_ipython", lambda: None)()
+        stream = None if shell is None else sys.stdout
+    if stream is None or not shown:
         yield lambda _share, _words: None
         return
     with _written_beside(partial(_renew_line, stream=stream), title) as tell:
@@ -701,15 +701,6 @@ def _written_beside(
     finally:
         is_over.set()
         writer.join()
-
-
-def _watched_stream() -> TextIO | None:
-    """Return where somebody sees a line that is written again and again, if anywhere."""
-    if sys.stderr is not None and sys.stderr.isatty():
-        return sys.stderr
-    # IPython gives its cells this name; in a notebook standard error would look like trouble.
-    shell = getattr(builtins, "get_ipython", lambda: None)()
-    return None if shell is None else sys.stdout
 
 
 def _renew_line(state: "_State", is_over: threading.Event, stream: TextIO) -> None:
@@ -756,19 +747,16 @@ class _State:
 
     def line(self) -> str:
         """Return the progress in one line."""
-        left_s = self._left_s()
-        left = "" if left_s is None else f", about {duration_text(left_s)} left"
+        left = ""
+        if self._first is not None:
+            # At the pace since the first report, which may be of earlier work.
+            share, at_s = self._first
+            if (gained := self._share - share) > 0.0:
+                left_s = (time.monotonic() - at_s) * (1.0 - self._share) / gained
+                left = f", about {duration_text(left_s)} left"
         words = f": {self._words}" if self._words else ""
         done = f"{100 * self._share:.0f} % after {duration_text(self.elapsed_s)}"
         return f"{self._title}: {done}{left}{words}"
-
-    def _left_s(self) -> float | None:
-        """Return the time left at the pace since the first report, which may be of earlier work."""
-        if self._first is None:
-            return None
-        share, at_s = self._first
-        gained = self._share - share
-        return None if gained <= 0.0 else (time.monotonic() - at_s) * (1.0 - self._share) / gained
 
 
 def duration_text(seconds: float) -> str:

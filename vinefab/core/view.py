@@ -435,13 +435,11 @@ def _table_lines(table: Rows) -> Iterator[str]:
 def number_columns(table: Rows) -> list[bool]:
     """Return for each column whether it holds only numbers: those are set flush right."""
     columns = zip(*table.rows, strict=True) if table.rows else [()] * len(table.headings)
-    return [any(map(str, cells)) and all(map(_is_number, cells)) for cells in columns]
-
-
-def _is_number(cell: Value) -> bool:
-    if isinstance(cell, Number | int):
-        return True
-    return _NUMBER.match(cell) is not None
+    return [
+        any(map(str, cells))
+        and all(isinstance(cell, Number | int) or _NUMBER.match(cell) for cell in cells)
+        for cells in columns
+    ]
 
 
 _NUMBER = re.compile(r"^(-|[-+]?[\d.,]+(e[-+]?\d+)?( ?%)?)?$")

@@ -148,10 +148,6 @@ def several_numbers(metavar: str) -> Kind:
     return Kind(metavar=metavar, read=numbers_from, words=_numbers_words, hyphen=True)
 
 
-def _point_words(points: Any) -> list[str]:  # noqa: ANN401  pairs of numbers
-    return [";".join(",".join(map(text_of, point)) for point in points)]
-
-
 def _points(text: str) -> tuple[tuple[float, ...], ...]:
     try:
         return tuple(numbers_from(part, 2) for part in text.split(";"))
@@ -159,7 +155,12 @@ def _points(text: str) -> tuple[tuple[float, ...], ...]:
         raise BadInputError("", text, "points X,Y with semicolons between them") from error
 
 
-POINTS = Kind(metavar="X,Y;X,Y", read=_points, words=_point_words, hyphen=True)
+POINTS = Kind(
+    metavar="X,Y;X,Y",
+    read=_points,
+    words=lambda points: [";".join(",".join(map(text_of, point)) for point in points)],
+    hyphen=True,
+)
 
 
 def _target_words(given: Any) -> list[str]:  # noqa: ANN401  judged one by one

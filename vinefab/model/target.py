@@ -122,7 +122,8 @@ def targets_given(given: object, key: str = "") -> tuple[Target, ...]:
     for place, one in enumerate(found, start=1):
         if taken[one.name] > 1:
             raise BadInputError(f"{key}[{place}].name", one.name, "one target of each name")
-    free = (name for name in _letters() if name not in taken)
+    letters = (product(string.ascii_uppercase, repeat=length) for length in count(1))
+    free = (name for some in letters for name in map("".join, some) if name not in taken)
     return tuple(one if one.name else one.changed(name=next(free)) for one in found)
 
 
@@ -136,11 +137,6 @@ def _target(given: object, key: str) -> Target:
         raise BadInputError(key, given, '[x, y] in mm, or { name = "B", point_mm = [x, y] }')
     with inside(key):
         return validated(Target, content)
-
-
-def _letters() -> Iterator[str]:
-    for length in count(1):
-        yield from map("".join, product(string.ascii_uppercase, repeat=length))
 
 
 def target_from(text: str, key: str = "target") -> Target:

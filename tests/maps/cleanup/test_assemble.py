@@ -38,13 +38,6 @@ def test_outlines_become_bounds_obstacles_and_holes():
     assert world.starts[0].pose.x_mm > 50
 
 
-def test_the_outer_face_of_a_wall():
-    wall = AssembleOptions(join_mm=0.1, sliver_mm2=0.01, bounds="wall")
-    world = made(square(0, 0, 100), square(5, 5, 90), square(40, 40, 20), options=wall)
-    assert world.bounds.area == 10_000
-    assert world.free_space.area == 8100 - 400
-
-
 def test_a_fill_in_a_fill_is_solid_and_an_outline_in_an_outline_is_not():
     filled = made(square(0, 0, 99), square(9, 9, 40, filled=True), square(20, 20, 9, filled=True))
     assert [p.area for p in filled.obstacles] == [1600]
@@ -98,8 +91,3 @@ def test_a_grid_in_pieces_comes_back(seed, down, gap_mm):
     assert len(again.obstacles) == len(world.obstacles)
     slack = 1e-3 + gap_mm * sum(p.length for p in (world.bounds, *world.obstacles))
     assert (again.free_space ^ world.free_space).area <= slack
-
-
-def test_nothing_closed():
-    with pytest.raises(BadInputError, match="no outlines"):
-        made(outline((0, 0), (0, 0), closed=False))

@@ -38,20 +38,6 @@ def signed_area(ring: Floats) -> float:
     return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
-def test_one_cell_is_walked_counter_clockwise() -> None:
-    (loop,) = boundary_loops(np.array([[True]]))
-    assert sorted(map(tuple, loop)) == [(0, 0.5), (0.5, 0), (0.5, 1), (1, 0.5)]
-    assert signed_area(exact(loop)) == 1.0
-
-
-def test_a_hole_is_walked_clockwise() -> None:
-    mask = np.ones((5, 6), dtype=bool)
-    mask[1:3, 2:5] = False
-    outer, hole = sorted(boundary_loops(mask), key=len, reverse=True)
-    assert signed_area(exact(outer)) == 30.0
-    assert signed_area(exact(hole)) == -6.0
-
-
 def test_free_cells_touching_at_a_corner_are_apart_and_solid_ones_joined() -> None:
     assert len(boundary_loops(np.eye(3, dtype=bool))) == 3
     wall = np.ones((6, 6), dtype=bool)
@@ -80,10 +66,6 @@ def test_midpoints_stay_near_the_exact_boundary(mask: np.ndarray) -> None:
     for loop in boundary_loops(mask):
         corners, line = shapely.points(exact(loop)), Polygon(loop).exterior
         assert shapely.distance(corners, line).max() <= CORNER_CUT + 1e-12
-
-
-def test_nothing_free_has_no_loops() -> None:
-    assert boundary_loops(np.zeros((3, 4), dtype=bool)) == []
 
 
 TOLERANCES = (0.75, 1.0, 1.5, 3.0)
@@ -229,16 +211,6 @@ def test_a_wall_one_cell_thick_neither_vanishes_nor_opens(
     assert shapely.minimum_clearance(wall) > 0.25
 
 
-@pytest.mark.parametrize("tolerance", TOLERANCES)
-def test_a_closed_ring_keeps_inside_and_outside_apart(tolerance: float) -> None:
-    row, column = np.mgrid[:50, :50]
-    distance = np.hypot(row - 24.5, column - 24.5)
-    free = (distance < 14.4) | (distance > 15.6)
-    inner = assert_faithful(largest_region(free & (distance < 15)), tolerance)
-    outer = assert_faithful(largest_region(free & (distance > 15)), tolerance)
-    assert not inner.intersects(outer)
-
-
 @pytest.mark.parametrize("radius", [2.5, 4.0, 8.0])
 def test_round_pillars_stay_round_and_keep_their_size(radius: float) -> None:
     row, column = np.mgrid[:40, :40]
@@ -362,12 +334,3 @@ def test_bad_options_are_refused(options: dict[str, object], message: str) -> No
 def test_nothing_free_is_refused() -> None:
     with pytest.raises(BadInputError, match="no free cell"):
         made(np.zeros((4, 4), dtype=bool))
-
-
-def test_areas_before_and_after_are_recorded() -> None:
-    row, column = np.mgrid[:60, :60]
-    world = made(np.hypot(row - 30, column - 30) < 25)
-    before, after = (world.facts[f"free_area_of_{kind}_mm2"] for kind in ("cells", "walls"))
-    assert after == pytest.approx(before, rel=0.02)
-    assert world.free_space.area == pytest.approx(after, rel=1e-6)
-    assert 0 < world.facts["deviation_mm"] <= 10.0

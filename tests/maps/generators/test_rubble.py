@@ -67,9 +67,9 @@ def _long_side(slab: Polygon) -> tuple[float, float]:
     return angle, float(np.hypot(*one) / np.hypot(*other))
 
 
-@pytest.mark.parametrize("cover", [0.08, 0.17, 0.25])
+@pytest.mark.parametrize("cover", [0.08, 0.25])
 def test_the_cover_is_reached(cover: float) -> None:
-    for seed in range(3):
+    for seed in range(2):
         world = rubble_map(seed, RubbleOptions(cover=cover, slab_max_mm=90.0))
         assert world.facts["covered"] == pytest.approx(cover, rel=0.15)
         share = 1.0 - world.free_space.area / 250_000

@@ -1,11 +1,10 @@
-"""Import of a synthetic cave survey: time, peak memory, area, narrowest passage.
+"""Import of a synthetic cave survey: time, peak memory, narrowest passage.
 
 python tests/maps/importers/measure_survey.py 10000 500000 --formats geojson dxf gpkg
 
 Passages are strips of known half-width along wandering lines, their walls rough outward only, in
 a tree with loops. One strip is the narrowest: its two straight walls are known by construction.
-Each import runs in a process of its own. Its area is compared with a count of pixels whose middle
-is in any of the drawn polygons (scan lines, no union), its narrowest passage with the construction.
+Each import runs in a process of its own.
 """
 
 import argparse
@@ -135,60 +134,19 @@ def _write_dxf(rings, path):
     document.saveas(path)
 
 
-def pixel_area_mm2(polygons, pixel_mm):
-    """Return the area of pixels whose middle is in a polygon: counted, nothing is united."""
-    low = np.min([points.min(axis=0) for points in polygons], axis=0)
-    high = np.max([points.max(axis=0) for points in polygons], axis=0)
-    columns, rows = (int(value) for value in np.ceil((high - low) / pixel_mm) + 1)
-    counted = 0
-    strip_rows = 2000
-    for begin in range(0, rows, strip_rows):
-        image = np.zeros((min(strip_rows, rows - begin), columns), dtype=bool)
-        for points in polygons:
-            _scan(image, (points - low) / pixel_mm - [0.0, begin])
-        counted += int(image.sum())
-    return counted * pixel_mm**2
-
-
-def _scan(image, points):
-    """Set the pixels whose middle is in a polygon by even-odd (one polygon crosses itself not)."""
-    first, last = points, np.roll(points, -1, axis=0)
-    low = np.ceil(np.minimum(first[:, 1], last[:, 1]) - 0.5).astype(int)
-    high = np.ceil(np.maximum(first[:, 1], last[:, 1]) - 0.5).astype(int)
-    low, high = np.clip(low, 0, len(image)), np.clip(high, 0, len(image))
-    count = high - low
-    edge = np.repeat(np.arange(len(points)), count)
-    row = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + low[edge]
-    share = (row + 0.5 - first[edge, 1]) / (last[edge, 1] - first[edge, 1])
-    x = first[edge, 0] + share * (last[edge, 0] - first[edge, 0])
-    order = np.lexsort([x, row])
-    row, begin, end = row[order][::2], x[order][::2], x[order][1::2]
-    columns = np.stack([np.ceil(begin - 0.5), np.ceil(end - 0.5)]).astype(int)
-    for line, left, right in zip(row, *np.clip(columns, 0, image.shape[1]), strict=True):
-        image[line, left:right] = True
-
-
-def _peak_mb():
-    """Return the largest resident memory of this process (rusage counts the parent's too)."""
-    status = Path("/proc/self/status")
-    if not status.is_file():
-        return math.nan
-    line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
-    return int(line.split()[1]) / 1024.0
-
-
 def imported(path):
     """Import a file, as the process that is measured does, and write what came out."""
     begin = time.process_time()
     world = import_map(Path(path), ImportOptions(drawn="free"))
     seconds = time.process_time() - begin
-    peak_mb = _peak_mb()
+    # Not rusage, which counts what the parent held.
+    peak = Path("/proc/self/status").read_text().partition("VmHWM:")[2].split()
+    peak_mb = int(peak[0]) / 1024.0 if peak else math.nan
     begin = time.process_time()
     narrowest = narrow_passages(world.free_space, 1)[0]
     found = {
         "cpu_s": seconds,
         "peak_mb": peak_mb,
-        "area_mm2": world.free_space.area,
         "obstacles": len(world.obstacles),
         "walls": world.wall_count,
         "narrowest_mm": narrowest.width_mm,
@@ -202,7 +160,6 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("vertices", type=int, nargs="*", default=[10_000])
     parser.add_argument("--formats", nargs="*", default=["geojson", "dxf", "gpkg"])
-    parser.add_argument("--pixel-mm", type=float, default=4.0)
     parser.add_argument("--of", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.of:
@@ -211,7 +168,6 @@ def main():
     for vertices in given.vertices:
         polygons = survey(vertices)
         drawn = sum(map(len, polygons))
-        area_mm2 = pixel_area_mm2(polygons, given.pixel_mm)
         with TemporaryDirectory() as folder:
             for suffix in given.formats:
                 path = Path(folder) / f"survey.{suffix}"
@@ -223,9 +179,7 @@ def main():
                 found = json.loads(done.stdout)
                 sys.stdout.write(
                     f"{drawn} vertices, {len(polygons)} areas, {suffix}: "
-                    f"{found['cpu_s']:.1f} s CPU, peak {found['peak_mb']:.0f} MB; area "
-                    f"{found['area_mm2'] / 1e6:.3f} m2 against {area_mm2 / 1e6:.3f} m2 of pixels "
-                    f"({100 * (found['area_mm2'] / area_mm2 - 1):+.4f} %); narrowest passage "
+                    f"{found['cpu_s']:.1f} s CPU, peak {found['peak_mb']:.0f} MB; narrowest "
                     f"{found['narrowest_mm']:.3f} mm, built {NECK_MM:g} "
                     f"({found['passages_cpu_s']:.1f} s); {found['obstacles']} obstacles, "
                     f"{found['walls']} walls; {found['facts']}\n"

@@ -15,7 +15,7 @@ from vinefab.core.hashing import sha256_of_file
 from vinefab.maps.cleanup import raster
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.ros_map import import_ros
-from vinefab.model.map import Map, Pose, map_text
+from vinefab.model.map import Map
 
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0
 Import = Callable[..., Map]
@@ -72,14 +72,6 @@ def test_the_first_row_is_the_top_and_the_origin_the_lower_left_corner(
     assert (facts["cells_free"], facts["cells_occupied"], facts["cells_unknown"]) == (54, 42, 96)
     assert facts["image_sha256"] == sha256_of_file(tmp_path / "world.pgm")
     assert facts["simplify_mm"] == 50.0
-
-
-def test_the_imported_map_survives_its_file(importing: Import, tmp_path: Path) -> None:
-    world = importing(box_world())
-    (tmp_path / "world.geojson").write_text(map_text(world), encoding="utf-8")
-    again = Map.read(tmp_path / "world.geojson")
-    assert again.free_space.equals(world.free_space)
-    assert dict(again.facts) == dict(world.facts)
 
 
 def test_a_table_top_is_the_same_world_scaled(importing: Import) -> None:
@@ -206,12 +198,6 @@ def test_a_given_tolerance_is_kept_and_saves_walls(importing: Import) -> None:
     assert fine.facts["deviation_mm"] <= 38.0
     assert coarse.facts["deviation_mm"] <= 150.0
     assert coarse.wall_count < fine.wall_count
-
-
-def test_the_start_given_is_the_start(importing: Import) -> None:
-    pose = Pose(x_mm=-500.0, y_mm=2200.0, heading_rad=1.0)
-    world = importing(box_world(), ImportOptions(start=pose))
-    assert world.starts[0].pose == pose
 
 
 @pytest.mark.parametrize(

@@ -54,11 +54,6 @@ def test_a_deployment_has_the_agreed_form(deployment: Deployment) -> None:
     assert (second["planned_mm"], second["grown_mm"]) == (25.0, 0.0)
 
 
-def test_a_metric_that_is_no_number_is_not_written(deployment: Deployment) -> None:
-    with pytest.raises(ValueError, match="not JSON compliant"):
-        deployment_text(deployment, "y", "grid", {"length_mm": float("nan")})
-
-
 def test_a_score_has_the_agreed_form() -> None:
     pose = Pose(x_mm=0.0, y_mm=-1.5, heading_rad=rad(-90.0))
     one = Evaluation(

@@ -64,23 +64,20 @@ class _SplineCurve:
         """Return points on the curve: spans between knots are halved until they are flat."""
         knots, order = np.array(self.spline.knots()), self.spline.order
         inner = np.unique(knots[order - 1 : len(knots) - order + 1])
+        weights = np.array(self.spline.weights() or [1.0] * len(self.spline.control_points))
+        lifted = np.column_stack([self.hull() * weights[:, None], weights])
+        curve = Interpolated(knots, lifted, order - 1)
         parts = 4
         while True:
             share = np.arange(2 * parts) / (2 * parts)
             params = (inner[:-1, None] + np.diff(inner)[:, None] * share).ravel()
-            points = self._at(np.append(params, inner[-1]))
+            values = np.asarray(curve(np.append(params, inner[-1])), dtype=np.float64)
+            points = values[:, :2] / values[:, 2:]
             chords, middles = points[::2], points[1::2]
             off = np.hypot(*(middles - 0.5 * (chords[:-1] + chords[1:])).T)
             if off.max() <= tolerance or parts >= _FINEST_SPAN:
                 return np.asarray(chords)
             parts *= 2
-
-    def _at(self, params: Floats) -> Floats:
-        weights = np.array(self.spline.weights() or [1.0] * len(self.spline.control_points))
-        lifted = np.column_stack([self.hull() * weights[:, None], weights])
-        curve = Interpolated(np.array(self.spline.knots()), lifted, self.spline.order - 1)
-        values = np.asarray(curve(params), dtype=np.float64)
-        return np.asarray(values[:, :2] / values[:, 2:])
 
 
 _CURVES = ("LINE", "CIRCLE", "ARC", "ELLIPSE", "SPLINE", "HELIX", "LWPOLYLINE", "POLYLINE")

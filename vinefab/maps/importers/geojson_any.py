@@ -126,27 +126,22 @@ def _drawing(document: dict[str, Any]) -> SourceDrawing:
 
 def _geometries(document: dict[str, Any]) -> Iterator[_Leaf]:
     """Yield every single geometry of a document."""
-    if document["type"] != "FeatureCollection":
-        yield from _of_feature(str(document["type"]), document)
-        return
-    features = document.get("features")
-    if not isinstance(features, list):
-        raise BadInputError("features", features, "a list of features")
-    for index, feature in enumerate(features):
-        key = feature_key(index)
+    named = {str(document["type"]): document}
+    if document["type"] == "FeatureCollection":
+        features = document.get("features")
+        if not isinstance(features, list):
+            raise BadInputError("features", features, "a list of features")
+        named = {feature_key(index): feature for index, feature in enumerate(features)}
+    for key, feature in named.items():
         if not isinstance(feature, dict):
             raise BadInputError(key, feature, "a GeoJSON Feature")
-        yield from _of_feature(key, feature)
-
-
-def _of_feature(key: str, feature: dict[str, Any]) -> Iterator[_Leaf]:
-    if feature.get("type") != "Feature":
-        yield from _leaves(key, feature, None, 0)
-        return
-    properties, geometry = feature.get("properties"), feature.get("geometry")
-    role = properties.get("role") if isinstance(properties, dict) else None
-    if geometry is not None:
-        yield from _leaves(key, geometry, role if role in _ROLES else None, 0)
+        if feature.get("type") != "Feature":
+            yield from _leaves(key, feature, None, 0)
+            continue
+        properties, geometry = feature.get("properties"), feature.get("geometry")
+        role = properties.get("role") if isinstance(properties, dict) else None
+        if geometry is not None:
+            yield from _leaves(key, geometry, role if role in _ROLES else None, 0)
 
 
 def _leaves(key: str, geometry: object, role: object, depth: int) -> Iterator[_Leaf]:

@@ -66,15 +66,17 @@ class PhotoOptions:
     crop_mm: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        for point in self.points_px:
-            for value in point:
-                number("points", value, -_MOST_PX, _MOST_PX, "px")
-        for key in ("distance_mm", "marker_mm"):
-            if getattr(self, key) is not None:
-                positive(key, getattr(self, key))
-        for value in self.rectangle_mm or ():
-            positive("rectangle_mm", value)
-        self._ensure_marker_count()
+        for value in (value for point in self.points_px for value in point):
+            number("points", value, -_MOST_PX, _MOST_PX, "px")
+        lengths = {"distance_mm": [self.distance_mm], "marker_mm": [self.marker_mm]}
+        for key, values in {**lengths, "rectangle_mm": self.rectangle_mm or ()}.items():
+            for value in values:
+                if value is not None:
+                    positive(key, value)
+        if self.marker_count is not None:
+            number("marker_count", self.marker_count, 1, 50)
+            if self.marker_mm is None:
+                raise BadInputError("marker_count", self.marker_count, "with --marker-mm")
         number("height_mm", self.height_mm, 0.0, 1e5, "mm")
         if self.threshold is not None:
             number("threshold", self.threshold, 0.0, 255.0)
@@ -105,13 +107,6 @@ class PhotoOptions:
                 "with dark or light obstacles; a colour has its "
                 "tolerance: --obstacles R,G,B,TOLERANCE",
             )
-
-    def _ensure_marker_count(self) -> None:
-        if self.marker_count is None:
-            return
-        number("marker_count", self.marker_count, 1, 50)
-        if self.marker_mm is None:
-            raise BadInputError("marker_count", self.marker_count, "with --marker-mm")
 
     def ensure_one_scale(self, mm_per_pixel: float | None) -> None:
         """Raise BadInputError unless there is just one thing that gives the photo its scale."""

@@ -230,11 +230,13 @@ def _read_ros_yaml(path: Path) -> _RosMap:
         if not isinstance(origin, list) or len(origin) != 3:
             raise BadInputError("origin", origin, "[x, y, yaw]")
         x, y, yaw = (_number("origin", value) for value in origin)
+        if (negate := data.get("negate")) not in (0, 1):
+            raise BadInputError("negate", negate, "0 or 1")
         return _RosMap(
             image=path_inside("image", image, (path.parent,), path),
             resolution_m=_number("resolution", data.get("resolution")),
             origin=(x, y, yaw),
-            negate=_truth("negate", data.get("negate")),
+            negate=bool(negate),
             occupied_thresh=_number("occupied_thresh", data.get("occupied_thresh")),
             free_thresh=_number("free_thresh", data.get("free_thresh")),
             mode=str(data.get("mode", "trinary")),
@@ -249,9 +251,3 @@ def _number(key: str, value: object) -> float:
     except (ValueError, OverflowError):
         pass
     raise BadInputError(key, value, "a number")
-
-
-def _truth(key: str, value: object) -> bool:
-    if value in (0, 1):
-        return bool(value)
-    raise BadInputError(key, value, "0 or 1")

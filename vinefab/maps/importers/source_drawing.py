@@ -217,8 +217,14 @@ def drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> M
             raise BadInputError("drawing", f"without outlines: {held}", "lines, outlines or areas")
         given = options.scale_mm_per_unit
         scale = drawing.mm_per_unit if given is None else given
+        corners = []  # of every item's bounding box
+        for item in drawing.items:
+            hull = np.concatenate([ring.hull() for ring in (*item.rings, *item.holes)])
+            if not np.isfinite(hull).all():
+                raise BadInputError(item.where, "a coordinate that is not finite", "finite numbers")
+            corners += [hull.min(axis=0), hull.max(axis=0)]
         frame, size_mm = framed(
-            _hull(drawing.items),
+            np.array(corners),
             SourceFrame(
                 scale_mm_per_unit=scale, x=drawing.origin[0], y=drawing.origin[1], down=drawing.down
             ),
@@ -237,17 +243,6 @@ def drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> M
             "simplify_mm": chosen.simplify_mm,
         }
         return assemble(visible(path.stem), shapes, frame, chosen, facts, layered=drawing.layered)
-
-
-def _hull(items: tuple[DrawingItem, ...]) -> Floats:
-    """Return the corners of every item's bounding box; refuse items that are not finite."""
-    corners = []
-    for item in items:
-        points = np.concatenate([ring.hull() for ring in (*item.rings, *item.holes)])
-        if not np.isfinite(points).all():
-            raise BadInputError(item.where, "a coordinate that is not finite", "finite numbers")
-        corners += [points.min(axis=0), points.max(axis=0)]
-    return np.array(corners)
 
 
 def _assembling(

@@ -8,7 +8,7 @@ and keeps the axes of a sheared arc at right angles (0.5 % of a rounded rectangl
 
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from xml.parsers import expat
@@ -306,12 +306,8 @@ def path_outlines(data: str) -> list[Subpath]:
     if end < len(data):
         rest = " ".join(data[end:].split())[:30]
         raise BadInputError(f"d, character {end + 1}", rest, _PATH_DATA)
-    return _runs(svg.Path(data))
-
-
-def _runs(segments: Iterable[object]) -> list[Subpath]:
     runs: list[Subpath] = []
-    for segment in segments:
+    for segment in svg.Path(data):
         if isinstance(segment, svg.Move):
             runs.append(Subpath())
         elif isinstance(segment, svg.Close):
@@ -477,7 +473,10 @@ class _Walk(Reading):
     seen: int = 0
 
     def items(self) -> list[DrawingItem]:
-        for node in _all(self.root):
+        nodes = [self.root]
+        while nodes:
+            node = nodes.pop()
+            nodes += reversed(node.children)
             self.by_id.setdefault(node.attributes.get("id", ""), node)
             if node.tag == "style":
                 self.styles |= _rules(node.text)
@@ -621,10 +620,6 @@ def svg_outlines(node: Node) -> list[Subpath]:
         points = np.array(values).reshape(-1, 2)
         run = Subpath([Straight(points)], closed=node.tag == "polygon")
         return [run] if len(points) >= 2 else []
-    return _simple(node)
-
-
-def _simple(node: Node) -> list[Subpath]:
     names = ("x", "y", "width", "height", "rx", "ry", "r", "cx", "cy", "x1", "y1", "x2", "y2")
     at = {name: length_px(node, name) if name in node.attributes else 0.0 for name in names}
     for name in ("width", "height", "rx", "ry", "r"):
@@ -640,14 +635,6 @@ def _simple(node: Node) -> list[Subpath]:
     middle = np.array([at["cx"], at["cy"]])
     whole = Arc(middle=middle, first=np.array([radii[0], 0.0]), second=np.array([0.0, radii[1]]))
     return [Subpath([whole], closed=True)] if min(radii) > 0.0 else []
-
-
-def _all(root: Node) -> Iterator[Node]:
-    stack = [root]
-    while stack:
-        node = stack.pop()
-        yield node
-        stack += reversed(node.children)
 
 
 def _rules(sheet: str) -> dict[str, dict[str, str]]:

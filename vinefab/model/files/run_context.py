@@ -238,7 +238,10 @@ class ChosenRecipe:
         copy = None
         if design.folder is not None:
             copy = path_inside("origin.recipe.file", wanted.file, [design.folder], "the design")
-        found = [*([copy] if copy is not None and copy.is_file() else []), *_named(wanted.name)]
+        found = [copy]
+        if Path(wanted.name).name == wanted.name:  # here, the user's own or the shipped one
+            found += [Path(f"{wanted.name}.toml"), file_named("recipe", wanted.name)]
+        found = [path for path in found if path is not None and path.is_file()]
         for path in found:
             with located(path):
                 digest = recipe_digest(path)
@@ -251,14 +254,6 @@ class ChosenRecipe:
         used = f"{path}, digest {recipe_digest(path)} in place of {wanted.digest}"
         note = f"{missing}: used is {used}"
         return cls(recipe=str(path), profile=read_profile(path), note=note, is_other=True)
-
-
-def _named(name: str) -> list[Path]:
-    """Return the files that a recipe of a name may be: here, the user's own or the shipped one."""
-    if Path(name).name != name:
-        return []
-    places = (Path(f"{name}.toml"), file_named("recipe", name))
-    return [place for place in places if place is not None and place.is_file()]
 
 
 # As in records of before: searches no longer compute with cmaes, which fixes use.

@@ -143,7 +143,11 @@ def examples_named(names: Sequence[str]) -> dict[str, Path]:
 
 def copy_examples(chosen: Mapping[str, Path], out: Path, *, force: bool = False) -> list[Path]:
     """Copy examples into a folder and return what was written: what is there already stays."""
-    missing = {out / name: path for name, path in chosen.items() if not _is_there(out / name, path)}
+    missing = {
+        out / name: path
+        for name, path in chosen.items()
+        if not (out / name).is_file() or (out / name).read_bytes() != path.read_bytes()
+    }
     for place in missing:
         ensure_writable(place, force=force)
     for place, path in missing.items():
@@ -162,8 +166,3 @@ def about_example(path: Path) -> str:
     comment = " ".join(line[2:] for line in takewhile(lambda line: line[:2] == "# ", lines))
     first = next((words for line in lines if (words := line.strip("#\" '-"))), "")
     return f": {(comment or first).partition('. ')[0].rstrip('.')}"
-
-
-def _is_there(path: Path, shipped: Path) -> bool:
-    """Tell whether an unchanged copy lies there."""
-    return path.is_file() and path.read_bytes() == shipped.read_bytes()

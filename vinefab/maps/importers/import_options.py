@@ -69,10 +69,10 @@ class PhotoOptions:
         for value in (value for point in self.points_px for value in point):
             number("points", value, -_MOST_PX, _MOST_PX, "px")
         lengths = {"distance_mm": [self.distance_mm], "marker_mm": [self.marker_mm]}
-        for key, values in {**lengths, "rectangle_mm": self.rectangle_mm or ()}.items():
-            for value in values:
-                if value is not None:
-                    positive(key, value)
+        for key, given_mm in {**lengths, "rectangle_mm": self.rectangle_mm or ()}.items():
+            for length_mm in given_mm:
+                if length_mm is not None:
+                    positive(key, length_mm)
         if self.marker_count is not None:
             number("marker_count", self.marker_count, 1, 50)
             if self.marker_mm is None:

@@ -238,10 +238,10 @@ class ChosenRecipe:
         copy = None
         if design.folder is not None:
             copy = path_inside("origin.recipe.file", wanted.file, [design.folder], "the design")
-        found = [copy]
+        places = [copy]
         if Path(wanted.name).name == wanted.name:  # here, the user's own or the shipped one
-            found += [Path(f"{wanted.name}.toml"), file_named("recipe", wanted.name)]
-        found = [path for path in found if path is not None and path.is_file()]
+            places += [Path(f"{wanted.name}.toml"), file_named("recipe", wanted.name)]
+        found = [path for path in places if path is not None and path.is_file()]
         for path in found:
             with located(path):
                 digest = recipe_digest(path)

@@ -35,7 +35,7 @@ from vinefab.maps.importers.source_drawing import (
     Arc,
     CurvePiece,
     DrawingItem,
-    Reading,
+    DrawingReader,
     Ring,
     SourceDrawing,
     Straight,
@@ -387,7 +387,7 @@ def _layer(entity: DXFGraphic) -> str:
 
 
 @dataclass(slots=True)
-class _Walk(Reading):
+class _Walk(DrawingReader):
     """Traversal of model space and the blocks inserted in it."""
 
     document: Document = field(kw_only=True)

@@ -152,7 +152,7 @@ def import_suffixes() -> dict[str, MapImporter]:
 
 
 def begin_importing(source: Path) -> None:
-    """Let a process of its own load the reader of a file that `import_map` will be asked for."""
+    """Begin the process that will read a file, as `import_map` will be asked for it."""
     importer = import_suffixes().get(source.suffix.lower())
     if importer is not None and source.suffix.lower() not in PHOTO_SUFFIXES:
         begin_reader(importer.reader.partition(":")[0])

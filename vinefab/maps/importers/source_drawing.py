@@ -192,7 +192,7 @@ class SourceDrawing:
 
 
 @dataclass(slots=True)
-class Reading:
+class DrawingReader:
     """What a reader of drawings was asked for, read and left out."""
 
     layers: frozenset[str]  # to read; empty for all

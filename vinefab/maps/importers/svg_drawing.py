@@ -26,7 +26,7 @@ from vinefab.maps.importers.source_drawing import (
     Bezier,
     CurvePiece,
     DrawingItem,
-    Reading,
+    DrawingReader,
     Ring,
     SourceDrawing,
     Straight,
@@ -458,7 +458,7 @@ def _drawing(root: Node, options: ImportOptions) -> SourceDrawing:
 
 
 @dataclass(slots=True)
-class _Walk(Reading):
+class _Walk(DrawingReader):
     """Traversal of the elements of a drawing."""
 
     root: Node = field(kw_only=True)

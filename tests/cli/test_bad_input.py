@@ -249,6 +249,8 @@ LINES = {
     "grow plain --map grid.geojson --growth body=inflated --growth body=centerline": "body once",
     "grow plain --map grid.geojson --growth body=inflated --body centerline": "'centerline'",
     "check plain --growth body=inflated": "--map",
+    "check photos/robot.jpg": "is a JPEG picture; vinefab map import makes a map of one",
+    "grow plain --map photos/robot.jpg": "vinefab observe reads a photo of a grown robot",
     "score plain_vine --maps grid.geojson --set radius_mm": "--set",
     "score plain_vine --maps grid.geojson --set radius=3": "radius_mm",
     "score plain_vine --maps grid.geojson --poses 0": "--poses",
@@ -387,6 +389,7 @@ def folder(tmp_path_factory, seen):
     for name, text in write.items():
         (place / name).parent.mkdir(exist_ok=True)
         (place / name).write_text(text)
+    (place / "photos" / "robot.jpg").write_bytes(b"\xff\xd8\xff\xe0")
     (place / "link.toml").symlink_to("plain.toml")
     grid = vf.maps.grid(columns=3, rows=3, size_mm=300.0).write(place / "grid.geojson")
     for name, (change, _) in MAPS.items():

@@ -59,28 +59,6 @@ def test_a_map_says_how_it_was_made_once_and_in_few_digits(vinefab, tmp_path):
 # --- Figures of a map -----------------------------------------------------------------------------
 
 
-def test_info_of_a_map(vinefab, grid, tmp_path):
-    numbers, picture = tmp_path / "info.json", tmp_path / "info.svg"
-    code, words, complaint = vinefab(
-        "map", "info", grid, "--width-mm", 20, "--json", numbers, "--svg", picture
-    )
-    document = json.loads(numbers.read_text())
-    assert (code, complaint) == (0, "")
-    assert document["schema"] == "vinefab/map-info-1"
-    assert f"walls: {document['walls']}\n" in words
-    assert f"{document['passages'][0]['width_mm']:.2f} mm " in words
-    assert "body asked about: 20 mm" in words
-    assert str(picture) in words
-    assert picture.read_bytes().startswith(b"<?xml")
-
-
-def test_json_on_standard_output_stands_alone(vinefab, grid):
-    code, output, words = vinefab("map", "info", grid, "--json", "-", "--passages", 2)
-    assert code == 0
-    assert len(json.loads(output)["passages"]) == 2
-    assert "narrowest passages" in words
-
-
 def write_room(path, width, height):
     rectangle = [[0, 0], [width, 0], [width, height], [0, height], [0, 0]]
     shape = {"type": "Polygon", "coordinates": [rectangle]}
@@ -150,19 +128,6 @@ def test_the_map_with_its_start_and_the_option_give_the_same_scores(vinefab, gri
     assert {pose["x_mm"] for pose in poses} == {15.0}
     assert len({pose["y_mm"] for pose in poses}) == 3
     assert all(abs(pose["heading_deg"]) <= 20.0 for pose in poses)
-
-
-def test_maps_are_made_and_drawn_with_a_start(vinefab, grid, tmp_path):
-    made, picture = tmp_path / "made.geojson", tmp_path / "grown.svg"
-    size = ("--columns", 3, "--rows", 3, "--size", 300)
-    code, said, _ = vinefab("map", "grid", *size, "--start", "top side", "--out", made)
-    assert code == 0
-    assert "start: line 0,285 300,285, heading -90" in said
-    code, said, _ = vinefab("grow", "plain_vine", "--map", grid, "--start", "20,15,90+-5",
-                            "--svg", picture)  # fmt: skip
-    assert code == 0
-    assert "from 20.00,15.00,90.00" in said
-    assert vinefab("map", "info", grid, "--start", "right side", "-q") == (0, "", "")
 
 
 def test_a_drawing_is_imported_with_a_place_to_start(vinefab, tmp_path):

@@ -1,7 +1,6 @@
 """Commands that predict: growth in pictures, growth options, reports."""
 
 import json
-import re
 
 import pytest
 
@@ -35,23 +34,6 @@ def test_history_is_in_the_json_only_when_asked_for(vinefab, tree):
         if branch["stop"] != "not_deployed"
     }
     assert {branch["id"]: branch["points_mm"] for branch in steps[-1]["branches"]} == final
-
-
-@pytest.mark.parametrize(("name", "start"), [("a.svg", b"<svg"), ("a.GIF", b"GIF89a")])
-def test_animation_is_written_and_may_be_written_again(vinefab, tree, tmp_path, name, start):
-    path = tmp_path / name
-    for _ in range(2):
-        code, words, complaint = vinefab(*tree, "--animate", path, "--frames", 5)
-        assert (code, complaint) == (0, "")
-        assert str(path) in words
-    assert path.read_bytes().startswith(start)
-
-
-def test_labels_are_drawn_on_request(vinefab, tree, tmp_path):
-    plain, named = tmp_path / "plain.svg", tmp_path / "named.svg"
-    vinefab(*tree, "--svg", plain)
-    vinefab(*tree, "--svg", named, "--label")
-    assert named.stat().st_size > plain.stat().st_size
 
 
 # --- ``--growth`` and what a design was trained with, the same in every command that grows --------
@@ -111,16 +93,6 @@ def test_a_design_of_no_run_is_compared_as_the_other_was_trained(vinefab, grid, 
     assert "plain minus plain_vine" in words
 
 
-def test_a_check_has_growth_options_only_on_a_map(vinefab, grid, plain):
-    code, _, complaint = vinefab("check", plain, "--growth", "body=inflated")
-    assert code == 2
-    assert "--map" in complaint
-    code, words, _ = vinefab("check", plain, "--map", grid, "--growth", "body=centerline")
-    assert code in (0, 1)
-    # What growth to every tip would take is asked: no pressure stops it.
-    assert "growth: centerline body, head-on half-angle 1 deg (assumed), no pressure" in words
-
-
 def test_the_repeat_line_gives_the_same_options():
     given = {"head_on_half_angle_deg": [1, 15], "pressure_stop": False, "storage_kpa": 8.32}
     (option,) = [one for one in options_of(grow) if one.name == "growth"]
@@ -136,23 +108,6 @@ def test_the_repeat_line_gives_the_same_options():
 SMALL = ("--set", "columns=3", "--set", "rows=3", "--set", "size_mm=300")
 
 
-def test_report_over_an_environment_repeats_itself(vinefab, tmp_path):
-    pages = []
-    for name in ("one", "two"):
-        out, numbers = tmp_path / f"{name}.html", tmp_path / f"{name}.json"
-        code, words, complaint = vinefab(
-            "report", "plain_vine", "--environment", "grid", "--count", 3, *SMALL, "--poses", 2,
-            "--out", out, "--json", numbers,
-        )  # fmt: skip
-        assert (code, complaint) == (0, "")
-        assert "; 3 maps]" in words
-        document = json.loads(numbers.read_text())
-        assert len(document["fields"][0]["deployments"]) == 6
-        # the digest in its mark is that of the page with its path
-        pages.append(re.sub(r" \[[0-9a-f]{16}\]", "", out.read_text().replace(str(out), "OUT")))
-    assert pages[0] == pages[1]
-
-
 def test_an_interrupted_report_leaves_nothing(monkeypatch, grid, tmp_path):
     def interrupted(*_args, **_kwargs):
         raise KeyboardInterrupt
@@ -165,20 +120,3 @@ def test_an_interrupted_report_leaves_nothing(monkeypatch, grid, tmp_path):
     )
     assert code == 130
     assert sorted(tmp_path.iterdir()) == before
-
-
-def test_compare_says_who_is_better(vinefab, tmp_path):
-    page, numbers = tmp_path / "compare.html", tmp_path / "compare.json"
-    arguments = (
-        "compare", "three_level_tree", "plain_vine", "--environment", "grid", "--count", 2,
-        *SMALL, "--poses", 1, "--out", page, "--json", numbers,
-    )  # fmt: skip
-    code, words, complaint = vinefab(*arguments, "--measure", "seen")
-    assert (code, complaint) == (0, "")
-    assert "three_level_tree minus plain_vine" in words
-    assert json.loads(numbers.read_text())["measure"] == "seen_percent"
-    assert "Paired differences" in page.read_text()
-    code, _, complaint = vinefab(*arguments, "--measure", "growth_pressure")
-    assert code == 2
-    assert "growth_pressure_loose_kpa" in complaint
-    assert vinefab("compare", "plain_vine", "--environment", "grid")[0] == 2

@@ -22,7 +22,7 @@ from vinefab.physics.growth_pressure import (
     growth_pressures_kpa,
 )
 from vinefab.physics.tube import inflated_diameter_mm
-from vinefab.prediction.deploy import History
+from vinefab.prediction.deploy import DeployedDesign
 from vinefab.prediction.measures import LOOSE
 
 PRESSED = GrowthOptions.published(pressure_stop=True)
@@ -196,14 +196,17 @@ def test_a_shape_on_the_way_is_part_of_the_final_one(random_map, random_pose, ra
     stopped = 0
     for number in range(40):
         rng = np.random.default_rng([33, number])
-        terrain = Terrain.of(random_map(rng, "convex"))
+        world = random_map(rng, "convex")
+        terrain = Terrain.of(world)
         robot, pose = random_tree(rng), random_pose(rng, terrain)
         pressure_kpa = some_pressure_kpa(
             robot, terrain, pose, GrowthOptions.published(), LOOSE, rng
         )
         robot = at_pressure(robot, pressure_kpa)
         final = grow_on(robot, terrain, pose, PRESSED)
-        history = History(design=robot, terrain=terrain, options=PRESSED, final=final)
+        history = DeployedDesign(
+            design=robot, world=world, terrain=terrain, options=PRESSED, deployment=final
+        ).history
         if history.full_mm <= 0.0:
             continue
         frame = history.at(0.999999 * history.full_mm)

@@ -7,14 +7,12 @@ import pytest
 import shapely
 from PIL import Image
 
-from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
 from vinefab.pages.animation import Stage, frozen_since, gif_animation, svg_animation
 from vinefab.pages.panel import round_length_mm
-from vinefab.prediction.deploy import History
+from vinefab.prediction.deploy import deploy
 
 SVG = "{http://www.w3.org/2000/svg}"
 WIDTHS_MM = (6.0, 3.0)
@@ -32,11 +30,8 @@ def world():
 def frames(world):
     fork = Level(branches=3, length_mm=30.0, fan_rad=2.0, growth=0.5)
     design = Design(name="y", trunk_length_mm=40.0, levels=(fork,), build=Build.standard(2))
-    options, terrain = GrowthOptions.published(), Terrain.of(world)
     pose = Pose(x_mm=50.0, y_mm=5.0, heading_rad=math.pi / 2)
-    final = grow_on(design, terrain, pose, options)
-    history = History(design=design, terrain=terrain, options=options, final=final)
-    return history.even_steps(8)
+    return deploy(design, world, pose, GrowthOptions.published().content).history.even_steps(8)
 
 
 def seen_at(group, share):

@@ -237,16 +237,16 @@ def test_the_front_door_writes_a_page_and_returns_poses(tmp_path):
     result = vf.aim(
         TREE,
         ROOM,
-        "coverage",
+        "reach",
         alone=True,
         deployments=5000,
-        out=tmp_path / "aim.png",
+        out=tmp_path / "aim.svg",
         progress=lambda share, _words: seen.shares.append(share),
-        radius_mm=40,
+        buffer_mm=30,
         area="fast",
     )
-    assert result.task.radius_mm == 40.0
-    assert (tmp_path / "aim.png").read_bytes().startswith(b"\x89PNG")
+    assert result.task.buffer_mm == 30.0
+    assert (tmp_path / "aim.svg").read_bytes().startswith(b"<?xml")
     assert result.poses == (result.pose,)
     assert seen.shares == sorted(seen.shares)
     assert repr(result).startswith("<AimResult>\nBest found: put the base of tree at ")

@@ -50,15 +50,16 @@ from vinefab.tasks.reach import touched_targets
 MOST_FRAMES = 1000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class History:
     """A deployment at any length of its front."""
 
-    # design, terrain, options: what was grown, where and by which rules
-    design: Design
-    terrain: Terrain
-    options: GrowthOptions
-    final: Deployment  # the finished deployment
+    grown: "DeployedDesign"  # the finished deployment, and by which rules it grew
+
+    @property
+    def final(self) -> Deployment:
+        """The finished deployment."""
+        return self.grown.deployment
 
     @property
     def base_mm(self) -> Floats:
@@ -77,9 +78,9 @@ class History:
             still = np.zeros(len(self.final.tree), dtype=np.bool_)
             return DeploymentFrame(front_mm=self.full_mm, deployment=self.final, is_growing=still)
         plan, is_growing = self._plan_at(front_mm)
-        pose = self.final.pose
-        alone = self.options.changed(branch_contact="pass", emergence=1.0)
-        deployment = grow_on(self.design, self.terrain, pose, alone, engine, plan)
+        of = self.grown
+        alone = of.options.changed(branch_contact="pass", emergence=1.0)
+        deployment = grow_on(of.design, of.terrain, self.final.pose, alone, engine, plan)
         deployment = self._with_cuts(deployment, front_mm)
         return DeploymentFrame(front_mm=front_mm, deployment=deployment, is_growing=is_growing)
 
@@ -134,7 +135,7 @@ class History:
         # What has stopped keeps its planned length: cut to the length grown, a branch that met a
         # wall just there would count as grown in full.
         length_mm = np.where(is_growing, front_mm - base_mm[out], self.final.tree.length_mm[out])
-        return Plan.of(self.design, self.options).cut(out, length_mm), is_growing
+        return Plan.of(self.grown.design, self.grown.options).cut(out, length_mm), is_growing
 
 
 def history_content(frames: Sequence[DeploymentFrame]) -> list[dict[str, object]]:
@@ -351,9 +352,7 @@ class DeployedDesign(Result):
     @property
     def history(self) -> History:
         """The deployment at any length of its front."""
-        return History(
-            design=self.design, terrain=self.terrain, options=self.options, final=self.deployment
-        )
+        return History(self)
 
     def json_text(self) -> str:
         """Return every branch with its points as JSON: ``vinefab/deployment-1``."""

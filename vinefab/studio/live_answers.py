@@ -37,7 +37,7 @@ from vinefab.pages.plan_svg import (
     targets_svg,
     view_box,
 )
-from vinefab.prediction.deploy import History, places_text, stayed_text, wedged, without_room
+from vinefab.prediction.deploy import DeployedDesign, places_text, stayed_text, wedged, without_room
 from vinefab.prediction.measures import worst_pressures_of
 from vinefab.studio.executors import Progress
 from vinefab.studio.state import PAGE, EditedMap, StudioState
@@ -357,7 +357,7 @@ def tip_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict[
     to_mm = [number("to", value, -LARGEST_MM, LARGEST_MM, "mm") for value in ask.get("to", ())]
     if len(to_mm) != 2:
         raise BadInputError("to", ask.get("to"), "a point [x, y], mm", PAGE)
-    deployment = deployed_robot(state)[0]
+    deployment = deployed_robot(state).deployment
     ids = deployment.tree.ids
     if ask.get("branch") not in ids:
         raise BadInputError("branch", ask.get("branch"), "the id of a branch", PAGE)
@@ -387,13 +387,20 @@ def tip_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict[
     return {"level": index, "values": values}
 
 
-def deployed_robot(state: StudioState) -> tuple[Deployment, Terrain]:
-    """Return the deployment on the open map (simulated), and its terrain."""
+def deployed_robot(state: StudioState) -> DeployedDesign:
+    """Return the robot on the open map (simulated)."""
     if state.world is None or state.start is None:
         raise BadInputError("map", None, "a map with a start", PAGE)
     if problem := not_followed(state.design):
         raise VinefabError(problem)
-    return grown(state, state.start)
+    final, terrain = grown(state, state.start)
+    return DeployedDesign(
+        design=state.grown_now,
+        world=state.world,
+        terrain=terrain,
+        options=state.growth,
+        deployment=final,
+    )
 
 
 def front_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict[str, Any]:
@@ -407,13 +414,7 @@ def front_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dic
     ask
         ``front_mm``: way along the body from the base to the growing tips.
     """
-    final, terrain = deployed_robot(state)
-    history = History(
-        design=state.grown_now,
-        terrain=terrain,
-        options=state.growth,
-        final=final,
-    )
+    history = deployed_robot(state).history
     given: Any = ask.get("front_mm")
     front_mm = number("front_mm", given, 1e-6, LARGEST_MM, "mm")
     frame = history.at(front_mm, engine=current_engine())

@@ -15,7 +15,7 @@ from reportlab.pdfgen.pathobject import PDFPathObject
 from vinefab.core.hashing import ROOMY_GENERATOR
 from vinefab.core.validation import Floats
 from vinefab.pages.page_files import font_file
-from vinefab.pages.panel import MIDDLE, OPEN_SIGNS, SIGNS, Ink, Marks, Page, Raster, Shape, Words
+from vinefab.pages.panel import MIDDLE, OPEN_SIGNS, SIGNS, Marks, Page, Raster, Shape, Words
 
 _ROUND, _BUTT = 1, 0
 
@@ -55,22 +55,23 @@ def _draw(canvas: Canvas, primitive: Shape | Marks | Raster, high: float) -> Non
         for chain in primitive.chains:
             _chain(path, chain, high, closed=primitive.closed)
     else:
-        for x, y in primitive.points:
-            _sign(path, primitive, (float(x), float(y)), high)
-    _ink(canvas, primitive.ink)
+        for x, y in primitive.points.tolist():
+            if primitive.sign == "o":
+                path.circle(x, high - y, primitive.size_pt / 2.0)
+                continue
+            corners = primitive.size_pt * SIGNS[primitive.sign] + (x, y)
+            is_open = primitive.sign in OPEN_SIGNS
+            for stroke in (corners[:2], corners[3:]) if is_open else (corners,):
+                _chain(path, stroke, high, closed=not is_open)
+    ink = primitive.ink
+    if ink.fill:
+        canvas.setFillColor(HexColor(ink.fill), alpha=ink.fill_alpha)
+    if ink.line:
+        canvas.setStrokeColor(HexColor(ink.line), alpha=ink.line_alpha)
+        canvas.setLineWidth(ink.width_pt)
+        canvas.setDash(list(ink.dash_pt))
+        canvas.setLineCap(_BUTT if ink.butt or ink.dash_pt else _ROUND)
     canvas.drawPath(path, stroke=int(bool(primitive.ink.line)), fill=int(bool(primitive.ink.fill)))
-
-
-def _sign(path: PDFPathObject, marks: Marks, place: tuple[float, float], high: float) -> None:
-    if marks.sign == "o":
-        path.circle(place[0], high - place[1], marks.size_pt / 2.0)
-        return
-    corners = marks.size_pt * SIGNS[marks.sign] + place
-    if marks.sign in OPEN_SIGNS:
-        for stroke in (corners[:2], corners[3:]):
-            _chain(path, stroke, high, closed=False)
-    else:
-        _chain(path, corners, high, closed=True)
 
 
 def _chain(path: PDFPathObject, chain: Floats, high: float, *, closed: bool) -> None:
@@ -82,16 +83,6 @@ def _chain(path: PDFPathObject, chain: Floats, high: float, *, closed: bool) -> 
         path.lineTo(x, high - y)
     if closed:
         path.close()
-
-
-def _ink(canvas: Canvas, ink: Ink) -> None:
-    if ink.fill:
-        canvas.setFillColor(HexColor(ink.fill), alpha=ink.fill_alpha)
-    if ink.line:
-        canvas.setStrokeColor(HexColor(ink.line), alpha=ink.line_alpha)
-        canvas.setLineWidth(ink.width_pt)
-        canvas.setDash(list(ink.dash_pt))
-        canvas.setLineCap(_BUTT if ink.butt or ink.dash_pt else _ROUND)
 
 
 def _write(canvas: Canvas, words: Words, high: float) -> None:

@@ -40,7 +40,6 @@ from vinefab.pages.plan import (
     STOP_WORDS,
     UNSEEN_DETAIL,
     Box,
-    StartMark,
     longer_mm,
     lost_places,
     start_marks,
@@ -105,7 +104,18 @@ def ground_svg(world: Map, *, detail: bool = True) -> str:
     else:
         rock = [f'<path class="rock merged" d="{"".join(solid)}"/>'] if solid else []
     free, line = f'<path class="free" d="{edge}"/>', f'<path class="bounds" d="{edge}"/>'
-    starts = "".join(_range_svg(mark) for mark in start_marks(world, world.bounds.bounds))
+    starts = ""
+    for mark in start_marks(world, world.bounds.bounds):  # nothing for a single pose
+        parts = []
+        if mark.fan is not None:
+            parts.append(f'<path class="fan" d="{_line_path(mark.fan)}"/>')
+        if mark.whole is not None:
+            areas = [piece for piece in mark.free if isinstance(piece, Polygon)]
+            parts += [f'<path class="fan" d="{path}"/>' for path in _rings_paths(areas)]
+            lines = [piece for piece in mark.free if not isinstance(piece, Polygon)]
+            parts += [f'<path class="places" d="{_line_path(line)}"/>' for line in lines]
+            parts.append(f'<path class="whole" d="{_line_path(mark.whole)}"/>')
+        starts += f'<g class="range">{"".join(parts)}</g>' if parts else ""
     return f'<g class="ground">{free}{"".join(rock)}{line}{starts}</g>'
 
 
@@ -160,7 +170,15 @@ def robot_svg(
         parts.append(f'<g class="level level-{colour}">{body}<g class="line">{course}</g></g>')
     if detail:
         at_rest = deployment.deployed if is_growing is None else deployment.deployed & ~is_growing
-        lost = "" if is_growing is not None else _lost(deployment)
+        words = STOP_WORDS[Stop.NOT_DEPLOYED]
+        # A ring at every end of the body at which branches never emerged.
+        lost = "" if is_growing is not None else "".join(
+            f'<g class="mark {stop_class(Stop.NOT_DEPLOYED)}" '
+            f'data-front="{_text(place.front_mm)}" transform="translate({_pair(*place.at_mm)})">'
+            f"{STOP_SIGNS[Stop.NOT_DEPLOYED]}"
+            f"<title>{counted(place.count, 'branch')} {words} (simulated)</title></g>"
+            for place in lost_places(deployment)
+        )  # fmt: skip
         tips = f'<g class="tips">{lost}{_tips(deployment, points, at_rest)}</g>'
         parts += [_contacts(deployment, points), tips]
     attributes = f'data-full="{_text(deployment.full_mm)}"'
@@ -207,20 +225,6 @@ def pose_svg(pose: Pose, size_mm: float) -> str:
         f'<path class="handle heading" d="M{_text(size_mm)} 0L{neck} {barb}V-{barb}Z"/>'
         f'<circle class="handle base" r="{dot}"/></g>'
     )
-
-
-def _range_svg(mark: StartMark) -> str:
-    """Return the range of poses as ``<g class="range">``; nothing for a single pose."""
-    parts = []
-    if mark.fan is not None:
-        parts.append(f'<path class="fan" d="{_line_path(mark.fan)}"/>')
-    if mark.whole is not None:
-        areas = [piece for piece in mark.free if isinstance(piece, Polygon)]
-        parts += [f'<path class="fan" d="{path}"/>' for path in _rings_paths(areas)]
-        lines = [piece for piece in mark.free if not isinstance(piece, Polygon)]
-        parts += [f'<path class="places" d="{_line_path(line)}"/>' for line in lines]
-        parts.append(f'<path class="whole" d="{_line_path(mark.whole)}"/>')
-    return f'<g class="range">{"".join(parts)}</g>' if parts else ""
 
 
 def targets_svg(targets: Sequence[Target], states: Sequence[str] = ()) -> str:
@@ -362,17 +366,6 @@ def _tips(deployment: Deployment, points: list[str], at_rest: NDArray[np.bool_])
             f"{STOP_SIGNS[stop]}<title>{name}: {STOP_WORDS[stop]}, {length}</title></g>"
         )
     return "".join(marks)
-
-
-def _lost(deployment: Deployment) -> str:
-    """Return a ring at every end of the body at which branches never emerged."""
-    words = STOP_WORDS[Stop.NOT_DEPLOYED]
-    return "".join(
-        f'<g class="mark {stop_class(Stop.NOT_DEPLOYED)}" data-front="{_text(place.front_mm)}" '
-        f'transform="translate({_pair(*place.at_mm)})">{STOP_SIGNS[Stop.NOT_DEPLOYED]}'
-        f"<title>{counted(place.count, 'branch')} {words} (simulated)</title></g>"
-        for place in lost_places(deployment)
-    )
 
 
 def stop_class(stop: Stop) -> str:

@@ -408,13 +408,29 @@ class AimResult(Result):
             data=lambda: [_robot_content(robot, first) for robot in self.robots],
         )  # fmt: skip
         for robot in self.robots:
-            if robot.team is not None:
-                yield _team_table(robot.name, robot.team)
+            if (team := robot.team) is not None:
+                percent = partial(Number, unit="%", form=".1f", per=0.01)
+                over = counted(team.fresh.shape[1], "draw")
+                yield Rows(
+                    caption=f"{len(team.poses)} robots {robot.name} that together cover most of: "
+                    f"{team.cover.words} (mean of fresh deployments, simulated; chosen among "
+                    f"{team.candidates:,} poses)",
+                    headings=("robots", "the last at X,Y,DEG", "together", "in the search",
+                              "no set beats"),
+                    rows=tuple(
+                        (count, pose_of(row).text,
+                         percent(mean, interval=(low, high), over=over), percent(share),
+                         percent(bound))
+                        for row, share, (count, mean, low, high, bound) in zip(
+                            team.poses, team.choice.covered, union_curve(team), strict=True
+                        )
+                    ),
+                )  # fmt: skip
                 yield Text(
                     f"The poses of {robot.name} were chosen one after the other, each for its "
                     f"gain: at least {100 * GREEDY_SHARE:.0f} % (1 - 1/e) of the cover of the best "
-                    f"{len(robot.team.poses)} of these poses, and by this case's own bound "
-                    f"at least {robot.team.least_percent:.1f} %."
+                    f"{len(team.poses)} of these poses, and by this case's own bound "
+                    f"at least {team.least_percent:.1f} %."
                 )
         yield Facts(
             (
@@ -541,23 +557,6 @@ class AimResult(Result):
 
 def _svg(panel: Callable[..., Panel], *args: object) -> bytes:
     return page_svg(page_of(panel(*args)))
-
-
-def _team_table(name: str, team: RobotSet) -> Rows:
-    percent = partial(Number, unit="%", form=".1f", per=0.01)
-    over = counted(team.fresh.shape[1], "draw")
-    return Rows(
-        caption=f"{len(team.poses)} robots {name} that together cover most of: {team.cover.words} "
-        f"(mean of fresh deployments, simulated; chosen among {team.candidates:,} poses)",
-        headings=("robots", "the last at X,Y,DEG", "together", "in the search", "no set beats"),
-        rows=tuple(
-            (count, pose_of(row).text, percent(mean, interval=(low, high), over=over),
-             percent(share), percent(bound))
-            for row, share, (count, mean, low, high, bound) in zip(
-                team.poses, team.choice.covered, union_curve(team), strict=True
-            )
-        ),
-    )  # fmt: skip
 
 
 def aim_robots(

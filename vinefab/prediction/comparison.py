@@ -240,11 +240,7 @@ class DesignComparison(Result):
         yield Data({"standing": "simulated", "growth": self.plan.options.content,
                     "measure": measure.key, "maps": some.map_count})  # fmt: skip
         yield Data(lambda: {"designs": {name: spreads_content(o) for name, o in outcomes.items()}})
-        yield from self._sections()
-
-    def _sections(self) -> Iterator[Section]:
-        """Yield charts of every measure, designs over contacts and on the same map."""
-        measure = self.measure
+        # Charts of every measure, designs over contacts and on the same map.
         words = (
             "Each design met the same maps from the same poses, so that differences are paired: "
             "first minus second, averaged on each map. Interval and p-value are those of one "

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError
@@ -77,8 +76,15 @@ class History:
         if front_mm >= self.full_mm:
             still = np.zeros(len(self.final.tree), dtype=np.bool_)
             return DeploymentFrame(front_mm=self.full_mm, deployment=self.final, is_growing=still)
-        plan, is_growing = self._plan_at(front_mm)
-        of = self.grown
+        # The branches that have emerged, cut off at the front. Siblings begin together, so that the
+        # names of those that are left stay what they were.
+        of, base_mm = self.grown, self.base_mm
+        out = np.flatnonzero(base_mm < front_mm)
+        is_growing = base_mm[out] + self.final.grown_mm[out] > front_mm
+        # What has stopped keeps its planned length: cut to the length grown, a branch that met a
+        # wall just there would count as grown in full.
+        length_mm = np.where(is_growing, front_mm - base_mm[out], self.final.tree.length_mm[out])
+        plan = Plan.of(of.design, of.options).cut(out, length_mm)
         alone = of.options.changed(branch_contact="pass", emergence=1.0)
         deployment = grow_on(of.design, of.terrain, self.final.pose, alone, engine, plan)
         deployment = self._with_cuts(deployment, front_mm)
@@ -123,19 +129,6 @@ class History:
             stop=stop,
             grown_mm=length_mm,
         )
-
-    def _plan_at(self, front_mm: float) -> tuple[Plan, NDArray[np.bool_]]:
-        """Return the branches that have emerged, cut off at the front, and which grow on.
-
-        Siblings begin together, so the names of those that are left stay what they were.
-        """
-        base_mm = self.base_mm
-        out = np.flatnonzero(base_mm < front_mm)
-        is_growing = base_mm[out] + self.final.grown_mm[out] > front_mm
-        # What has stopped keeps its planned length: cut to the length grown, a branch that met a
-        # wall just there would count as grown in full.
-        length_mm = np.where(is_growing, front_mm - base_mm[out], self.final.tree.length_mm[out])
-        return Plan.of(self.grown.design, self.grown.options).cut(out, length_mm), is_growing
 
 
 def history_content(frames: Sequence[DeploymentFrame]) -> list[dict[str, object]]:

@@ -603,6 +603,19 @@ def _limit_section(
     run: EndedRun, checked: CheckReport | str, where: str, elsewhere: Sequence[Deployment]
 ) -> Section:
     """Return the limits of the winner: walls and pressure, rules, bounds of the space."""
+    bounds = list[tuple[str, str, str]]()  # variables that lie at an end of their ranges
+    space = Space(run.settings.space, run.settings.build)
+    point = run.result.finalists[0].x.tolist()
+    for variable, share in zip(space.variables, point, strict=True):
+        if variable.level > run.design.depth:
+            continue
+        value, (low, high) = variable.value(share), (variable.bounds.low, variable.bounds.high)
+        near = EDGE * (high - low) if not variable.choices else 0.0
+        ends = (("least", low), ("most", high))
+        for name, end in ends:
+            if abs(value - end) <= near:
+                of = "" if variable.level == 0 else f", level {variable.level}"
+                bounds.append((f"{variable.name}{of}", f"{value:g}", f"{name}, {end:g}"))
     tables = [
         Rows(
             caption=f"Rules that the winner breaks, or would if limits were {100 * NEAR:.0f} % "
@@ -613,7 +626,7 @@ def _limit_section(
         Rows(
             caption="Variables of the search in which the winner lies at an end of its range",
             headings=("variable", "winner", "end of its range"),
-            rows=tuple(_bound_rows(run)),
+            rows=tuple(bounds),
         ),
     ]
     stops = np.concatenate([deployment.stop for deployment in elsewhere])
@@ -623,7 +636,7 @@ def _limit_section(
         if (share := float(np.mean(stops == stop))) > 0.0
     ]
     empty = [table.caption for table in tables if not table.rows]
-    kept = Space(run.settings.space, run.settings.build).limits_text(run.design)
+    kept = space.limits_text(run.design)
     return Section(
         title="What limits it",
         paragraphs=(
@@ -688,22 +701,6 @@ def _rule_rows(run: EndedRun, checked: CheckReport) -> tuple[tuple[str, ...], ..
         for how, kind in (("broken", found), ("close", close))
         for one, limit in sorted(kind.values(), key=lambda pair: ranks.index(pair[0].severity))
     )
-
-
-def _bound_rows(run: EndedRun) -> Iterator[tuple[str, str, str]]:
-    """Yield the variables of the winner that lie at an end of their ranges."""
-    space = Space(run.settings.space, run.settings.build)
-    point = run.result.finalists[0].x.tolist()
-    for variable, share in zip(space.variables, point, strict=True):
-        if variable.level > run.design.depth:
-            continue
-        value, (low, high) = variable.value(share), (variable.bounds.low, variable.bounds.high)
-        near = EDGE * (high - low) if not variable.choices else 0.0
-        ends = (("least", low), ("most", high))
-        for name, end in ends:
-            if abs(value - end) <= near:
-                of = "" if variable.level == 0 else f", level {variable.level}"
-                yield f"{variable.name}{of}", f"{value:g}", f"{name}, {end:g}"
 
 
 def _found_section(run: EndedRun) -> Section:

@@ -111,6 +111,13 @@ def write_page(path: Path, content: str | bytes, *, force: bool) -> Path:
     return path
 
 
+def write_shown(path: Path | None, found: Any, *, force: bool) -> None:
+    """Write a result as the page or the picture that a file's name ends in, if one is asked for."""
+    if path is not None:
+        is_page = path.suffix.lower() in (".html", ".htm")
+        write_page(path, found.page() if is_page else found.picture(path.suffix), force=force)
+
+
 def with_origin(
     found: Answer,
     designs: Sequence[Design],

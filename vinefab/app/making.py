@@ -17,6 +17,7 @@ from vinefab.app.common import (
     page_path,
     with_origin,
     write_page,
+    write_shown,
 )
 from vinefab.core.atomic import ensure_writable, is_filled_in, write_bytes, write_folder
 from vinefab.core.errors import BadInputError, ExportRefusedError, located
@@ -656,9 +657,7 @@ def inflate(
     with told("inflate", progress) as tell:
         found = inflate_design(robot, profile, alone=alone, free=free, across=across, progress=tell)
     found = with_origin(found, [robot], [], profile)
-    if page is not None:
-        is_page = page.suffix.lower() in (".html", ".htm")
-        write_page(page, found.page() if is_page else found.picture(page.suffix), force=force)
+    write_shown(page, found, force=force)
     if solid is not None:
         write_page(solid, found.mesh(solid.suffix), force=force)
     return found

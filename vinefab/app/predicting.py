@@ -24,6 +24,7 @@ from vinefab.app.common import (
     page_path,
     with_origin,
     write_page,
+    write_shown,
 )
 from vinefab.core.errors import BadInputError
 from vinefab.core.verbs import (
@@ -373,10 +374,7 @@ def aim(
         found = aim_robots(compared, place, context.task, plan, tell, workers)
     family = MapFamily(label=place.name, worlds=(place,))
     found = with_origin(replace(found, growth_notes=choice.notes), compared, [family])
-    if page is not None:
-        is_page = page.suffix.lower() in (".html", ".htm")
-        content = found.page() if is_page else found.picture(page.suffix)
-        write_page(page, content, force=force)
+    write_shown(page, found, force=force)
     return found
 
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -89,6 +90,8 @@ class Measure:
         return f"{self.title} ({self.unit})" if self.unit else self.title
 
 
+_percent = partial(Measure, unit="%", digits=1, least=0.0, most=100.0)
+
 COVERAGE = Measure(
     key="coverage_score",
     title="sensor coverage score",
@@ -98,40 +101,28 @@ COVERAGE = Measure(
     meaning="what the optimizer maximizes: area seen minus what branches and film cost",
 )
 
-SEEN = Measure(
+SEEN = _percent(
     key="seen_percent",
     title="free space seen by sensors",
-    unit="%",
-    digits=1,
     better="more",
     meaning="share of the free space within the discs of sight around the tips",
     does=("sees", "of the free space"),
-    least=0.0,
-    most=100.0,
 )
 
-REACH = Measure(
+REACH = _percent(
     key="reach_percent",
     title="free space reached",
-    unit="%",
-    digits=1,
     better="more",
     meaning="share of the free space near the deployed body",
     does=("reaches", "of the free space"),
-    least=0.0,
-    most=100.0,
 )
 
-TOUCHED = Measure(
+TOUCHED = _percent(
     key="targets_touched_percent",
     title="targets touched",
-    unit="%",
-    digits=1,
     better="more",
     meaning="share of the map's targets that the body comes within tolerance of",
     does=("touches", "of its targets"),
-    least=0.0,
-    most=100.0,
 )
 
 ANCHORING = Measure(
@@ -155,38 +146,26 @@ IDEAL_ANCHORING = Measure(
     least=0.0,
 )
 
-GROWN = Measure(
+GROWN = _percent(
     key="grown_percent",
     title="length grown",
-    unit="%",
-    digits=1,
     better="more",
     meaning="length of all deployed branches over the planned length",
-    least=0.0,
-    most=100.0,
 )
 
-STUCK = Measure(
+STUCK = _percent(
     key="stuck_percent",
     title="branches that got stuck",
-    unit="%",
-    digits=1,
     better="less",
     meaning="share of the branches that stopped before their full length: head-on, in a corner, or "
     "for want of pressure",
-    least=0.0,
-    most=100.0,
 )
 
-UNDEPLOYED = Measure(
+UNDEPLOYED = _percent(
     key="undeployed_percent",
     title="branches that never emerged",
-    unit="%",
-    digits=1,
     better="less",
     meaning="share of the branches that stay inside: their parent is stuck, or they have no room",
-    least=0.0,
-    most=100.0,
 )
 
 LOOSE_PRESSURE = Measure(

@@ -28,7 +28,8 @@ FILES = {
     "room.svg": '<svg xmlns="http://www.w3.org/2000/svg"><rect width="400" height="300"/></svg>',
 }
 LINES = [
-    # The line, its exit code, the schema of its document, and words; what it writes begins with o.
+    # The line, its exit code, the schema of its document, and words. What it writes begins with o;
+    # with "nothing" among the words it writes nothing.
     ("grow three_level_tree --map grid.geojson --svg o.svg", 0, "deployment-1", "simulated"),
     ("grow plain_vine --map grid.geojson --svg o.PNG --animate o.GIF --frames 5", 0,
      "deployment-1", "plain_vine on grid"),
@@ -49,8 +50,9 @@ LINES = [
     ("check tail.toml --svg o.svg --png o.png --dxf o.dxf", 1, "checks-1", "wrote o.dxf"),
     ("check tail.toml --fix o.toml", 0, "checks-1", "the tail: 100 -> 150 mm"),
     ("fix tail.toml --out o.toml --map grid.geojson", 0, "checks-1", "coverage, mean over 1 map:"),
-    ("fix three_level_tree", 0, "checks-1", "nothing to fix"),
-    ("fix plain.toml --limit VF-L04.error=0.01", 1, "checks-1", "clears VF-L04; nothing written"),
+    ("fix three_level_tree --out o.toml", 0, "checks-1", "nothing to fix"),
+    ("fix plain.toml --out o.toml --limit VF-L04.error=0.01", 1, "checks-1",
+     "clears VF-L04; nothing written"),
     ("fabricate plain_vine --out o --allow-uncalibrated --zip", 0, "written-1", "README.txt"),
     ("inflate free.toml --across 6 --out o.html --mesh o.stl", 0, "inflation-1",
      "cut with its designed angles"),
@@ -95,7 +97,10 @@ def test_a_line_writes_says_and_returns_the_same_each_time(
     assert (found, complaint) == (code, "")
     assert words in said
     first = written()
-    assert all(Path(word).exists() for word in typed if re.fullmatch(r"o(\.\w+)?", word))
+    asked = {word for word in typed if re.fullmatch(r"o(\.\w+)?", word)}
+    assert {name.split("/")[0] for name in first} >= (set() if "nothing" in words else asked)
+    assert not ("nothing" in words and first)
+    assert all(Path(name).read_text() == text for name, text in FILES.items())
     for name, data in first.items():
         assert data.lower().startswith(BEGINS.get(Path(name).suffix.lower(), b"")), name
         assert b'src="http' not in data
@@ -113,3 +118,17 @@ def test_a_line_writes_says_and_returns_the_same_each_time(
         # Handles stand in DXF files, whose content is compared elsewhere.
         if Path(name).suffix not in (".dxf", ".sha256", ".zip"):
             assert data == first[name], name
+    if "o.toml" in first:  # what a fix writes can be made
+        assert vinefab("check", "o.toml")[0] == 0
+    if ".svg" in str(asked) and "check" in typed:  # findings are no job for a laser
+        assert b"VF_" not in first["o.svg"]
+
+
+@pytest.mark.usefixtures("grid")
+def test_a_design_that_cannot_be_made_is_not_written(vinefab, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    Path("thin.toml").write_text(FILES["thin.toml"])
+    code, said, complaint = vinefab("fabricate", "thin.toml", "--out", "o", "--allow-uncalibrated")
+    assert (code, written()) == (1, {})
+    assert "VF-W01" in said
+    assert "nothing written" in complaint

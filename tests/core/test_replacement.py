@@ -113,6 +113,10 @@ def test_nothing_of_the_user_is_gone_whatever_call_fails(tmp_path, monkeypatch, 
             done = trouble.count < at
         left = tree(out)
         assert mine.items() <= left.items(), (at, kind)
+        vouched = digests_in(left.get(MANIFEST_NAME, ""))
+        if new[0] in vouched and new[0] not in old:  # the new manifest: it comes last
+            found = {name: sha256_of((out / name).read_bytes()) for name in vouched}
+            assert found == vouched, at
         incomplete = left.pop(INCOMPLETE_NAME, None)
         if not done and kind != "SIGKILL" and incomplete is None:
             versions = {left[name].split()[3] for name in (MARK, *old, *new) if name in left}

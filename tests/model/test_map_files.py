@@ -329,3 +329,14 @@ def test_an_outline_of_too_many_long_teeth_is_refused_before_it_is_swept(monkeyp
     )
     with pytest.raises(BadInputError, match=r"obstacle 0 is '40001 corners, .*--simplify-mm"):
         Map(name="star", bounds=box, obstacles=(star,))
+
+
+def test_outer_rings_are_written_counter_clockwise_and_holes_clockwise() -> None:
+    hole = BLOCK[::-1]
+    ring = Polygon(BLOCK[::-1], [[[45, 45], [55, 45], [55, 55], [45, 55]]])
+    world = Map(name="turned", bounds=Polygon(BOX[::-1], [hole]), obstacles=(ring,))
+    document = json.loads(map_text(world))
+    for drawn in document["features"]:
+        outer, *holes = (shapely.LinearRing(one) for one in drawn["geometry"]["coordinates"])
+        assert outer.is_ccw
+        assert not any(one.is_ccw for one in holes)

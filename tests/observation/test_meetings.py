@@ -73,6 +73,17 @@ def test_a_line_that_went_elsewhere_leaves_its_contacts_unclear():
     assert {contact.outcome for contact in contacts} <= {"unclear"}
 
 
+def test_a_slide_counts_only_where_the_replay_lies_within_millimetres_of_the_line():
+    replays = Replays(WORLD)
+    slid = replays.grown(BASE, math.radians(80.0), 90.0, RADIUS)
+    for off_mm, outcome in ((1.0, "slid"), (12.0, "unclear")):
+        # Bent to the side halfway to the wall; along the wall it lies where the replay does.
+        bent = 0.5 * (BASE + slid.chain_mm[1]) + (off_mm, 0.0)
+        drawn = np.array([BASE, bent, *slid.chain_mm[1:]])
+        contacts, _ = seen_meetings(replays, seen_of(drawn, 90.0, 80.0, early=False))
+        assert [contact.outcome for contact in contacts] == [outcome], off_mm
+
+
 def test_a_branch_of_full_length_has_no_reason_to_stop():
     replay = Replays(WORLD).grown(BASE, math.radians(90.0), 20.0, RADIUS)
     assert replay.meetings == ()

@@ -44,6 +44,15 @@ def test_a_floor_is_halls_rooms_and_nothing_but_walls_between(seed: int) -> None
     assert shapely.box(3, 3, 497, 397).difference(grown).area < 1.0
 
 
+def test_no_wall_stands_in_the_area_that_is_kept_out() -> None:
+    rules = FLOOR.changed(halls=0)
+    area = Region(210.0, 120.0, 260.0, 170.0)
+    inner = shapely.box(*area[:4]).buffer(-1e-3)
+    for seed in range(40):
+        rooms = [shapely.box(*room[:4]) for room in floor_plan(child(seed), rules, area)]
+        assert inner.difference(shapely.union_all(rooms)).is_empty, seed
+
+
 def test_every_room_by_a_hall_opens_on_it_and_halls_open_on_each_other() -> None:
     rules = FLOOR.changed(door_mm=20.0)
     for seed in range(10):

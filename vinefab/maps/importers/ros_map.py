@@ -230,11 +230,12 @@ def _read_ros_yaml(path: Path) -> _RosMap:
         if not isinstance(origin, list) or len(origin) != 3:
             raise BadInputError("origin", origin, "[x, y, yaw]")
         x, y, yaw = (_number("origin", value) for value in origin)
+        resolution_m = _number("resolution", data.get("resolution"))
         if (negate := data.get("negate")) not in (0, 1):
             raise BadInputError("negate", negate, "0 or 1")
         return _RosMap(
             image=path_inside("image", image, (path.parent,), path),
-            resolution_m=_number("resolution", data.get("resolution")),
+            resolution_m=resolution_m,
             origin=(x, y, yaw),
             negate=bool(negate),
             occupied_thresh=_number("occupied_thresh", data.get("occupied_thresh")),

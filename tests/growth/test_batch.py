@@ -30,12 +30,13 @@ def case(request, random_map, random_pose, random_tree):
     terrains = [Terrain.of(random_map(rng, kind)) for kind in KINDS]
     poses = [[random_pose(rng, ground) for _ in range(5)] for ground in terrains]
     designs = [random_tree(rng) for _ in range(9)]
-    launches = Launches.of(TerrainSet(terrains), poses)
+    angles_deg = np.linspace(1.0, 20.0, 20)
+    launches = Launches.of(TerrainSet(terrains), poses, np.radians(angles_deg))
     batch = Batch(Plans.of(designs, options), launches, options)
+    places = [(ground, pose) for ground, row in zip(terrains, poses, strict=True) for pose in row]
     alone = [
-        grow_on(design, ground, pose, options)
-        for ground, places in zip(terrains, poses, strict=True)
-        for pose in places
+        grow_on(design, ground, pose, options.changed(head_on_half_angle_deg=angle_deg))
+        for (ground, pose), angle_deg in zip(places, angles_deg, strict=True)
         for design in designs
     ]
     return batch, alone

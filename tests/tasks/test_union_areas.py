@@ -34,9 +34,11 @@ def test_a_block_has_the_areas_of_its_growths(kind: str, task: Reach | Coverage)
             np.testing.assert_allclose(found.terms[name], values, rtol=2e-12, atol=1e-14)
 
 
-def test_polygons_that_coincide_count_once(pillar_room: vf.Map) -> None:
+@pytest.mark.parametrize("rows", ["one row", "many rows"])
+def test_polygons_that_coincide_count_once(pillar_room: vf.Map, rows: str) -> None:
     """Lines from one point at 45 degrees to each other have the same corners around it, twice."""
-    context = MapContext.of(pillar_room)
+    context = MapContext.of(pillar_room if rows == "one row" else vf.maps.grid(seed=1))
+    assert (len(FreeRows.of(context.edges_mm).first) > 2) == (rows == "many rows")
     rng, lines = np.random.default_rng(7), []
     for corner in rng.uniform((60.0, 60.0), (340.0, 240.0), (60, 2)):
         angles = np.pi / 4.0 * rng.integers(0, 8, 5)

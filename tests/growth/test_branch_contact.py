@@ -111,6 +111,8 @@ def test_no_two_bodies_overlap_once_they_were_apart(random_map, seed):
         if grown.stop[one] == Stop.BRANCH:
             assert touches_at_its_end, one
             assert grown.grown_mm[one] < alone.grown_mm[one]
+            # Shorter, it has turned no further against walls.
+            assert 0.0 <= grown.contact_turn_rad[one] <= alone.contact_turn_rad[one]
         else:
             assert grown.grown_mm[one] == alone.grown_mm[one]
             assert (grown.chain_mm(one) == alone.chain_mm(one)).all()

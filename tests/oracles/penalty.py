@@ -43,19 +43,25 @@ from vinefab.fabrication.rules.spacing import (
 )
 from vinefab.fabrication.rules.tree_rules import PACKING, occupancies
 from vinefab.inflation.pattern import quick_pattern
-from vinefab.model.design import Design, UnevenLevel
+from vinefab.model.design import Design, Level, UnevenLevel
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import (
     branch_tree,
     child_lengths_mm,
     fan_offsets_rad,
-    least_gap_rad,
     widest_turn_rad,
 )
 from vinefab.physics.growth_pressure import planned_growth_kpa
 from vinefab.search.penalty_batch import MOST_CHECKED_BRANCHES, width_violations
 
 Pair = tuple[float, float]
+
+
+def least_gap_rad(level: Level) -> float:
+    """Return the smallest angle between neighbours of a fan of two children or more."""
+    if isinstance(level, UnevenLevel):
+        return math.radians(min(two - one for one, two in pairwise(level.angles_deg)))
+    return level.fan_rad / (level.branches - 1)
 
 
 def rooms_mm(design: Design) -> list[Pair]:

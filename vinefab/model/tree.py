@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,13 +100,6 @@ def widest_turn_rad(level: Level) -> float:
     if isinstance(level, UnevenLevel):
         return math.radians(max(map(abs, level.angles_deg)))
     return level.fan_rad / 2.0 if level.branches > 1 else 0.0
-
-
-def least_gap_rad(level: Level) -> float:
-    """Return the smallest angle between neighbours of a fan of two children or more."""
-    if isinstance(level, UnevenLevel):
-        return math.radians(min(two - one for one, two in pairwise(level.angles_deg)))
-    return level.fan_rad / (level.branches - 1)
 
 
 def _evenly(first: float, last: float, count: int) -> Floats:

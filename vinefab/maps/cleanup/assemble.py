@@ -39,8 +39,6 @@ from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.poses import roomiest_start
 from vinefab.model.map import Map, Pose, Start
 
-_Geometries = NDArray[np.object_]
-
 _MOST_NAMED = 20
 _OVERLAP = "T********"
 _SHARED_EDGE = "F***1****"

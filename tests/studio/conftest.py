@@ -185,6 +185,28 @@ PATIENCE_S = 120.0
 """Tests wait for a state of page or server, not for a time: the cap is for busy computers."""
 
 
+STILL = """async (selector) => {
+  for (let [last, same] = ["", 0]; ; ) {
+    await new Promise(requestAnimationFrame);
+    const box = document.querySelector(selector)?.getBoundingClientRect();
+    const now = JSON.stringify(box ?? "");
+    same = box && now === last ? same + 1 : 0;
+    last = now;
+    if (same === 2) return box.toJSON();
+  }
+}"""
+"""The box of an element, once it is the same in painted frames that follow each other."""
+
+IS_UNDER = """([selector, x, y]) => {
+  const isIn = (node) => Boolean(node?.closest(selector));
+  const isUnder = isIn(document.elementFromPoint(x, y));
+  const note = (event) => { globalThis.isGrasped = isIn(event.target); };
+  if (isUnder) addEventListener("pointerdown", note, {capture: true, once: true});
+  return isUnder;
+}"""
+"""Whether the pointer would press an element; the page then notes whether it did."""
+
+
 class TabSession:
     """A page, and what went wrong in it."""
 
@@ -217,23 +239,33 @@ class TabSession:
         return self
 
     def box(self, selector):
-        box = None
-        while box is None:  # it is being drawn anew
-            box = self.page.locator(selector).first.bounding_box()
-        return box
+        """Return the box of an element that stands still: answers that come move the panels."""
+        return self.page.evaluate(STILL, selector)
 
     def middle(self, selector):
         box = self.box(selector)
         return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
-    def drag(self, start, by, steps=5, *, drop=True):
-        """Press at a point of the screen, move by some pixels, release."""
-        mouse = self.page.mouse
-        mouse.move(*start)
-        mouse.down()
-        mouse.move(start[0] + by[0], start[1] + by[1], steps=steps)
+    def grasp(self, selector):
+        """Press on an element, tried again if it moved away meanwhile; return the place."""
+        end, mouse = time.monotonic() + PATIENCE_S, self.page.mouse
+        while True:
+            place = self.middle(selector)
+            mouse.move(*place)
+            if self.page.evaluate(IS_UNDER, [selector, *place]):
+                mouse.down()
+                if self.page.evaluate("isGrasped"):
+                    return place
+                mouse.up()
+            assert time.monotonic() < end, f"{selector} is covered"
+
+    def drag(self, selector, by, steps=5, *, drop=True):
+        """Press on an element, move by some pixels, release; return where it was pressed."""
+        x, y = self.grasp(selector)
+        self.page.mouse.move(x + by[0], y + by[1], steps=steps)
         if drop:
-            mouse.up()
+            self.page.mouse.up()
+        return x, y
 
     def state(self):
         return self.page.evaluate("studio.store.get()")

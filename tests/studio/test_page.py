@@ -98,7 +98,7 @@ def test_values_of_the_design_change_robot_score_and_sheet(tab, grid):
     assert tab.page.locator("#sheet-drawing path").count() >= 5
     assert tab.page.inner_text(".file-name") == "twig"
     before = tab.robot()
-    tab.drag(tab.middle(f'input[type=range][data-key="{LENGTH}"]'), (18, 0))
+    tab.drag(f'input[type=range][data-key="{LENGTH}"]', (18, 0))
     number = tab.page.locator(f'input[type=number][data-key="{LENGTH}"]')
     assert 70.0 != float(number.input_value()) == shows(tab, grid).levels[0].length_mm
     assert tab.robot() != before
@@ -115,9 +115,7 @@ def test_values_of_the_design_change_robot_score_and_sheet(tab, grid):
 
 def test_the_start_and_its_heading_are_dragged_and_the_plan_keeps_its_size(tab, grid):
     height = "document.querySelector('#map .canvas').clientHeight"
-    x, y = tab.middle(".pose-layer .base")
-    tab.page.mouse.move(x, y)
-    tab.page.mouse.down()
+    x, y = tab.grasp(".pose-layer .base")
     before = tab.page.evaluate(height)
     tab.page.mouse.move(x, y + 60, steps=4)
     tab.page.get_by_text("outside the bounds").first.wait_for()  # a line more below the map
@@ -131,13 +129,13 @@ def test_the_start_and_its_heading_are_dragged_and_the_plan_keeps_its_size(tab, 
         tab.page.keyboard.press("Control+z")
 
     tab.soon(list(start_of(grid)), lambda: shown_pose(tab))
-    tab.drag(tab.middle(".pose-layer .base"), (25, -30))
+    tab.drag(".pose-layer .base", (25, -30))
     pose = pose_of(tab.state())
     start = grid.starts[0].pose
     assert pose[0] > start.x_mm
     assert pose[1] > start.y_mm
     shows(tab, grid, pose)
-    tab.drag(tab.middle(".pose-layer .heading"), (40, 10))
+    tab.drag(".pose-layer .heading", (40, 10))
     turned = pose_of(tab.state())
     assert turned[:2] == pose[:2]
     assert turned[2] < pose[2] - 5.0
@@ -151,14 +149,14 @@ def test_the_start_and_its_heading_are_dragged_and_the_plan_keeps_its_size(tab, 
 def test_a_tip_is_dragged(tab, grid):
     tip = '.robot-layer .mark[data-branch="0.1"]'  # the other arm leans on a wall
     tab.page.wait_for_selector(tip)
-    start = tab.middle(tip)
-    tab.drag(start, (-6, -25), steps=8)
+    start = tab.drag(tip, (-6, -25), steps=8, drop=False)
 
     def follows():
         x, y = tab.middle(tip)
         return np.hypot(x - start[0] + 6, y - start[1] + 25) < 10.0
 
     tab.soon(True, follows, "the tip follows the hand")  # noqa: FBT003
+    tab.page.mouse.up()
     level = shows(tab, grid).levels[0]
     assert (level.length_mm, level.fan_rad) != (70.0, np.deg2rad(100.0))
 
@@ -167,7 +165,7 @@ def test_a_dragged_angle_shows_what_must_be_cut_and_how_sensitive_it_is(tab):
     note = tab.page.locator("#note-level-0-angle_deg")
     note.wait_for()  # the first loads the simulation of joints
     before = note.inner_text()
-    tab.drag(tab.middle('input[type=range][data-key="level.0.angle_deg"]'), (-8, 0), drop=False)
+    tab.drag('input[type=range][data-key="level.0.angle_deg"]', (-8, 0), drop=False)
     tab.until("(text) => document.querySelector('.value-note').textContent !== text", before)
     design = tab.design()
     assert design.levels[0].fan_rad != pytest.approx(np.deg2rad(100.0))
@@ -198,7 +196,7 @@ def test_the_sheet_shows_the_inflated_body_until_the_design_changes(tab):
     )
     assert wide[0] == pytest.approx(wide[1], rel=0.2)
     assert tab.page.locator("#deployed table").count() == 3
-    tab.drag(tab.middle(f'input[type=range][data-key="{LENGTH}"]'), (18, 0), drop=False)
+    tab.drag(f'input[type=range][data-key="{LENGTH}"]', (18, 0), drop=False)
     body.wait_for(state="detached")
     assert tab.page.locator(".sheet-drawing .outline path").count() == 1, "the flat outline follows"
     tab.page.mouse.up()
@@ -218,7 +216,7 @@ def test_obstacles_are_moved_added_and_deleted_and_scores_wait_for_the_hand(tab,
           new MutationObserver(note).observe(scores, {attributes: true});
         }"""
     )
-    tab.drag(tab.middle('[data-obstacle="4"]'), (30, 0), drop=False)
+    tab.drag('[data-obstacle="4"]', (30, 0), drop=False)
     tab.until("() => seen.length > 1 && !seen.at(-1)")  # dimmed, then known: the hand is still down
     assert tab.page.evaluate("seen[0]")
     ((kind, index, dx, dy),) = tab.state()["map"]["edits"]
@@ -263,7 +261,7 @@ def test_an_obstacle_is_typed_resized_and_turned(tab, grid):
     for handle, by in ((".turn", (0, 40)), (".size", (15, -5))):
         tab.rest()
         before = tab.page.evaluate(of_page)
-        tab.drag(tab.middle(f".edit-layer {handle}"), by)
+        tab.drag(f".edit-layer {handle}", by)
         tab.until(f"(before) => JSON.stringify({of_page}) !== before", json.dumps(before))
         tab.until(f"() => JSON.stringify({of_page}) === JSON.stringify({LAST_EDIT}[2])")
     moved[4] = frame.taken_to(Frame(**tab.page.evaluate(of_page)), grid.obstacles[4])
@@ -274,7 +272,9 @@ def test_an_obstacle_is_typed_resized_and_turned(tab, grid):
 
 
 def test_targets_are_placed_dragged_renamed_removed_and_their_state_is_live(tab, grid):
-    tip = tab.middle('.robot-layer .mark[data-branch="0.1"]')
+    mark = '.robot-layer .mark[data-branch="0.1"]'
+    tab.rest()
+    tip = tab.middle(mark)
     tab.page.get_by_role("button", name="Add a target").click()
     tab.page.mouse.click(tip[0] + 40, tip[1] - 60)
     tab.page.wait_for_selector("#targets:has-text('0 of 1 touched, A missed by')")
@@ -289,7 +289,9 @@ def test_targets_are_placed_dragged_renamed_removed_and_their_state_is_live(tab,
         return found
 
     assert not agrees().all_touched
-    tab.drag(tab.middle('.target-layer [data-target="A"] .hand'), (-40, 60))
+    tab.rest()
+    cross = '.target-layer [data-target="A"] .cross'
+    tab.drag(cross, np.subtract(tab.middle(mark), tab.middle(cross)).tolist())
     tab.page.wait_for_selector("#targets:has-text('1 of 1 touched')")
     assert agrees().all_touched
     for key, value in (("tolerance_mm", "7.5"), ("name", "shelf")):
@@ -312,7 +314,7 @@ def test_targets_are_placed_dragged_renamed_removed_and_their_state_is_live(tab,
 
 def test_scale_bar_cursor_measure_snap_and_legend(tab):
     tab.page.select_option("#snap", "10")
-    tab.drag(tab.middle(".pose-layer .base"), (23, -31))
+    tab.drag(".pose-layer .base", (23, -31))
     x, y, _ = pose_of(tab.state())
     assert (x % 10.0, y % 10.0) == (0.0, 0.0)
     perpx = float(
@@ -325,12 +327,12 @@ def test_scale_bar_cursor_measure_snap_and_legend(tab):
         float(bar.inner_text().removesuffix(" mm")), rel=0.01
     )
     tab.page.get_by_role("button", name="Measure").click()
-    start = tab.middle("#map svg.plan")
-    tab.drag(start, (80, 0))
+    tab.drag("#map svg.plan", (80, 0))
     words = tab.page.locator(".tool-layer text").text_content()
     assert float(words.split(" mm")[0]) == pytest.approx(80 * perpx, abs=10.0)
     assert words.endswith("0°")
     assert len(tab.state()["map"]["edits"]) == 0, "nothing is moved while a way is measured"
+    tab.rest()
     tab.page.mouse.move(*tab.middle(".pose-layer .base"))
     assert tab.page.inner_text(".cursor").startswith(f"{x:.0f}")
     tab.page.locator(".legend summary").click()
@@ -437,9 +439,9 @@ def test_undo_and_redo_go_over_everything(tab, grid):
         steps.append(tab.state())
         assert steps[-1] != steps[-2]
 
-    did(lambda: tab.drag(tab.middle(f'input[type=range][data-key="{LENGTH}"]'), (10, 0), steps=9))
-    did(lambda: tab.drag(tab.middle(".pose-layer .base"), (15, -10), steps=9))
-    did(lambda: tab.drag(tab.middle('[data-obstacle="3"]'), (9, 4), steps=9))
+    did(lambda: tab.drag(f'input[type=range][data-key="{LENGTH}"]', (10, 0), steps=9))
+    did(lambda: tab.drag(".pose-layer .base", (15, -10), steps=9))
+    did(lambda: tab.drag('[data-obstacle="3"]', (9, 4), steps=9))
     did(lambda: tab.page.get_by_role("button", name="Add a level").click())
     did(lambda: tab.page.get_by_label("Lock Trunk Length").click())
     for step in reversed(steps[:-1]):
@@ -493,7 +495,7 @@ def test_two_tabs_do_not_overwrite_each_other(open_tab, twig):
 
 def test_a_reload_in_the_middle_of_a_drag_keeps_the_state_and_the_token(tab, studio, grid):
     assert tab.page.url == f"{studio.origin}/"
-    tab.drag(tab.middle(".pose-layer .base"), (30, -20), drop=False)
+    tab.drag(".pose-layer .base", (30, -20), drop=False)
     state = tab.state()
     assert state["pose"] is not None
     tab.page.reload()
@@ -546,7 +548,7 @@ def test_many_walls(tab, studio):
     tab.page.locator("dialog[open] .choice", has_text="walls").click()
     tab.until("() => document.querySelectorAll('[data-obstacle]').length === 280")
     shows(tab, world)
-    tab.drag(tab.middle(".pose-layer .base"), (2, -20))
+    tab.drag(".pose-layer .base", (2, -20))
     shows(tab, world, pose_of(tab.state()))
 
 

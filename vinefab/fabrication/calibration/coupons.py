@@ -11,6 +11,7 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -149,6 +150,7 @@ def crotch_designs() -> tuple[Design, ...]:
     )
 
 
+@cache
 def joint_designs() -> tuple[Design, ...]:
     """Return the joint coupons: pairs and an elbow in two sizes, of the same shape."""
     found = []

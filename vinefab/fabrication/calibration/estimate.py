@@ -11,6 +11,7 @@ from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import scipy  # its parts load at their first use
@@ -527,6 +528,7 @@ def _bend(reading: Reading, profile: LaserProfile) -> _Bend:
     )
 
 
+@cache
 def _opened_deg(name: str, strain: float) -> float:
     """Return the simulated angle of a coupon at the hoop strain of its trunk."""
     design = next(joint for joint in joint_designs() if joint.name == name)

@@ -7,7 +7,7 @@ from shapely import Polygon, box
 
 from vinefab.model.map import Map, Pose, Start
 from vinefab.rig.part import Printer
-from vinefab.rig.part_files import STL, PartItem, read_back_problems
+from vinefab.rig.part_files import STL, PartFileSpec, PartItem, read_back_problems
 
 
 def _up(x_mm, y_mm, spread_x_mm=0.0):
@@ -92,7 +92,7 @@ def stl_problems():
 
     def problems(part, data=None):
         item = PartItem(part=part)
-        data = STL.write([item], part.name) if data is None else data
+        data = STL.write(PartFileSpec(items=[item], title=part.name)) if data is None else data
         return read_back_problems(STL, data, [item])[part.name]
 
     return problems

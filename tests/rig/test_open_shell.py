@@ -25,6 +25,7 @@ from vinefab.rig.part import Mesh, Printer, RigOptions, manifold_of, read_printe
 from vinefab.rig.part_files import (
     JERK_MM_S,
     STL,
+    PartFileSpec,
     PartItem,
     print_estimate,
     printing_of,
@@ -50,7 +51,9 @@ BOARD = RigOptions(style="board", most_parts=200)
 
 def _problems(part):
     item = PartItem(part=part)
-    return read_back_problems(STL, STL.write([item], part.name), [item])[part.name]
+    return read_back_problems(STL, STL.write(PartFileSpec(items=[item], title=part.name)), [item])[
+        part.name
+    ]
 
 
 def _is_wall(shape, wall_mm):
@@ -298,7 +301,7 @@ def _part_to_slice(kind):
 
 def _compare_with_slicer(kind, path, slicer):
     printer, part = _part_to_slice(kind)
-    path.write_bytes(STL.write([PartItem(part=part)], "part"))
+    path.write_bytes(STL.write(PartFileSpec(items=[PartItem(part=part)], title="part")))
     seen, estimate = _sliced(slicer, path, printer), print_estimate([part], printer)
     assert estimate.plastic_mm3 == pytest.approx(seen.plastic_mm3, rel=0.25)
     return seen, estimate

@@ -28,6 +28,7 @@ from vinefab.rig.part_files import (
     PART_FORMATS,
     STL,
     THREEMF,
+    PartFileSpec,
     PartItem,
     packed_on_beds,
     print_estimate,
@@ -103,7 +104,9 @@ def _found(one, data, items):
 def test_what_a_file_holds_is_compared_with_the_part(name, case):
     (written, meant, words), one = DIFFERENT[case], PART_FORMATS[name]
     found = _found(
-        one, one.write([PartItem(part=written)], "rig"), [PartItem(part=meant or written)]
+        one,
+        one.write(PartFileSpec(items=[PartItem(part=written)], title="rig")),
+        [PartItem(part=meant or written)],
     )
     assert re.search(words, found) if words else found == ""
 
@@ -111,8 +114,8 @@ def test_what_a_file_holds_is_compared_with_the_part(name, case):
 @pytest.mark.parametrize("name", PART_FORMATS)
 def test_the_same_parts_give_the_same_bytes_that_are_ours(name, tmp_path):
     one = PART_FORMATS[name]
-    data = one.write(ITEMS[:1], "rig")
-    assert data == one.write(ITEMS[:1], "rig")
+    data = one.write(PartFileSpec(items=ITEMS[:1], title="rig"))
+    assert data == one.write(PartFileSpec(items=ITEMS[:1], title="rig"))
     (tmp_path / "part").write_bytes(data)
     assert is_ours(tmp_path / "part")
 
@@ -121,10 +124,10 @@ def test_the_same_parts_give_the_same_bytes_that_are_ours(name, tmp_path):
 @pytest.mark.parametrize("length", [0, 5, 40, 84, 134, -60])
 def test_truncated_files_are_seen(name, length):
     one = PART_FORMATS[name]
-    assert _found(one, one.write(ITEMS[:1], "rig")[:length], ITEMS[:1])
+    assert _found(one, one.write(PartFileSpec(items=ITEMS[:1], title="rig"))[:length], ITEMS[:1])
 
 
-STL_DATA = STL.write(ITEMS[:1], "block")
+STL_DATA = STL.write(PartFileSpec(items=ITEMS[:1], title="block"))
 
 
 @pytest.mark.parametrize(
@@ -143,7 +146,7 @@ def test_bytes_that_are_no_stl_file_are_seen(data, words):
 def test_the_file_is_binary_stl_with_normals_outward():
     record = np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
     for title in ("block", "ä" * 200):  # a long name is cut off
-        data = STL.write(ITEMS[:1], title)
+        data = STL.write(PartFileSpec(items=ITEMS[:1], title=title))
         assert data[:80].decode("ascii").startswith("written by vinefab")
         assert int.from_bytes(data[80:84], "little") == len(BLOCK.faces)
         facets = np.frombuffer(data, record, offset=84)
@@ -158,7 +161,7 @@ def test_lib3mf_reads_parts_and_places_strictly():
     model = lib3mf.get_wrapper().CreateModel()
     reader = model.QueryReader("3mf")
     reader.SetStrictModeActive(True)  # noqa: FBT003  its signature
-    reader.ReadFromBuffer(THREEMF.write(ITEMS, "rig <1> & more"))
+    reader.ReadFromBuffer(THREEMF.write(PartFileSpec(items=ITEMS, title="rig <1> & more")))
     assert reader.GetWarningCount() == 0
     objects, seen = model.GetMeshObjects(), {}
     while objects.MoveNext():
@@ -174,7 +177,7 @@ def test_lib3mf_reads_parts_and_places_strictly():
 
 
 def test_parts_elsewhere_on_a_bed_are_seen():
-    data = THREEMF.write(ITEMS, "rig")
+    data = THREEMF.write(PartFileSpec(items=ITEMS, title="rig"))
     assert _found(THREEMF, data, ITEMS) == ""
     assert "0.01 mm off" in _found(THREEMF, data, [replace(ITEMS[0], at_mm=(5.01, 5.0)), ITEMS[1]])
     assert "other parts than planned" in _found(THREEMF, data, ITEMS[::-1])
@@ -189,7 +192,7 @@ def test_parts_elsewhere_on_a_bed_are_seen():
     ],
 )
 def test_a_3mf_file_that_says_something_else_is_refused(old, new, words):
-    data, stream = THREEMF.write(ITEMS, "rig"), io.BytesIO()
+    data, stream = THREEMF.write(PartFileSpec(items=ITEMS, title="rig")), io.BytesIO()
     assert old in data
     with zipfile.ZipFile(io.BytesIO(data)) as source, zipfile.ZipFile(stream, "w") as archive:
         assert {entry.date_time for entry in source.infolist()} == {(1980, 1, 1, 0, 0, 0)}

@@ -10,7 +10,7 @@ from shapely import Point, Polygon, box
 from vinefab.core.errors import BadInputError
 from vinefab.rig.build import build_rig, compare_with_map
 from vinefab.rig.part import RigOptions, manifold_of
-from vinefab.rig.part_files import STL, PartItem, read_back_problems
+from vinefab.rig.part_files import STL, PartFileSpec, PartItem, read_back_problems
 from vinefab.rig.solid import engraved_marks
 
 
@@ -25,7 +25,10 @@ PLAIN = _solid(mark_depth_mm=0.0)
 
 def _problems(rig):
     items = [PartItem(part=part) for part in rig.parts]
-    found = [read_back_problems(STL, STL.write([one], one.part.name), [one]) for one in items]
+    found = [
+        read_back_problems(STL, STL.write(PartFileSpec(items=[one], title=one.part.name)), [one])
+        for one in items
+    ]
     return [problem for one in found for problems in one.values() for problem in problems]
 
 

@@ -502,6 +502,7 @@ def numbered(findings: Sequence[Finding]) -> list[str]:
 def _markers(job: Job, chosen: Sequence[Finding]) -> Iterator[tuple[str, Contour]]:
     """Yield every finding's marker geometry, sign, leader and number."""
     placed = LayoutPlacement.of(job.facts)
+    sheet = shapely.box(0.0, 0.0, job.sheet_width_mm, job.sheet_height_mm)
     taken: list[shapely.Geometry] = [
         shapely.LineString(path.contour.flattened_mm(0.5))
         for path in job.paths
@@ -519,7 +520,7 @@ def _markers(job: Job, chosen: Sequence[Finding]) -> Iterator[tuple[str, Contour
         around = np.column_stack([np.cos(angles), np.sin(angles)])
         sign = Contour.polyline(at + _SIGN_MM * around, closed=True)
         yield label, sign if corners else replace(sign, bulges=np.ones(2))
-        corner, leader, box = _free_place(at, label, taken)
+        corner, leader, box = _free_place(at, label, taken, sheet)
         taken.append(box)
         yield label, Contour.polyline(leader, closed=False)
         for stroke in lettered(label, corner, _TEXT_MM):
@@ -527,14 +528,15 @@ def _markers(job: Job, chosen: Sequence[Finding]) -> Iterator[tuple[str, Contour
 
 
 def _free_place(
-    at: Floats, label: str, taken: Sequence[shapely.Geometry]
+    at: Floats, label: str, taken: Sequence[shapely.Geometry], sheet: shapely.Polygon
 ) -> tuple[tuple[float, float], Floats, shapely.Geometry]:
     """Return the corner, leader and box of the least obstructed place for a label."""
 
     def hidden(place: tuple[tuple[float, float], Floats, shapely.Geometry]) -> int:
         # Text on a line can still be read, text on text cannot.
         met = [one for one in taken if shapely.intersects(place[2], one)]
-        return sum(1 if shapely.get_dimensions(one) == 1 else 10 for one in met)
+        beyond = 0 if sheet.covers(place[2]) else 1000  # many programs show the sheet alone
+        return beyond + sum(1 if shapely.get_dimensions(one) == 1 else 10 for one in met)
 
     places, wide_mm = [], text_width_mm(label, _TEXT_MM)
     for far_mm, turn in product(_LEADER_MM, range(12)):  # the nearest ones first

@@ -57,7 +57,7 @@ from vinefab.pages.plan import page_bytes
 from vinefab.physics.seam import hoop_strain
 from vinefab.prediction.family_deployments import ProgressCallback, no_progress, part_of
 from vinefab.rig.part import RigPart
-from vinefab.rig.part_files import PartItem, stl_bytes, threemf_bytes
+from vinefab.rig.part_files import PartFileSpec, PartItem, stl_bytes, threemf_bytes
 
 LEFT_OUT = (
     "contact of branches with each other",
@@ -582,7 +582,7 @@ def _threemf(vertices_mm: Floats, faces: Ints, name: str) -> bytes:
         to_map=np.eye(4),
         volume_mm3=volume_mm3(vertices_mm, faces),
     )
-    return threemf_bytes([PartItem(part=part)], name)
+    return threemf_bytes(PartFileSpec(items=[PartItem(part=part)], title=name))
 
 
 def _obj(vertices_mm: Floats, faces: Ints, name: str) -> bytes:

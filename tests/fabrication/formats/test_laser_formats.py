@@ -108,7 +108,7 @@ def test_the_same_job_gives_the_same_text(name: str) -> None:
     assert one.write(spec_of("one pass")) == one.write(spec_of("one pass"))
 
 
-@pytest.mark.parametrize("job", JOBS)
+@pytest.mark.parametrize("job", ["one pass", "energy matrix"])
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_path_moved_by_five_tolerances_is_found(name: str, job: str) -> None:
     one, meant = LASER_FORMATS[name], spec_of(job)

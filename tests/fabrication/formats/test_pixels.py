@@ -22,7 +22,7 @@ from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, read_profile
 
 PIXEL_MM = 0.05
-PARTS = [balloon_designs()[0], *crotch_designs()]
+PARTS = [balloon_designs()[0], crotch_designs()[0]]
 Program = Callable[[str, str], str]
 
 

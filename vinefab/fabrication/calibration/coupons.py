@@ -207,7 +207,7 @@ def robot_piece(design: Design, profile: LaserProfile) -> Coupon:
     """Return a design as a coupon: what the laser does for a robot, and its name below it."""
     # Room for a robot's marks takes long to find, and no coupon has them.
     unmarked = profile.recipe.changed(operations=profile.recipe.operations.changed(mark=None))
-    job = laser_job(design, replace(profile, recipe=unmarked))
+    job = laser_job(design, replace(profile, recipe=unmarked), pinned=False)
     sealed_or_cut = (Operation.WELD, Operation.WELDCUT, Operation.CUT)
     paths = tuple(path for path in job.paths if path.operation in sealed_or_cut)
     return _labelled(Coupon(name=design.name, paths=paths, design=design, job=job), profile)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import groupby
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -253,8 +253,22 @@ class LaserFileSpec:
         return self.profile
 
 
+Content = TypeVar("Content")
+Data = TypeVar("Data", str, bytes)
+Read = TypeVar("Read")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LaserFormat:
+class FileFormat(Generic[Content, Data, Read]):
+    """A kind of file: written, read back, and compared with its content."""
+
+    suffix: str  # end of its file names, such as ``.dxf`` or ``_r12.dxf``; unique
+    write: Callable[[Content], Data]  # the same data each time; text is encoded as UTF-8
+    read: Callable[[Data], Read]  # raises `UnreadableFileError` for any other data
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LaserFormat(FileFormat[LaserFileSpec, str, ReadDrawing]):
     """A kind of laser file: written, read back and compared with its job.
 
     `drawing_differences` compares what `read` returns with the job, the same way for every format;
@@ -267,9 +281,6 @@ class LaserFormat:
     """
 
     title: str
-    suffix: str  # end of its file names, such as ``.dxf`` or ``_r12.dxf``; unique
-    write: Callable[[LaserFileSpec], str]  # returns text, encoded as UTF-8
-    read: Callable[[str], ReadDrawing]  # raises `UnreadableFileError` for any other text
     tolerance_mm: float  # largest error of a point, by the rounding of numbers
     # paths that the format holds
     paths: Callable[[LaserFileSpec], tuple[StyledPath, ...]] = lambda spec: spec.paths

@@ -20,7 +20,7 @@ from vinefab.fabrication.job.placement import (
 )
 from vinefab.fabrication.job.tiling import Tiled, registration, target_paths, tile_jobs, tiled
 from vinefab.model.design import Design
-from vinefab.model.job import Job, Operation
+from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import Partition, branch_tree
 
@@ -53,6 +53,8 @@ def laser_job(
     profile: LaserProfile,
     sheet: SheetOptions = ONE,
     partition: Partition | None = None,
+    *,
+    pinned: bool = True,
 ) -> Job:
     """Return the job of a sheet: outlines, the cuts that free them, and marks next to them.
 
@@ -61,6 +63,12 @@ def laser_job(
     A single robot that does not fit the bed is cut in tiles where possible, and else placed all the
     same with ``fits_bed`` false in the facts. Of several robots those that find no room are left
     out; ``robots_placed`` counts the others.
+
+    Parameters
+    ----------
+    pinned
+        False for a robot that is put on another sheet: holes to put this one back take long to
+        place.
 
     Raises
     ------
@@ -79,7 +87,7 @@ def laser_job(
         if isinstance(parted, Tiled):
             return _tiled_job(design, robots[0].body, profile, parted)
         facts["tiling"] = parted
-    return _sheet_job(robots, profile, sheet, facts)
+    return _sheet_job(robots, profile, sheet, facts, pinned=pinned)
 
 
 def _sheet_job(
@@ -88,10 +96,14 @@ def _sheet_job(
     sheet: SheetOptions,
     facts: Mapping[str, object],
     partition: Partition | None = None,
+    *,
+    pinned: bool = True,
 ) -> Job:
     """Return the job of one sheet: its robots or pieces, pins to put it back by, and marks."""
     machine, bodies = profile.machine, [path for robot in robots for path in robot.paths]
-    pins = registration(bodies, profile, machine.usable_box_mm, separate=sheet.separate)
+    pins: tuple[LaserPath, ...] = ()
+    if pinned:
+        pins = registration(bodies, profile, machine.usable_box_mm, separate=sheet.separate)
     marks = marks_of(robots, [*bodies, *pins], profile, machine.usable_box_mm, partition)
     return Job(
         name=robots[0].design.name,

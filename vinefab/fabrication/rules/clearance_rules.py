@@ -519,18 +519,27 @@ def check_fillet(subject: Subject, limits: Limits) -> RuleApplied:
                 f"joined with so large a fillet that the child is wider than designed far from the "
                 f"joint: design {large.limit:.1f} mm or less"
             )
-            violations.append(_violation(subject, joint, joint.gaps[0], predicate, large))
+            violations.append(
+                _violation(subject, joint, joint.gaps[0], predicate, large, aspect="large")
+            )
         elif joint.fillet_mm < designed_mm * (1.0 - 1e-9):
             less = Violation(severity=Severity.INFO, limit=designed_mm, measured=joint.fillet_mm)
             predicate = (
                 f"joined with a fillet of {joint.fillet_mm:.2f} mm: the angle has no room for more"
             )
-            violations.append(_violation(subject, joint, joint.gaps[0], predicate, less))
+            violations.append(
+                _violation(subject, joint, joint.gaps[0], predicate, less, aspect="drawn")
+            )
     return RuleApplied(checked=len(joints), violations=tuple(violations))
 
 
 def _violation(
-    subject: Subject, joint: LevelJoint, gap: Gap, predicate: str, broken: Violation
+    subject: Subject,
+    joint: LevelJoint,
+    gap: Gap,
+    predicate: str,
+    broken: Violation,
+    aspect: str = "",
 ) -> Violation:
     """Return a violation by all joints of a level, placed at the first of them."""
     rows = sorted(joint.branch(strip.owner) for strip in (gap.first, gap.second))
@@ -538,7 +547,7 @@ def _violation(
     names = " and ".join(subject.ids(*rows))
     message = f"branches {names}{all_joints} are {predicate}"
     at_mm = branch_point_mm(subject.layout, joint.first_child, 0.0)
-    return broken.on(subject, rows, message, at=at_mm)
+    return broken.on(subject, rows, message, at=at_mm, aspect=aspect)
 
 
 ANGLE = Rule(

@@ -7,11 +7,17 @@ import pytest
 
 import vinefab as vf
 from vinefab.core.errors import BadInputError
-from vinefab.fabrication.calibration.coupons import JOINT_KPA, joint_designs, read_results
+from vinefab.fabrication.calibration.coupons import (
+    JOINT_KPA,
+    joint_designs,
+    read_results,
+    results_text,
+)
 from vinefab.fabrication.calibration.fit_recipe import children_out
 from vinefab.growth.options import GrowthOptions, growth_text, measured_values
 from vinefab.model.contacts import read_contacts
 from vinefab.model.design import Design
+from vinefab.model.laser import read_profile
 
 HEADER = "measure,setting,value,unit,uncertainty\n"
 HALF_ANGLE = """schema = "vinefab/contacts-1"
@@ -60,9 +66,8 @@ def test_rows_that_cannot_be_are_named(tmp_path, name, kpa, out):
         children_out(read_results(table(tmp_path, [(name, kpa, out)])))
 
 
-def test_the_table_asks_for_every_joint_coupon(tmp_path):
-    vf.coupon(out=tmp_path / "coupons")
-    rows = (tmp_path / "coupons" / "results.csv").read_text().splitlines()
+def test_the_table_asks_for_every_joint_coupon():
+    rows = results_text(read_profile("co2_60w__stretchlon_200"), None).splitlines()
     asked = [row.split(",")[1] for row in rows if row.startswith("children_out")]
     assert asked == [f"{joint.name} {JOINT_KPA:g}" for joint in joint_designs()]
 

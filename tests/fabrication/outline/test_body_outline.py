@@ -74,7 +74,7 @@ def test_an_outline_equals_the_union_of_plain_shapes(sound_design, sound_body):
             assert (segment.bulge < 0.0) == (segment.part is Part.FILLET)
 
 
-@pytest.mark.parametrize("offset_mm", [0.55, 2.0, 6.0, -1.5])
+@pytest.mark.parametrize("offset_mm", [0.55, 6.0, -1.5])
 def test_every_point_of_an_offset_is_that_far_from_the_lumen(sound_design, sound_body, offset_mm):
     outline = body_outline(sound_design, offset_mm)
     edge = sound_body(beyond_mm=50.0).exterior
@@ -99,7 +99,7 @@ WITHOUT_TAIL = Design(
 def test_random_designs_have_a_right_outline_or_a_named_problem(odd):
     assert beyond(compared(WITHOUT_TAIL, odd=True)[1]) == {}
     words = []
-    for number in range(90 if odd else 20):
+    for number in range(40 if odd else 6):
         word, figures = compared(
             random_design(np.random.default_rng([7, number]), odd=odd), odd=odd
         )
@@ -110,7 +110,7 @@ def test_random_designs_have_a_right_outline_or_a_named_problem(odd):
 
 def test_offsets_of_odd_designs_are_as_far_as_asked():
     compared_designs = 0
-    for number in range(100):
+    for number in range(50):
         random = np.random.default_rng([8, number])
         design, offset_mm = random_design(random, odd=True), random.choice([-1.0, 0.55, 3.0, 12.0])
         outline = body_outline(design, offset_mm)
@@ -125,7 +125,7 @@ def test_offsets_of_odd_designs_are_as_far_as_asked():
         clear = shapely.points(points[points[:, 0] > -design.build.tail_mm + 1e-6])
         far = shapely.distance(clear, edge)
         assert (number, np.abs(far - abs(offset_mm)).max() <= 0.01) == (number, True)
-    assert compared_designs > 15
+    assert compared_designs > 8
 
 
 def test_a_long_fillet_is_split(make_plan, make_fan):

@@ -27,7 +27,7 @@ SPOILT = {"VF-T02", "VF-T03", "VF-C02", "VF-C03", "VF-C04", "VF-C05"}
 @pytest.mark.parametrize("block", range(2))
 def test_the_outline_has_a_narrow_notch_exactly_where_a_rule_says_so(block, random_design):
     quiet = 0
-    for number in range(60):
+    for number in range(40):
         subject = Subject.of(
             random_design(child(31, block, number), shortest_mm=40.0, pouched=True)
         )
@@ -41,7 +41,7 @@ def test_the_outline_has_a_narrow_notch_exactly_where_a_rule_says_so(block, rand
         narrow = notches(subject.body, 2.98)
         quiet += not narrow
         assert bool(narrow) == bool(errors & {"VF-C01", "VF-C07"}), (block, number, errors)
-    assert quiet > 25
+    assert quiet > 15
 
 
 def test_a_gap_between_pouches_is_a_notch_of_its_width(make):
@@ -78,7 +78,7 @@ def test_no_written_cut_comes_near_a_seam_that_is_not_its_own(monkeypatch):
     spec = importlib.util.spec_from_file_location("cuts_clear", path)
     cuts_clear = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(cuts_clear)
-    assert cuts_clear.main(32, seed=2) == 0
+    assert cuts_clear.main(12, seed=2) == 0
     passing = replace(run_checks(Subject.of(cuts_clear.near_the_limit(*SEEDED))), findings=())
     monkeypatch.setattr(cuts_clear, "run_checks", lambda *_, **__: passing)
-    assert cuts_clear.main(32, seed=2) > 0, "without the rules some robot is cut wrongly"
+    assert cuts_clear.main(12, seed=2) > 0, "without the rules some robot is cut wrongly"

@@ -43,7 +43,7 @@ def hard_design(rng):
     return Design(name="hard", trunk_length_mm=trunk_mm, levels=levels, build=build)
 
 
-MOST_BRANCHES = 30
+MOST_BRANCHES = 12
 """Larger trees take most of the time, and are made of the same hard parts."""
 
 
@@ -68,11 +68,11 @@ def assert_answered(designs, profile):
 
 @pytest.mark.parametrize("block", range(3))
 def test_hard_designs_are_answered(block, profile):
-    assert_answered(hard_designs(25, block, MOST_BRANCHES), profile)
+    assert_answered(hard_designs(12, block, MOST_BRANCHES), profile)
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("block", range(3, 16))
+@pytest.mark.parametrize("block", range(16))
 def test_large_hard_designs_are_answered(block, profile):
     assert_answered(hard_designs(100, block, 1000), profile)
 

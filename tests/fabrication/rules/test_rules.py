@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -39,8 +39,8 @@ PAIR = (2, 200.0, 90.0)
 
 
 def lazy(build):
-    """Return a function that remembers arguments: a fixture is built when a test asks for it."""
-    return lambda *args, **options: partial(build, *args, **options)
+    """Return a function that remembers arguments: a fixture is built once, when a test asks."""
+    return lambda *args, **options: cache(partial(build, *args, **options))
 
 
 @lazy
@@ -252,10 +252,11 @@ def clamped(**collar):
     return of((2, 200.0, 60.0), collar=Collar(clamp_diameter_mm=70.0, **collar))
 
 
+@lazy
 def winding(fan_deg):
-    """Seven joints, each half a fan off the way before."""
+    """Seven joints, each half a fan off the way before; without paths, of so many branches."""
     widths_mm = tuple(40.0 * 0.8**level for level in range(8))
-    return of(*[(2, 100.0, fan_deg)] * 7, widths_mm=widths_mm)
+    return Subject.of(make_design(*[(2, 100.0, fan_deg)] * 7, widths_mm=widths_mm))
 
 
 def piece(line_mm, radius_mm):

@@ -237,7 +237,9 @@ def test_the_plan_of_a_board_numbers_its_pieces_and_their_pegs(make_map, make_pr
     texts = {one.text: one.at for one in panel.primitives if isinstance(one, Words)}
     assert {str(piece.number) for piece in pieces} < set(texts)
     for piece in pieces:
-        assert piece.outline.contains(shapely.Point(texts[str(piece.number)]))
+        at = shapely.Point(texts[str(piece.number)])
+        assert piece.outline.contains(at)
+        assert not any(peg.outline.intersects(at) for peg in piece.pegs)
     lines = [line for one in panel.primitives if isinstance(one, Shape) for line in one.chains]
     ends = [tuple(line.mean(axis=0).round(3)) for line in lines if len(line) == 2]
     pegs = [(peg.x_mm, peg.y_mm) for piece in pieces for peg in piece.pegs]

@@ -102,6 +102,9 @@ MOST_SHEETS = 24
 """A page shows at most so many sheets; the folder has a picture of each."""
 
 _CROP_MM, _TEXT_MM, _CROSS_MM, _FOOT_MM = 5.0, 14.0, 1.0, 24.0
+_SMALL_PT = 9.0
+"""Smallest number on a plan of few parts."""
+
 _CORNERS = ("lower left", "lower right", "upper right", "upper left")
 _THICKENED = level_colour(4)
 _PAPER = Ink(fill="#fbfcfd", line=SOFT)
@@ -144,12 +147,14 @@ def assembly_plan(rig: Rig, world: Map, outlines: Mapping[int, BaseGeometry]) ->
     shapes = {number: on_rig(outline) for number, outline in outlines.items()}
     panel.polygons(shapes.values(), Ink(line=level_colour(2)), rank=4)
     size_pt = 14.0 if count < 30 else max(3.0, 90.0 / count**0.5)
+    pt_per_mm = panel.width_pt / (panel.box[2] - panel.box[0])
     for number, shape in shapes.items():
-        biggest = max(shapely.get_parts(shape), key=shapely.area, default=Polygon())
-        if not biggest.is_empty:
-            at = biggest.centroid
-            at = at if biggest.covers(at) else biggest.representative_point()
-            panel.words((at.x, at.y), str(number), size_pt, bold=True, anchor="middle", halo=True)
+        at = _number_place(shape)
+        if not at.is_empty:
+            # A number much larger than its piece would hide a wall and its ends.
+            room_pt = 2.0 * pt_per_mm * at.distance(shape.boundary)
+            high_pt = min(size_pt, max(_SMALL_PT, room_pt))
+            panel.words((at.x, at.y), str(number), high_pt, bold=True, anchor="middle", halo=True)
     for mark in start_marks(world, world.bounds.bounds):
         whole, fan = mark.whole and on_rig(mark.whole), mark.fan and on_rig(mark.fan)
         draw_start_range(panel, StartMark(whole=whole, free=tuple(map(on_rig, mark.free)), fan=fan))
@@ -166,6 +171,13 @@ def assembly_plan(rig: Rig, world: Map, outlines: Mapping[int, BaseGeometry]) ->
         f"{rig.options.height_mm:g} mm high, scale {scale:.4g}{thickened}"
     )
     return page_of(panel)
+
+
+def _number_place(shape: BaseGeometry) -> Point:
+    """Return the middle of a shape's largest part if that is inside, else a point that is."""
+    biggest = max(shapely.get_parts(shape), key=shapely.area, default=Polygon())
+    at: Point = biggest.centroid
+    return at if biggest.covers(at) else biggest.representative_point()
 
 
 def sheet_plan(job: Job) -> Page:
@@ -250,9 +262,8 @@ def plan_sheet(rig: Rig, world: Map, fixtures: Fixtures, pieces: Sequence[LooseP
         [cross[way] + np.array([peg.x_mm, peg.y_mm]) for peg in pegs for way in (0, 1)], _THIN
     )
     for piece in pieces:
-        circle = shapely.maximum_inscribed_circle(piece.outline, 0.5)
-        x_mm, y_mm = shapely.get_coordinates(circle)[0].tolist()
-        panel.words((x_mm, y_mm), str(piece.number), 8.0, anchor="middle")
+        at = _number_place(piece.outline - shapely.union_all([peg.outline for peg in piece.pegs]))
+        panel.words((at.x, at.y), str(piece.number), 8.0, anchor="middle")
     for pad in fixtures.pads:
         _draw_cells(panel, pad)
     for start in world.starts:  # the mouth of the trunk as a cross, and its heading

@@ -597,12 +597,13 @@ def fix_in_stage(
         if best is not None and pruning_cost(design, space.branches) >= best.cost:
             continue
         most_cost = best.cost if best else np.inf
-        if stage == FILLETS:  # nothing clears more than the smallest fillets do
+        if stage == FILLETS or not len(space):  # little clears more than the smallest fillets do
             smallest = np.full(len(space), -_SMALLEST)
             x = smallest if space.penalty(smallest) == 0.0 else None
         else:
             x = _descended(space, _MOST_STEPS if stage.prunes else FIRST_STEPS, most_cost)
-        if x is None and best is None and not stage.prunes and number == len(spaces) - 1:
+        is_last = number == len(spaces) - 1
+        if x is None and best is None and not stage.prunes and is_last and len(space):
             x = _evolved(space, progress)
         if x is None:
             continue

@@ -5,11 +5,13 @@ Deployments on one map are alike, so that maps are the sample: their means, not 
 
 import math
 from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy  # its parts load at their first use
 from numpy.typing import ArrayLike
 
+from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 
 LEVEL, SIGNIFICANT = 0.95, 0.05
@@ -24,6 +26,19 @@ PAIRED_TAILS = 1.0
 
 _ALIKE = 1e-12
 """Values that differ by no more, over the largest of them, are equal up to rounding."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NumberRange:
+    """An estimate with bounds, in rising order."""
+
+    low: float
+    value: float
+    high: float
+
+    def __post_init__(self) -> None:
+        if not self.low <= self.value <= self.high:
+            raise BadInputError("interval", [self.low, self.value, self.high], "rising numbers")
 
 
 def group_means(values: ArrayLike, groups: Sequence[Hashable]) -> Floats:

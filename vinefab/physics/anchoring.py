@@ -8,36 +8,16 @@ prediction is therefore an interval over friction and over the number of engaged
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.limits import STANDARD_GRAVITY_M_S2
+from vinefab.core.statistics import NumberRange
 from vinefab.core.validation import Floats
 from vinefab.physics.growth_pressure import capstan_factor
 from vinefab.physics.seam import line_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NumberRange:
-    """An estimate with bounds, in rising order.
-
-    Parameters
-    ----------
-    low, value, high
-        Lower bound, estimate and upper bound.
-    """
-
-    low: float
-    value: float
-    high: float
-
-    def __post_init__(self) -> None:
-        if not self.low <= self.value <= self.high:
-            raise BadInputError("interval", [self.low, self.value, self.high], "rising numbers")
-
 
 ASSUMED_FRICTION = NumberRange(low=0.2, value=0.3, high=0.8)
 """TPU film on printed plastic [assumed]; measure yours."""

@@ -475,7 +475,7 @@ def _rows(designs: Sequence[Design]) -> tuple[DesignBatch, Ints]:
 
 def _arrays(designs: DesignBatch, builds: Ints) -> DesignArrays:
     """Return designs and their trees for the kernel."""
-    branches = batch_branches(designs)
+    first, tree = batch_branches(designs)
     return DesignArrays(
         depth=np.ascontiguousarray(designs.depth),
         build=np.ascontiguousarray(builds),
@@ -484,11 +484,11 @@ def _arrays(designs: DesignBatch, builds: Ints) -> DesignArrays:
         fan=np.ascontiguousarray(designs.fan_rad),
         size=np.ascontiguousarray(designs.length_mm),
         growth=np.ascontiguousarray(designs.growth),
-        first=branches.first,
-        parent=branches.parent,
-        level=branches.level,
-        offset=branches.offset_rad,
-        length=branches.length_mm,
+        first=first,
+        parent=tree.parent,
+        level=tree.level,
+        offset=tree.offset_rad,
+        length=tree.length_mm,
     )
 
 

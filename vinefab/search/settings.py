@@ -202,12 +202,12 @@ class RunTables(Table):
     build: Annotated[BuildSettings, Doc("how every design is made")] = BuildSettings()
     growth: Annotated[GrowthOptions, Doc("how robots grow")] = GrowthOptions()
     evaluation: Annotated[EvaluationSettings, Doc("how a design is judged")] = EvaluationSettings()
+    name: Annotated[str, Doc("of the run and its best design; default: the file's")] = "run"
 
 
 class RunSettings(RunTables):
     """A whole run; `changed` gives another one."""
 
-    name: Annotated[str, Doc("of the run and its best design; default: the file's")] = "run"
     task: Annotated[PartSettings, Doc("what is scored")] = PartSettings(name="coverage")
     optimizer: Annotated[PartSettings, Doc("what searches")] = PartSettings(name="islands")
     search: Annotated[SearchSettings, Doc("how long it searches")] = SearchSettings()
@@ -389,7 +389,6 @@ class RunFile(RunTables):
     schema_: Annotated[
         Literal["vinefab/run-1"], Field(alias="schema"), Doc("kind of file and its version")
     ] = "vinefab/run-1"
-    name: Annotated[str | None, Doc("of the run and its best design; default: the file's")] = None
     task: Annotated[TaskTable, Doc("what is scored")] = TaskTable()
     optimizer: Annotated[OptimizerTable, Doc("how it is searched")] = OptimizerTable()
 
@@ -406,7 +405,7 @@ def read_run(name_or_path: str | PathLike[str]) -> RunSettings:
         _read_files_in(content, path.parent)
     file = validated(RunFile, content, path)
     with located(path):
-        name = path.stem if file.name is None else file.name
+        name = file.name if "name" in file.model_fields_set else path.stem
         if not name or name.startswith(".") or not all(c.isalnum() or c in "_-." for c in name):
             raise BadInputError("name", name, "letters, digits, '_', '-' and '.'")
         if len(name) > _MOST_LETTERS:

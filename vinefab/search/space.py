@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, overload
+from typing import TYPE_CHECKING, Annotated, Any, overload
 
 import numpy as np
 from annotated_types import Ge, Le, Unit
@@ -730,23 +730,16 @@ def _rounded(values: Floats) -> Floats:
     return rounded
 
 
-class BatchBranches(NamedTuple):
-    """All branches of a design batch, design by design, parents first."""
+def batch_branches(designs: DesignBatch) -> tuple[Ints, BranchTree]:
+    """Return all branches of a design batch, design by design, each as `branch_tree` has them.
 
-    first: Ints  # where each design's branches begin, with the total at the end, shape (m + 1,)
-    parent: Ints  # within its tree, -1 for trunks
-    level: Ints  # 1 for trunks
-    offset_rad: Floats  # angle from the parent's heading
-    length_mm: Floats
-
-
-def batch_branches(designs: DesignBatch) -> BatchBranches:
-    """Return all branches of a design batch, as `vinefab.model.tree.branch_tree` has them."""
+    First comes where each design's branches begin, with the total at the end, shape (m + 1,).
+    Parents are places within a design.
+    """
     first = np.zeros(len(designs) + 1, dtype=np.int64)
     np.cumsum(designs.sizes, out=first[1:])
     parent, level = np.empty((2, first[-1]), dtype=np.int64)
     offset_rad, length_mm = np.empty((2, first[-1]))
-    found = BatchBranches(first, parent, level, offset_rad, length_mm)
     # Columns of a table are another type to numba, which would compile a second time.
     batch_kernel.plan_trees(
         np.ascontiguousarray(designs.depth),
@@ -755,9 +748,14 @@ def batch_branches(designs: DesignBatch) -> BatchBranches:
         np.ascontiguousarray(designs.fan_rad),
         np.ascontiguousarray(designs.length_mm),
         np.ascontiguousarray(designs.growth),
-        *found,
+        first,
+        parent,
+        level,
+        offset_rad,
+        length_mm,
     )
-    return found
+    tree = BranchTree(parent=parent, level=level, offset_rad=offset_rad, length_mm=length_mm)
+    return first, tree
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -813,8 +811,9 @@ def planned_batch(
     options: GrowthOptions,
 ) -> Plans:
     """Return the plans of a design batch; builds of other depths begin with the same widths."""
-    first, parent, level, offset_rad, length_mm = batch_branches(designs)
-    turn = np.column_stack([np.cos(offset_rad), np.sin(offset_rad)])
+    first, tree = batch_branches(designs)
+    parent, level, length_mm = tree.parent, tree.level, tree.length_mm
+    turn = np.column_stack([np.cos(tree.offset_rad), np.sin(tree.offset_rad)])
     deepest = builds[max(builds)]
     feed, riding_mm = Feed.of(deepest, options), np.zeros(len(length_mm))
     if np.isfinite(feed.limit_kpa).any():
@@ -833,7 +832,7 @@ def planned_batch(
     each = _PlannedTrees(
         arrays=arrays,
         level=level,
-        offset_rad=offset_rad,
+        offset_rad=tree.offset_rad,
         counts=designs.counts,
         builds=builds,
         radii_mm=radii_mm,

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from vinefab.core.rng import child
-from vinefab.core.statistics import holm
+from vinefab.core.statistics import NumberRange, holm
 from vinefab.core.validation import Floats
 from vinefab.core.view import Picture
 
@@ -37,13 +37,9 @@ def peak(values: Floats) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ConfidenceInterval:
+class ConfidenceInterval(NumberRange):
     """A number with its 95 % interval by Student's law."""
 
-    value: float  # the number
-    # low, high: the interval
-    low: float
-    high: float
     error: float  # standard error
     degrees: float  # degrees of freedom
 

@@ -32,7 +32,7 @@ def good(attack, tmp_path_factory):
 
 def test_damaged_files_are_refused_or_read(attack, good):
     files = attack("files")
-    plan = [(kind, seed) for kind in CHEAP for seed in range(4)]
+    plan = [(kind, 1) for kind in CHEAP]
     tally = files.attack(plan, good)
     assert not tally.failures, tally.report("tests/attack/files.py")
     assert sum(counts.total() for counts in tally.counts.values()) == len(plan)
@@ -42,9 +42,9 @@ def test_damaged_files_are_refused_or_read(attack, good):
 def test_hostile_names_are_words_only(attack):
     names = attack("names")
     ways = ("check", "info", "rings", "argument", "out-json")
-    tally = names.attack([(way, number) for way in ways for number in (0, 1, 11, 16, 19)])
+    tally = names.attack([(way, number) for way in ways for number in (0, 16)])
     assert not tally.failures, tally.report("tests/attack/names.py")
-    assert sum(counts.total() for counts in tally.counts.values()) > 20
+    assert sum(counts.total() for counts in tally.counts.values()) == 10
 
 
 BROKEN = {

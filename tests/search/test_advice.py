@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 from tests.search.target_cases import SPACE, cases, thick_film
-from vinefab.fabrication.checking import subject_of
-from vinefab.fabrication.rules.catalog import run_checks
-from vinefab.model.design import Design, Level
+from vinefab.model.design import Design
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.laser import Quantity, Standing, read_profile
 from vinefab.search.finalists import RepairBudget
@@ -50,17 +48,6 @@ def run_file(folder, text):
 )
 def test_a_run_file_without_a_trunk_width_gets_one_that_its_film_takes(tmp_path, text, width_mm):
     assert run_file(tmp_path, text).build.trunk_width_mm == width_mm
-
-
-@pytest.mark.parametrize(("width_mm", "passes"), [(61.0, True), (59.0, False)])
-def test_the_width_is_the_narrowest_that_three_levels_of_the_film_keep_the_rule_with(
-    tmp_path, width_mm, *, passes
-):
-    build = BuildSettings(trunk_width_mm=width_mm, width_ratio=0.8, compensation="none").build(3)
-    levels = tuple(Level.of(branches=3, length_mm=150.0, angle_deg=120.0) for _ in range(2))
-    design = Design(name="tree", trunk_length_mm=150.0, levels=levels, build=build)
-    subject = subject_of(design, read_profile(thick_film(tmp_path)))
-    assert (not run_checks(subject, only={"VF-W03"}).blocking) is passes
 
 
 @pytest.fixture(scope="module")

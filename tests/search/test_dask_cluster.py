@@ -33,7 +33,6 @@ from vinefab.search.evaluator import (
     EvaluatorSpec,
     Ledger,
     ThreadEvaluator,
-    Work,
 )
 from vinefab.search.run import Search, make_point_evaluator
 from vinefab.search.settings import PartSettings
@@ -145,12 +144,6 @@ def test_tasks_and_penalties_that_cannot_be_sent_are_named(fabricable, maps):
             WorkerPayload.of(EvaluatorSpec(settings=fabricable, maps=maps, **local))
 
 
-def test_read_only_views_can_be_sent(maps):
-    again = deserialized(serialized(maps[0]))
-    assert again.facts == maps[0].facts
-    assert type(again.facts) is type(maps[0].facts)
-
-
 def test_a_worker_with_other_versions_refuses(small, maps):
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
     payload = WorkerPayload.of(evaluator.spec)
@@ -206,31 +199,13 @@ def test_threads_beside_a_cluster():
 
 
 class Deserted:
-    """A client of a cluster whose workers have all gone, or whose work kills them."""
-
-    def __init__(self, error=None):
-        self.error = error
-        self.retried = 0
-
-    def submit(self, *_, **__):
-        return self
-
-    @property
-    def status(self):
-        return "error"
+    """A client of a cluster, and its work, whose workers have all gone."""
 
     def done(self):
-        return self.error is not None
+        return False
 
     def nthreads(self):
         return {}
-
-    def gather(self, _):
-        assert self.error is not None
-        raise self.error()
-
-    def retry(self):
-        self.retried += 1
 
 
 def test_a_run_gives_up_without_workers(monkeypatch):
@@ -239,14 +214,6 @@ def test_a_run_gives_up_without_workers(monkeypatch):
         WorkersLostError, match=r"no worker for 0\.01 s; --resume continues the recorded run"
     ):
         DaskEvaluator("local:2", patience_s=0.01)._gathered(Deserted(), [Deserted()])
-
-
-def test_counting_starts_with_the_ledger():
-    ledger = Ledger(1)
-    assert ledger.worked_s == 0.0
-    ledger.add(Work(making_s=1.0, scoring_s=0.5))
-    ledger.add(Work(growth_s=0.25))
-    assert ledger.worked_s == 1.75
 
 
 class Shrinking:

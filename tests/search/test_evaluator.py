@@ -33,7 +33,7 @@ from vinefab.search.evaluator import (
 )
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.run import Search
-from vinefab.search.settings import EvaluationSettings, PartSettings
+from vinefab.search.settings import PartSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 from vinefab.tasks.evaluate import Conditions, composite, map_weights, score_designs
 
@@ -50,6 +50,7 @@ def test_poses_are_redrawn_every_generation_unless_redraw_is_off(small, maps):
     assert drawn[0] == drawn[1] != drawn[2]
     still = Evaluator.of(EvaluatorSpec(settings=with_evaluation(small, redraw=False), maps=maps))
     assert still.training_conditions(3, 0) == still.training_conditions(3, 7) == drawn[0]
+    assert still.final_conditions(3) not in drawn
 
 
 def test_the_range_of_poses_can_be_narrowed_to_the_starts_themselves(small, maps):
@@ -91,14 +92,6 @@ def test_single_uses_one_evaluation_and_ranks_finalists_by_their_mean(small, map
     result = optimize(single, maps)
     assert len(result.score.evaluations) == 4
     assert result.finalists[0].fitness == result.score.composite["mean"]
-
-
-@pytest.mark.parametrize(
-    "contradiction", [{"poses_per_map": 2}, {"maps_per_generation": 2}], ids=lambda c: next(iter(c))
-)
-def test_single_contradicts_several_evaluations(contradiction):
-    with pytest.raises(BadInputError, match="one evaluation"):
-        EvaluationSettings(composite="single", **contradiction)
 
 
 def test_min_deviation_uses_the_runs_reference_deviation(small, maps):
@@ -380,12 +373,6 @@ def test_a_serial_executor_works_in_order_when_finished():
     assert done == []
     finish()
     assert done == [0, 1, 2, 3]
-
-
-def test_an_executor_of_one_needs_no_helper(helper):
-    units = [WorkUnit(threading.get_ident) for _ in range(3)]
-    Executor(helper, 1).begin(units)()
-    assert {unit.result for unit in units} == {threading.get_ident()}
 
 
 @pytest.mark.parametrize("place", [0, 3])

@@ -121,11 +121,6 @@ def test_finalists_may_be_chosen_by_their_mean_over_the_range_of_contacts(small,
     assert [f.design for f in result.finalists] != [f.design for f in usual.finalists]
 
 
-def test_other_ways_to_choose_finalists_are_refused(small):
-    with pytest.raises(BadInputError, match="allowed: 'fresh_maps', 'training' or 'contact_range'"):
-        small.evaluation.changed(finalists_by="range")
-
-
 def test_a_winner_is_chosen_on_maps_that_the_search_has_not_seen(small):
     settings = small.changed(evaluation=small.evaluation.changed(finalists=8))
     fresh = fresh_maps(settings)

@@ -60,11 +60,6 @@ def test_a_search_keeps_to_one_bed_though_larger_robots_may_be_cut_in_tiles(pena
     assert not penalty.passes(endless)
 
 
-def test_a_narrow_fan_is_seen_by_both(penalty):
-    assert penalty(fork(0.1)) > 0.0
-    assert not penalty.passes(fork(0.1))
-
-
 def test_a_waived_finding_does_not_count_against_a_design(penalty):
     narrow = fork(0.24)
     waivers = tuple(

@@ -26,8 +26,9 @@ SHEET_MM = (980.0, 580.0)
 """The usable bed less 10 mm for seam, kerf and overcut."""
 
 
-def errors(design, profile):
-    report = run_checks(Subject.of(design, profile))
+def errors(design, profile, only):
+    """The rules that find errors; none of them needs laser paths, so none are laid out."""
+    report = run_checks(replace(Subject.of(design), profile=profile), only=only)
     return {f.rule for f in report.findings if f.severity is Severity.ERROR}
 
 
@@ -56,22 +57,22 @@ def window_penalty(design, profile, limits=None):
 @pytest.fixture(scope="module")
 def penalties(profile, random_design):
     """Penalty of random designs, and the rules that find errors in them."""
-    designs = [random_design(child(11, number)) for number in range(150)]
+    designs = [random_design(child(11, number)) for number in range(60)]
     return [
-        (penalty(design, sheet_mm=SHEET_MM), errors(design, profile) & CHEAP) for design in designs
+        (penalty(design, sheet_mm=SHEET_MM), errors(design, profile, CHEAP)) for design in designs
     ]
 
 
 def test_no_penalty_means_no_errors_from_the_rules_it_stands_for(penalties):
     clean = [found for penalty, found in penalties if penalty == 0.0]
-    assert len(clean) > 10
+    assert len(clean) > 4
     assert all(found == set() for found in clean)
-    assert sum(penalty > 0.0 and bool(found) for penalty, found in penalties) > 50
+    assert sum(penalty > 0.0 and bool(found) for penalty, found in penalties) > 20
 
 
 def test_a_clean_design_is_hardly_ever_penalized(penalties):
     clean = [penalty for penalty, found in penalties if not found]
-    assert len(clean) > 20
+    assert len(clean) > 6
     assert sum(penalty > 0.0 for penalty in clean) <= 0.1 * len(clean)
 
 
@@ -87,9 +88,9 @@ def test_the_penalty_falls_steadily_while_a_fan_opens(make):
 
 
 def test_the_penalty_is_continuous_where_branches_begin_to_cross(make):
-    angles = np.linspace(60.0, 100.0, 1000)
+    angles = np.linspace(60.0, 100.0, 400)
     values = [penalty(make((2, 150.0, a), (2, 140.0, 80.0))) for a in angles]
-    assert np.abs(np.diff(values)).max() < 0.02
+    assert np.abs(np.diff(values)).max() < 0.05
 
 
 @pytest.mark.parametrize(
@@ -111,12 +112,6 @@ def test_packing_crotch_angle_and_sheet_are_penalized(make):
     long = make(trunk_mm=1500.0)
     assert penalty(long) == 0.0
     assert penalty(long, sheet_mm=SHEET_MM) > 0.0
-
-
-def test_limits_can_be_changed(make):
-    design = make((2, 200.0, 60.0))
-    assert penalty(design) == 0.0
-    assert penalty(design, {"VF-W02": {"error": 2.0}}) > 0.0
 
 
 def test_the_penalty_is_bounded_and_finite_for_hopeless_trees(make):
@@ -146,17 +141,14 @@ def test_the_window_penalty_is_zero_just_where_the_rule_finds_no_error(grown_pro
     """Where limits were measured; a search keeps to those that are assumed too."""
     profile = grown_profile
     closed = 0
-    for number in range(80):
+    for number in range(40):
         design = random_tree(child(5, number))
         if number % 2:  # a working pressure that grows some of them
             design = design.changed(build=design.build.changed(pressure_kpa=6.0))
-        # The rule needs no laser paths, so none are laid out.
-        subject = replace(Subject.of(design), profile=profile)
-        report = run_checks(subject, only=("VF-P03",))
-        broken = any(f.severity is Severity.ERROR for f in report.findings)
+        broken = bool(errors(design, profile, {"VF-P03"}))
         assert (window_penalty(design, profile) > 0.0) == broken
         closed += broken
-    assert 10 < closed < 70
+    assert 5 < closed < 35
 
 
 def test_the_window_penalty_falls_as_leaves_widen_and_follows_changed_limits(profile, make):

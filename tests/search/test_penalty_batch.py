@@ -27,7 +27,6 @@ from vinefab.model.design import (
 )
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import Quantity, Standing, read_profile
-from vinefab.search.evaluator import SpacePenalty
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.penalty_batch import (
     MOST_CHECKED_BRANCHES,
@@ -45,6 +44,13 @@ BENCH = SpaceSettings(
     length_mm=Bounds(low=20, high=120),
     angle_deg=Bounds(low=0, high=360),
 )
+CROSSING = SpaceSettings(
+    levels=Bounds(low=3, high=4),
+    branches=Bounds(low=2, high=3),
+    length_mm=Bounds(low=40, high=140),
+    angle_deg=Bounds(low=40, high=240),
+)
+RANGES = {"table 1": TABLE_1, "bench": BENCH, "crossing": CROSSING}
 POUCHES = {
     "bare": None,
     "round": Pouch(shape="round", radius_mm=12.0),
@@ -68,15 +74,22 @@ WITHIN = {"inflation": 1e-6, "none": 1e-9}
 """Flat angles differ in their last digits, distances of lines that cross by the root of that."""
 
 
-@pytest.mark.parametrize("compensation", CHOICES)
-@pytest.mark.parametrize("pouch", POUCHES.values(), ids=POUCHES)
-@pytest.mark.parametrize("ratio", [0.65, 1.0])
-@pytest.mark.parametrize("settings", [TABLE_1, BENCH], ids=["table 1", "bench"])
+@pytest.mark.parametrize(
+    ("settings", "ratio", "pouch", "compensation"),
+    [  # each pair of values at least once
+        ("table 1", 0.65, "bare", "inflation"),
+        ("table 1", 1.0, "round", "none"),
+        ("table 1", 0.65, "rectangle", "none"),
+        ("bench", 1.0, "bare", "none"),
+        ("bench", 0.65, "round", "inflation"),
+        ("bench", 1.0, "rectangle", "inflation"),
+    ],
+)
 def test_penalties_at_once_are_those_one_by_one(settings, ratio, pouch, compensation):
     build = BuildSettings(
-        width_ratio=ratio, pouch=pouch, trunk_width_mm=30.0, compensation=compensation
+        width_ratio=ratio, pouch=POUCHES[pouch], trunk_width_mm=30.0, compensation=compensation
     )
-    space = Space(settings, build)
+    space = Space(RANGES[settings], build)
     x = np.random.default_rng(3).random((120, len(space)))
     # Corners of the space, with branches that are parallel, coincide, or touch at their ends.
     x[:40] = np.round(x[:40])
@@ -122,8 +135,8 @@ def test_the_pattern_decides_and_too_narrow_fans_add_to_it():
 @pytest.mark.parametrize("compensation", CHOICES)
 def test_both_agree_which_designs_have_none(compensation):
     space = Space(BENCH, BuildSettings(trunk_width_mm=24.0, compensation=compensation))
-    found, wanted = both(space, 0.3 + 0.4 * np.random.default_rng(4).random((300, len(space))))
-    assert 20 < (wanted == 0.0).sum() < 280
+    found, wanted = both(space, 0.3 + 0.4 * np.random.default_rng(4).random((120, len(space))))
+    assert 8 < (wanted == 0.0).sum() < 112
     assert np.array_equal(found == 0.0, wanted == 0.0)
 
 
@@ -186,7 +199,7 @@ def any_build(rng, *, pieces):
 def test_designs_with_builds_of_their_own_have_the_readable_penalties(*, pieces):
     """Tapers, collars and laser paths, as a fix asks for them; no pressure for growth."""
     rng, profile, sheet_mm = np.random.default_rng(12), PENALTY.profile, (700.0, 500.0)
-    designs = [any_build(rng, pieces=pieces) for _ in range(60 if pieces else 150)]
+    designs = [any_build(rng, pieces=pieces) for _ in range(40 if pieces else 80)]
     for design in designs:
         rules = PenaltyRules.of(design.build, profile, {}, sheet_mm, grows=False)
         of = {"profile": profile, "sheet_mm": sheet_mm}
@@ -207,18 +220,6 @@ def test_a_batch_of_many_builds_has_the_penalties_of_each_alone():
     assert np.array_equal(np.transpose(rules.with_path_excess(designs)), alone[:, :, 0])
 
 
-def test_the_search_takes_the_faster_one():
-    assert isinstance(PENALTY, SpacePenalty)
-
-
-CROSSING = SpaceSettings(
-    levels=Bounds(low=3, high=4),
-    branches=Bounds(low=2, high=3),
-    length_mm=Bounds(low=40, high=140),
-    angle_deg=Bounds(low=40, high=240),
-)
-
-
 FORK = SpaceSettings(
     levels=Bounds(low=2, high=2),
     branches=Bounds(low=2, high=2),
@@ -228,25 +229,31 @@ FORK = SpaceSettings(
 )
 
 
-@pytest.mark.parametrize("compensation", CHOICES)
-@pytest.mark.parametrize("pouch", POUCHES.values(), ids=POUCHES)
 @pytest.mark.parametrize(
-    ("most", "mounting"), [(2, "tail_inverted"), (6, "tail_inverted"), (6, "turned")]
-)
-@pytest.mark.parametrize(
-    "settings", [TABLE_1, BENCH, CROSSING], ids=["table 1", "bench", "crossing"]
+    ("settings", "most", "mounting", "pouch", "compensation"),
+    [  # each pair of values at least once
+        ("table 1", 2, "tail_inverted", "bare", "inflation"),
+        ("table 1", 6, "tail_inverted", "round", "none"),
+        ("table 1", 6, "turned", "rectangle", "inflation"),
+        ("bench", 2, "tail_inverted", "round", "none"),
+        ("bench", 6, "tail_inverted", "rectangle", "inflation"),
+        ("bench", 6, "turned", "bare", "none"),
+        ("crossing", 2, "tail_inverted", "rectangle", "none"),
+        ("crossing", 6, "tail_inverted", "bare", "inflation"),
+        ("crossing", 6, "turned", "round", "inflation"),
+    ],
 )
 def test_penalties_in_pieces_at_once_are_those_one_by_one(
     settings, most, mounting, pouch, compensation
 ):
     build = BuildSettings(
-        pouch=pouch,
+        pouch=POUCHES[pouch],
         trunk_width_mm=30.0,
         pieces=PieceSettings(most=most),
         mounting=mounting,
         compensation=compensation,
     )
-    space = Space(settings, build)
+    space = Space(RANGES[settings], build)
     x = np.random.default_rng(6).random((25, len(space)))
     x[:6] = np.round(x[:6])
     found, wanted = both(space, x)
@@ -270,12 +277,12 @@ def test_designs_without_a_penalty_in_pieces_are_cut_in_as_few(compensation):
     space = in_pieces(6, compensation)
     x = np.random.default_rng(7).random((600, len(space)))
     penalty, joints = PENALTY.within(space).with_joints(space.batch(x))
-    rows = np.flatnonzero((penalty == 0.0) & (joints > 0))[:25]
+    rows = np.flatnonzero((penalty == 0.0) & (joints > 0))[:12]
     exact = [
         partition_of(quick_pattern(space.design(x[row]), MATERIAL).flat, PENALTY.profile)
         for row in rows
     ]
-    assert len(rows) == 25
+    assert len(rows) == 12
     assert not any(partition.unparted for partition in exact)
     pieces = np.array([len(partition.pieces) for partition in exact])
     assert (joints[rows] + 1 >= pieces).all()
@@ -304,12 +311,12 @@ def test_film_with_laps_in_it_keeps_within_its_lumen(compensation):
     passing = np.flatnonzero((found == 0.0) & (joints > 0))
     assert len(decided) > 5
     assert len(passing) > 5
-    for row in (*decided[:15], *passing[:15]):
+    for row in (*decided[:6], *passing[:6]):
         assert found[row] == pytest.approx(
             whole_penalty(space.design(x[row]), penalty.profile), abs=1e-9
         )
     # What is cut as designed has joints whose passages the search does not know.
-    for row in passing[:15] if compensation == "inflation" else ():
+    for row in passing[:4] if compensation == "inflation" else ():
         pattern = pattern_of(space.design(x[row]), penalty.profile, known_only=True)
         flat = Subject.of(pattern.flat)
         flat = replace(flat, profile=penalty.profile, pattern=pattern)
@@ -396,7 +403,7 @@ def test_a_fillet_that_the_seam_turns_into_a_corner_is_no_reason():
         x = np.random.default_rng(2).random((300, len(space)))
         found = sealed.within(space)(space.batch(x))
         shares.append((found == 0.0).mean())
-        for row in np.flatnonzero(found == 0.0)[:6]:
+        for row in np.flatnonzero(found == 0.0)[:3]:
             design = space.design(x[row])
             assert sealed(design) == 0.0
             rules = {finding.rule for finding in sealed.broken(design) or ()}

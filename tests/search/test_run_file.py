@@ -12,7 +12,6 @@ from vinefab.core.errors import (
     VinefabError,
 )
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.map import Pose
 from vinefab.search.optimizers.optimizer import make_optimizer_config
 from vinefab.search.run import Search
@@ -72,15 +71,6 @@ def test_ranges_fixed_values_and_single_levels(tmp_path):
     assert space.bounds(3, "branches") == Bounds(low=2, high=3)
 
 
-def test_several_objectives_bring_their_optimizer(tmp_path):
-    text = '[task]\nname = "reach"\nobjectives = ["branches", "reach"]'
-    settings = read_run(written(tmp_path, text))
-    assert settings.objectives == ("branches", "reach")
-    assert settings.further_objectives == ("branches",)
-    assert settings.optimizer.name == "nsga2"
-    assert settings.task.parameters == {}
-
-
 def test_other_tasks_have_tables_of_their_own(tmp_path):
     text = """
     [task]
@@ -101,26 +91,10 @@ def test_other_tasks_have_tables_of_their_own(tmp_path):
     assert settings_from_plain(plain_settings(settings)) == settings
 
 
-def test_a_pouch_is_part_of_the_build(tmp_path):
-    text = '[build]\npouch = {shape = "rectangle", length_mm = 25, width_mm = 40}'
-    build = read_run(written(tmp_path, text)).build
-    assert build.pouch == Pouch(shape="rectangle", length_mm=25.0, width_mm=40.0)
-    assert build.build(3).pouch == build.pouch
-
-
 def test_widths_are_given_by_level_or_by_the_trunk(tmp_path):
     build = read_run(written(tmp_path, "[build]\nwidths_mm = [30, 17.5]")).build
     assert build.build(3).widths_mm == (30.0, 17.5, 10.5)
     assert read_run(written(tmp_path, "[build]\ntrunk_width_mm = 30")).build.widths_mm == ()
-
-
-def test_designs_may_be_cut_in_pieces(tmp_path):
-    build = '[build]\npieces = { most = 4, ease_mm = 2 }\nmounting = "turned"'
-    settings = read_run(written(tmp_path, f"{build}\n[evaluation]\njoint_weight = 0.02"))
-    assert settings.build.pieces == PieceSettings(most=4, ease_mm=2.0)
-    assert settings.build.build(3).pieces == settings.build.pieces
-    assert settings.build.build(3).mounting == "turned"
-    assert settings.evaluation.joint_weight == 0.02
 
 
 def test_map_files_are_found_from_the_run_file(tmp_path):
@@ -162,30 +136,10 @@ def test_limits_and_symmetry_of_a_space(tmp_path):
     assert settings_from_plain(plain_settings(RunSettings(space=space))).space == space
 
 
-def test_tables_carry_the_parameters_of_their_parts(tmp_path):
-    text = """
-    [task]
-    name = "reach"
-    buffer_mm = 30
-    [optimizer]
-    name = "random"
-    generations = 7
-    [growth]
-    head_on_half_angle_deg = 5.0
-    """
-    settings = read_run(written(tmp_path, text))
-    assert settings.task.parameters == {"buffer_mm": 30}
-    assert settings.optimizer.name == "random"
-    assert settings.optimizer.parameters == {}
-    assert settings.search.generations == 7
-    assert settings.growth.head_on_half_angle_rad == pytest.approx(math.radians(5.0))
-
-
 @pytest.mark.parametrize(
     ("text", "key", "words"),
     [
         ("[maps]\ncuont = 3", "maps.cuont", "did you mean 'count'"),
-        ("[maps]\ncount = 0", "maps.count", "greater than or equal to 1"),
         ("[maps.options]\nsize = 5", "maps.options.size", "size_mm"),
         ('[maps]\nseed = 3\nfiles = ["a"]', "maps.seed", "not together with maps.files"),
         ("[maps]\nfiles = []", "maps.files", "at least one"),
@@ -193,10 +147,8 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path):
         ('[task]\nname = "coverage"\nradius = 3', "task.radius", "radius_mm"),
         ('[task]\nname = "coverage"\nradius_mm = nan', "task.radius_mm", "a finite number"),
         ("[task]\nradius = 3", "task.radius", "radius_mm"),
-        ("[task]\nname = 3", "task.name", "string"),
         ('[task]\nname = "reach"\nobjectives = ["reach", "x"]', "task.objectives", "film_length"),
         ('[task]\nname = "reach"\nobjectives = ["reach"]', "task.objectives", "a cost"),
-        ('[task]\nname = "reach"\nobjectives = 3', "task.objectives", "tuple"),
         (
             '[task]\nname = "reach"\nobjectives = ["reach", "branches"]\n[optimizer]\nname = "pso"',
             "optimizer.name",
@@ -234,18 +186,10 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path):
             "buffer_mm",
         ),
         (
-            '[task]\nobjectives = ["coverage", "reach"]\nreach = {buffer_mm = -3}',
-            "task.reach.buffer_mm",
-            "greater than or equal to 0.000001",
-        ),
-        (
             '[task]\nname = "reach"\ntarget_mm = [[1, 2], [3]]',
             "task.target_mm[2]",
             "x, y",
         ),
-        ("[space]\nmost_film_length_mm = 0", "space.most_film_length_mm", "equal to 0.000001"),
-        ("[space]\nmost_film_length_mm = inf", "space.most_film_length_mm", "finite"),
-        ("[space]\nmost_film_mm = 9", "space.most_film_mm", "did you mean"),
         ("[space]\nmost_branches = 2.5", "space.most_branches", "integer"),
         (
             "[space]\nsymmetric = true\ngrowth_percent = [50, 150]",
@@ -259,37 +203,25 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path):
         ),
         ("[maps]\nstart = {x_mm = 3, y_mm = 4}", "maps.start.heading_deg", "missing"),
         (
-            "[maps]\nstart = {x_mm = 3, y_mm = 4, headng_deg = 9}",
-            "maps.start.headng_deg",
-            "did you mean",
-        ),
-        (
             "[maps]\nstart = {x_mm = nan, y_mm = 4, heading_deg = 9}",
             "maps.start.x_mm",
             "a finite number",
         ),
-        (
-            "[maps]\nstart = {x_mm = 1, y_mm = 4, heading_deg = 9, spread_x_mm = -1}",
-            "maps.start.spread_x_mm",
-            "greater than or equal to 0",
-        ),
-        ("[build]\nwidth_ratio = 1.5", "build.width_ratio", "less than or equal to 1"),
         ("[growth]\nhead_on_half_angle_deg = 91", "growth.head_on_half_angle_deg", "0 to 90"),
-        ("[optimizer]\npopulation = 1", "optimizer.population", "greater than or equal to 2"),
         ('[optimizer]\nname = "pso"\nneighbours = 1', "optimizer.neighbours", "at least 2"),
         ('[optimizer]\nname = "pso"\ninertai = 1', "optimizer.inertai", "did you mean 'inertia'"),
-        ('[evaluation]\ncomposite = "median"', "evaluation.composite", "mean"),
-        ("[evaluation]\npenalty_weight = 0", "evaluation.penalty_weight", "equal to 0.000001"),
-        ("[evaluation]\npose_range = -1", "evaluation.pose_range", "greater than or equal to 0"),
         (
-            "[evaluation]\nhead_on_weight = -1",
-            "evaluation.head_on_weight",
-            "greater than or equal to 0",
+            '[evaluation]\ncomposite = "single"\nposes_per_map = 2',
+            "evaluation.poses_per_map",
+            "1 with composite = 'single', which has one evaluation",
         ),
+        (
+            '[evaluation]\ncomposite = "single"\nmaps_per_generation = 2',
+            "evaluation.maps_per_generation",
+            "0 or 1",
+        ),
+        ("[space]\nangle_deg = [0, 361]", "space.angle_deg", "0 to 360"),
         ('[build]\npouch = {shape = "round"}', "build.pouch.radius_mm", "a length"),
-        ("[build]\npieces = {most = 0}", "build.pieces.most", "1"),
-        ('[build]\nmounting = "folded"', "build.mounting", "'tail_inverted' or 'turned'"),
-        ("[evaluation]\njoint_weight = -1", "evaluation.joint_weight", "0"),
         ("[evaluation]\nfabricable = 1", "evaluation.fabricable", "boolean"),
         ('name = "a b"', "name", "letters"),
         ('schema2 = "x"', "schema2", "did you mean 'schema'"),
@@ -401,18 +333,10 @@ def test_a_pose_in_words_is_recorded_as_its_table_is(tmp_path):
         ('{side = "leftt"}', "maps.start.side", "did you mean 'left'"),
         ("{line = [[20, 20]]}", "maps.start.line", "two or more points"),
         ("{line = [[nan, 20], [3, 4]]}", "maps.start.line[1][1]", "a finite number"),
-        ("{line = [[1e99, 20], [3, 4]]}", "maps.start.line", "-1e+07 to"),
         ('{area = [[0, 0], [9, 9]], side = "left"}', "maps.start.area", "not together"),
         ("{area = [[0, 0], [9, 9], [9, 0], [0, 9]]}", "maps.start.area", "valid"),
         ('{side = "left", x_mm = 3}', "maps.start.x_mm", "not together with side"),
-        ('{side = "left", inset_mm = -3}', "maps.start.inset_mm", "greater than or equal to 0"),
-        (
-            '{side = "left", spread_heading_deg = 400}',
-            "maps.start.spread_heading_deg",
-            "equal to 360",
-        ),
         ("{x_mm = 3, y_mm = 4, heading_deg = 9, inset_mm = 3}", "maps.start.inset_mm", "together"),
-        ('{sid = "left"}', "maps.start.sid", "did you mean 'side'"),
     ],
 )
 def test_a_place_that_is_none_is_one_line(tmp_path, start, key, allowed):

@@ -80,11 +80,6 @@ def test_the_ends_of_the_cube_are_the_ends_of_the_ranges():
     assert (most.depth, most.trunk_length_mm, most.levels[3].branches) == (5, 205.0, 4)
 
 
-def test_numbers_are_written_in_hundredths():
-    design = TABLE_1.design(np.random.default_rng(1).random(18))
-    assert design.trunk_length_mm == round(design.trunk_length_mm, 2)
-
-
 def test_fixed_values_and_single_levels_leave_the_vector():
     settings = SpaceSettings(
         levels=Bounds(low=3, high=3),
@@ -101,42 +96,9 @@ def test_fixed_values_and_single_levels_leave_the_vector():
     assert design.build.widths_mm == (30.0, 15.0, 7.5)
 
 
-def test_a_plain_vine_is_a_point_too():
-    space = Space(SpaceSettings(levels=Bounds(low=1, high=1)), BuildSettings())
-    assert len(space) == 1
-    assert space.design(np.array([1.0])).levels == ()
-
-
 def test_a_design_outside_the_bounds_gives_the_nearest_point():
     far = Design(name="far", trunk_length_mm=900.0, build=BuildSettings().build(1))
     assert TABLE_1.design(TABLE_1.vector(far)).trunk_length_mm == 205.0
-
-
-@pytest.mark.parametrize(
-    ("key", "bounds"),
-    [
-        ("levels", Bounds(low=0, high=3)),
-        ("levels", Bounds(low=2, high=11)),
-        ("branches", Bounds(low=2.5, high=3)),
-        ("length_mm", Bounds(low=20, high=10)),
-        ("angle_deg", Bounds(low=0, high=361)),
-        ("growth_percent", [float("nan"), 100]),
-    ],
-)
-def test_impossible_bounds_are_refused(key, bounds):
-    with pytest.raises(BadInputError, match=f"^{key}"):
-        SpaceSettings(**{key: bounds})
-
-
-def test_the_widths_of_the_first_levels_may_be_given():
-    build = BuildSettings(widths_mm=(36.0, 20.0), width_ratio=0.5)
-    assert build.build(1).widths_mm == (36.0,)
-    assert build.build(4).widths_mm == (36.0, 20.0, 10.0, 5.0)
-    assert BuildSettings().build(3).widths_mm == BuildSettings(widths_mm=(40.0,)).build(3).widths_mm
-    with pytest.raises(BadInputError, match=r"^widths_mm\[2\] is 0"):
-        BuildSettings(widths_mm=(36.0, 0.0))
-    with pytest.raises(BadInputError, match="at most 10"):
-        BuildSettings(widths_mm=(1.0,) * 11)
 
 
 POUCHES = (

@@ -164,15 +164,6 @@ def test_what_runs_and_maps_both_hold_is_counted_once():
     assert np.mean(errors) == pytest.approx(1.0 / np.sqrt(250), rel=0.25)
 
 
-def test_spreads_and_peaks_do_not_alarm_more_often_than_they_say():
-    rng = np.random.default_rng(6)
-    alarms = np.zeros(2)
-    for _ in range(20):
-        one, two = experiments(rng, 2, 5, 12)
-        alarms += [off_0(difference(one, two, statistic)) for statistic in (spread, peak)]
-    assert np.all(alarms <= 4)  # more have a chance of 0.3 % at 5 %
-
-
 def known_interval(value=0.25, error=0.05, degrees=1e9, half=0.15):
     return ConfidenceInterval(
         value=value, low=value - half, high=value + half, error=error, degrees=degrees

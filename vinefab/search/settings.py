@@ -202,7 +202,9 @@ class RunTables(Table):
     build: Annotated[BuildSettings, Doc("how every design is made")] = BuildSettings()
     growth: Annotated[GrowthOptions, Doc("how robots grow")] = GrowthOptions()
     evaluation: Annotated[EvaluationSettings, Doc("how a design is judged")] = EvaluationSettings()
-    name: Annotated[str, Doc("of the run and its best design; default: the file's")] = "run"
+    name: Annotated[str, Doc("of the run and its best design; left out of a file: the file's")] = (
+        "run"
+    )
 
 
 class RunSettings(RunTables):

@@ -37,20 +37,6 @@ def test_whole_numbers_keep_moving_after_the_rest_has_converged():
     assert np.median(search.ask()[:, 0]) == 0.875
 
 
-def test_what_never_matters_is_not_pulled_anywhere():
-    means = []
-    for seed in range(12):
-        search = started(seed)
-        for _ in range(20):
-            x = search.ask()
-            search.tell(x, -(x[:, 0] ** 2) - np.abs(x[:, 1] - 0.9))
-        # Levels have gone to 1, so that the coordinates of level 3 have no say.
-        means.append(search.ask()[:, 3:].mean(axis=0))
-    error = np.std(means) / np.sqrt(np.size(means))
-    assert abs(np.mean(means) - 0.5) < 3.5 * error
-    assert error < 0.06
-
-
 def test_too_few_points_are_refused():
     with pytest.raises(BadInputError, match=r"optimizer\.population is 3; allowed: at least 4"):
         CmaConfig().start(MIXED, population=3, seed=1)

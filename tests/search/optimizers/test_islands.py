@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.search.optimizers.cmaes import Cma, CmaConfig, Distribution
+from vinefab.search.optimizers.cmaes import Cma
 from vinefab.search.optimizers.islands import (
     UNRATED,
     Islands,
     IslandsConfig,
 )
-from vinefab.search.optimizers.optimizer import ScreeningOptimizer, SearchAxes, StartingOptimizer
+from vinefab.search.optimizers.optimizer import SearchAxes
 from vinefab.search.record.result import state_from_text, state_to_text
 
 AXES = SearchAxes(choices=(3, 0, 4, 0, 0), levels=(0, 0, 2, 2, 3), depth=0, least_depth=1)
@@ -55,17 +55,11 @@ def test_every_island_keeps_to_one_structure_and_all_are_tried():
 
 
 def test_a_structure_that_is_good_only_once_adapted_is_found():
-    for seed in range(5):
+    for seed in range(2):
         search = started(seed=seed)
         x, fitness = ran(search, deceptive, 120)
         assert fitness.max() > 1.0
         assert of_structure(x[fitness.argmax()][None], 2, 3).all()
-
-
-def test_the_better_structures_get_more_points():
-    x, _ = ran(started(), deceptive, 120)
-    share = of_structure(x, 2, 3).mean()
-    assert share > 3.0 / STRUCTURES
 
 
 def test_no_point_with_a_penalty_is_evaluated_where_there_are_others():
@@ -167,29 +161,3 @@ def test_more_structures_than_can_be_counted_are_drawn():
 def test_whole_numbers_alone_are_left_to_cmaes():
     axes = SearchAxes(choices=(3, 4), levels=(0, 0))
     assert isinstance(IslandsConfig().start(axes, 12, 1), Cma)
-
-
-def test_only_islands_screen_and_begin_at_points():
-    assert isinstance(started(), ScreeningOptimizer)
-    assert isinstance(started(), StartingOptimizer)
-    plain = CmaConfig().start(AXES, 12, 1)
-    assert not isinstance(plain, ScreeningOptimizer | StartingOptimizer)
-
-
-def test_a_packed_distribution_goes_on_to_the_last_bit():
-    rng = np.random.RandomState(1)
-    one = Distribution(np.full(4, 0.5), np.full(4, 0.2), population=8)
-    for _ in range(5):
-        v = one.sample(rng, 8)
-        one.learn(v[np.argsort((v**2).sum(axis=1))])
-    other = Distribution(np.zeros(4), np.ones(4), population=8)
-    other.unpack(one.packed())
-    for _ in range(3):
-        state = rng.get_state()
-        v = one.sample(rng, 8)
-        rng.set_state(state)
-        w = other.sample(rng, 8)
-        np.testing.assert_array_equal(v, w)
-        one.learn(v.copy())
-        other.learn(w.copy())
-    np.testing.assert_array_equal(one.packed(), other.packed())

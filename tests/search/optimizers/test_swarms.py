@@ -18,9 +18,9 @@ def worth(x):
 class ScalarSwarm:
     """The published algorithm, one particle and one coordinate at a time."""
 
-    def __init__(self, seed):
+    def __init__(self, seed, *, adapt_always):
         rng = child(seed, _ADAPTIVE_STREAM, 0)
-        self.seed = seed
+        self.seed, self.always = seed, adapt_always
         self.x = rng.random(SHAPE).tolist()
         self.v = rng.uniform(-1.0, 1.0, SHAPE).tolist()
         self.best = [list(row) for row in self.x]
@@ -34,13 +34,13 @@ class ScalarSwarm:
             if value > self.value[i]:
                 self.value[i], self.best[i] = value, list(self.x[i])
         if self.generation > 0:
-            if max(self.value) > before:
+            if improved := max(self.value) > before:
                 self.c, self.near = max(0, self.c - 1), self.least
             else:
                 self.c, self.near = self.c + 1, min(self.near + self.least, SHAPE[0] - 1)
-            if self.c < 2:
+            if (improved or self.always) and self.c < 2:
                 self.w = min(1.1, 2.0 * self.w)
-            elif self.c > 5:
+            elif (improved or self.always) and self.c > 5:
                 self.w = max(0.1, 0.5 * self.w)
         self.generation += 1
         self.move()
@@ -64,9 +64,11 @@ class ScalarSwarm:
                     self.v[i][k] = 0.0
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_the_swarm_moves_as_its_scalar_twin(seed):
-    fast, slow = AdaptiveSwarm(AdaptiveSwarmConfig(), SHAPE, seed), ScalarSwarm(seed)
+@pytest.mark.parametrize(("seed", "adapt_always"), [(1, True), (2, True), (1, False)])
+def test_the_swarm_moves_as_its_scalar_twin(seed, *, adapt_always):
+    """Clipped coordinates stop at their face, and move on at the next pull."""
+    config = AdaptiveSwarmConfig(adapt_always=adapt_always)
+    fast, slow = AdaptiveSwarm(config, SHAPE, seed), ScalarSwarm(seed, adapt_always=adapt_always)
     inertias, stopped = set(), 0
     for _ in range(60):
         x = fast.ask()
@@ -82,59 +84,6 @@ def test_the_swarm_moves_as_its_scalar_twin(seed):
         slow.v = fast.velocity.tolist()
     assert len(inertias) > 2
     assert stopped > 20
-
-
-def one_step(position, velocity):
-    """Return a swarm of two equal particles after one step with inertia alone."""
-    config = AdaptiveSwarmConfig(self_weight=0.0, social_weight=0.0, most_inertia=1.0)
-    swarm = AdaptiveSwarm(config, (2, len(position)), seed=1)
-    swarm.position, swarm.velocity = np.array([position] * 2), np.array([velocity] * 2)
-    swarm.tell(swarm.ask(), np.zeros(2))
-    return swarm
-
-
-def test_a_clipped_coordinate_stops_and_all_others_keep_their_velocity():
-    """At both faces; a coordinate that ends exactly on a face has not been clipped."""
-    swarm = one_step([0.75, 0.25, 0.5, 0.5, 0.5], [0.5, -0.5, 0.25, 0.5, -0.5])
-    assert swarm.position.tolist() == [[1.0, 0.0, 0.75, 1.0, 0.0]] * 2
-    assert swarm.velocity.tolist() == [[0.0, 0.0, 0.25, 0.5, -0.5]] * 2
-
-
-def test_a_stopped_coordinate_leaves_its_face_at_the_next_pull():
-    """A velocity kept after clipping would hold it at the face for another generation."""
-    config = AdaptiveSwarmConfig(least_inertia=1.0, most_inertia=1.0, social_weight=0.0)
-    swarm = AdaptiveSwarm(config, (2, 1), seed=1)
-    swarm.position, swarm.velocity = np.full((2, 1), 0.5), np.full((2, 1), 50.0)
-    swarm.tell(swarm.ask(), np.ones(2))  # clipped, with the best point left behind at 0.5
-    assert (swarm.ask() == 1.0).all()
-    swarm.tell(swarm.ask(), np.zeros(2))
-    assert (swarm.ask() < 1.0).all()
-
-
-def adapted(recipe, fitness):
-    swarm = AdaptiveSwarm(recipe, (20, 2), seed=1)
-    found = []
-    for value in fitness:
-        swarm.tell(swarm.ask(), np.full(20, value))
-        found.append((round(swarm.inertia, 6), swarm.neighbours, swarm.failures))
-    return found
-
-
-def test_failures_widen_the_neighbourhood_and_lower_the_inertia():
-    found = adapted(AdaptiveSwarmConfig(), [0.0] * 12)
-    assert [near for _, near, _ in found] == [5, 10, 15, 19, *[19] * 8]
-    assert [failures for *_, failures in found] == [*range(12)]
-    assert [inertia for inertia, *_ in found] == [1.1] * 6 + [0.55, 0.275, 0.1375, 0.1, 0.1, 0.1]
-
-
-def test_an_improvement_narrows_the_neighbourhood():
-    *_, last = adapted(AdaptiveSwarmConfig(), [0.0, 0.0, 0.0, 1.0])
-    assert last == (1.1, 5, 1)
-
-
-def test_the_inertia_may_adapt_after_improvements_only():
-    found = adapted(AdaptiveSwarmConfig(adapt_always=False), [0.0] * 10 + [1.0] + [2.0])
-    assert [inertia for inertia, *_ in found] == [1.1] * 10 + [0.55, 0.275]
 
 
 def test_reevaluation_corrects_lucky_personal_bests():

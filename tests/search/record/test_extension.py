@@ -4,7 +4,6 @@ import pytest
 
 from tests.search.conftest import content
 from vinefab.core.errors import BadInputError
-from vinefab.search.optimizers.optimizer import OPTIMIZERS
 from vinefab.search.record.result import RECORD_FILE, RunArchive, plain_summary
 from vinefab.search.run import run_search
 from vinefab.search.settings import MapSettings, PartSettings
@@ -19,7 +18,7 @@ def extended(folder, settings, **limits):
     return run_search(settings, folder, resume=True, limits=limits)
 
 
-@pytest.mark.parametrize("name", OPTIMIZERS)
+@pytest.mark.parametrize("name", ["islands", "particleswarm"])
 def test_an_extended_run_is_the_one_asked_for_at_once(tmp_path, small, name):
     settings = small.changed(optimizer=PartSettings(name=name))
     first = run_search(of_generations(settings, 2), tmp_path / "run")

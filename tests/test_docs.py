@@ -164,6 +164,7 @@ def test_no_words_in_pictures_lie_over_others():
     assert count > 100
 
 
+@pytest.mark.thorough
 def test_the_site_is_built_without_a_warning(tmp_path):
     build = ["-b", "html", "-q", "-W", "--keep-going", "-d", str(tmp_path / "trees"), str(DOCS)]
     done = subprocess.run(

@@ -156,10 +156,10 @@ RUNS = {
 def test_a_run_file_runs_and_resumes(name, tmp_path):
     settings = read_run(ROOT / "examples" / f"{name}.toml")
     short = settings.changed(
-        search=settings.search.changed(population=12, generations=2),
+        search=settings.search.changed(population=8, generations=2),
         # Finding designs that can be made takes longer than a test may, except in pieces.
         evaluation=settings.evaluation.changed(
-            fabricable=settings.build.pieces is not None, finalists=3
+            fabricable=settings.build.pieces is not None, finalists=2
         ),
     )
     result = run_search(short, tmp_path / "run")

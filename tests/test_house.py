@@ -6,6 +6,7 @@ import re
 import sys
 import tokenize
 from collections import Counter, defaultdict
+from functools import cache
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -16,9 +17,15 @@ SOURCE = Path(__file__).parents[1] / "vinefab"
 MODULES = {path.relative_to(SOURCE).as_posix(): path for path in SOURCE.rglob("*.py")}
 
 
+@cache
+def parsed(text):
+    """Return what stands at the top level of a module."""
+    return ast.parse(text).body
+
+
 def bound_names(text):
     """Yield the names that a module binds at its top level, imports excepted."""
-    for node in ast.parse(text).body:
+    for node in parsed(text):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
             if not any(ast.unparse(one).endswith("overload") for one in node.decorator_list):
                 yield node.name
@@ -51,7 +58,7 @@ def test_no_module_binds_a_name_twice():
 def test_public_functions_and_classes_are_defined_once():
     places = defaultdict(list)
     for name, path in MODULES.items():
-        for node in ast.parse(path.read_text("utf-8")).body:
+        for node in parsed(path.read_text("utf-8")):
             if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
                 places[node.name].append(name)
     assert {name: found for name, found in places.items() if len(set(found)) > 1} == {}

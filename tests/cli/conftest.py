@@ -31,11 +31,13 @@ def no_lines_of_progress(monkeypatch):
     monkeypatch.setattr("vinefab.core.verbs.FIRST_S", 1e6)
 
 
-@pytest.fixture(autouse=True)
-def few_unseen_maps(monkeypatch):
+@pytest.fixture(autouse=True, scope="module")
+def few_unseen_maps():
     """A run's winner is chosen and tried on few maps: seventy take longer than a run here."""
-    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN_DEPLOYMENTS", 3)
-    monkeypatch.setattr("vinefab.search.run.FRESH_MAPS", 2)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("vinefab.prediction.run_winner.UNSEEN_DEPLOYMENTS", 3)
+        patch.setattr("vinefab.search.run.FRESH_MAPS", 2)
+        yield
 
 
 @pytest.fixture

@@ -5,10 +5,7 @@ import math
 
 import pytest
 
-from vinefab.core.atomic import is_filled_in
-from vinefab.core.hashing import manifest_text, sha256_of
-from vinefab.core.plain_text import GENERATOR
-from vinefab.fabrication.calibration.coupons import results_text
+from vinefab.cli.main import main
 from vinefab.model.files.shipped import shipped_root
 from vinefab.model.laser import RecipeStatus, Standing, read_profile
 
@@ -41,10 +38,17 @@ def filled(folder):
     (folder / "results.csv").write_text("\n".join(lines) + "\n")
 
 
-def test_coupons_are_cut_measured_and_given_back(vinefab, tmp_path):
-    folder, mine = tmp_path / "coupons", tmp_path / "mine.toml"
-    assert vinefab("coupon", "--recipe", RECIPE, "--out", folder, "-q") == (0, "", "")
+@pytest.fixture(scope="module")
+def coupons(tmp_path_factory):
+    """A folder of coupons whose table is filled in."""
+    folder = tmp_path_factory.mktemp("cut") / "coupons"
+    assert main(["coupon", "--recipe", RECIPE, "--out", str(folder), "-q"]) == 0
     filled(folder)
+    return folder
+
+
+def test_coupons_are_cut_measured_and_given_back(vinefab, coupons, tmp_path):
+    folder, mine = coupons, tmp_path / "mine.toml"
     code, words, complaint = vinefab("calibrate", folder / "results.csv", "--out", mine)
     assert (code, complaint) == (0, "")
     assert "weldcut.kerf_mm" in words
@@ -65,33 +69,16 @@ def test_coupons_are_cut_measured_and_given_back(vinefab, tmp_path):
     assert job["facts"]["weldcut_offset_mm"] == pytest.approx(expected)
 
 
-def test_a_table_that_was_filled_in_is_not_lost(vinefab, tmp_path):
-    folder = tmp_path / "coupons"
-    folder.mkdir()
-    table = results_text(read_profile(RECIPE), None)
-    (folder / "results.csv").write_text(table)
-    (folder / "coupon.json").write_text(GENERATOR)
-    digest = sha256_of(table.encode())
-    (folder / "MANIFEST.sha256").write_text(manifest_text({"results.csv": digest}))
-    assert not is_filled_in(folder / "results.csv", {"results.csv": b"others"})
-    filled(folder)
-    assert is_filled_in(folder / "results.csv", {"results.csv": table.encode()})
-    before = (folder / "results.csv").read_bytes()
-    code, _, complaint = vinefab("coupon", "--out", folder)
-    assert code == 2
-    assert "filled in" in complaint
-    assert (folder / "results.csv").read_bytes() == before
-
-
-def test_the_same_coupons_are_asked_for_again_after_the_table_was_filled_in(vinefab, tmp_path):
-    folder = tmp_path / "coupons"
-    assert vinefab("coupon", "--out", folder, "-q") == (0, "", "")
-    filled(folder)
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    code, said, complaint = vinefab("coupon", "--out", folder)
+def test_a_table_that_was_filled_in_is_not_lost(vinefab, coupons):
+    before = {path.name: path.read_bytes() for path in coupons.iterdir()}
+    code, said, complaint = vinefab("coupon", "--out", coupons)
     assert (code, complaint) == (0, "")
     assert "results.csv, filled in, is kept" in said
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert {path.name: path.read_bytes() for path in coupons.iterdir()} == before
+    # The coupons of another film are measured in another table.
+    code, _, complaint = vinefab("coupon", "--recipe", "co2_60w__tpu_nylon_70d", "--out", coupons)
+    assert (code, "filled in" in complaint) == (2, True)
+    assert {path.name: path.read_bytes() for path in coupons.iterdir()} == before
 
 
 def test_a_calibrated_recipe_is_calibrated_again_by_what_is_new(vinefab, tmp_path):

@@ -193,15 +193,15 @@ def test_without_measured_contacts_nothing_changes():
 
 def test_a_body_too_wide_for_its_start_is_reported_as_such(vinefab, grid, plain, tmp_path):
     page = tmp_path / "page.html"
-    more = ("--map", grid, "--growth", "body_width_ratio=2", "--out", page, "--json", "-")
-    code, words, _ = vinefab("report", plain, *more)
+    wide = ("--map", grid, "--growth", "body_width_ratio=2")
+    code, words, _ = vinefab("report", plain, *wide, "--poses", 1, "--out", page, "--json", "-")
     assert code == 0
     assert all(
         reach["needed_kpa"] is None for reach in json.loads(words)["width"]["pressure"]["reaches"]
     )
     width_mm = Design.read(plain).build.widths_mm[0]
-    wide = f"no room for its inflated body of {2 * 2 * width_mm / math.pi:.0f} mm"
-    assert wide in vinefab("grow", plain, "--map", grid, "--growth", "body_width_ratio=2")[1]
+    room = f"no room for its inflated body of {2 * 2 * width_mm / math.pi:.0f} mm"
+    assert room in vinefab("grow", plain, *wide)[1]
 
 
 # --- vinefab observe ... --fit

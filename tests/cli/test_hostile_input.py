@@ -74,7 +74,7 @@ def dxf_blocks(levels, insert):
 
 def long_polyline():
     marks = "100\nAcDbEntity\n8\n0\n100\nAcDbPolyline\n"
-    return f"0\nLWPOLYLINE\n{marks}" + "10\n1\n20\n1\n" * 40_000
+    return f"0\nLWPOLYLINE\n{marks}" + "10\n1\n20\n1\n" * 10_000
 
 
 def geojson(facts="{}", name='"d"'):
@@ -190,6 +190,8 @@ def refusals(tmp_path_factory):
         """
         import contextlib, io, json, resource, sys, time
         from vinefab.cli.main import main
+        from vinefab.core import bounded
+        bounded._CPU_S = 2  # what takes for ever takes longer
         resource.setrlimit(resource.RLIMIT_DATA, (int(sys.argv[1]),) * 2)
         for case, command in json.loads(sys.stdin.read()).items():
             words, begin = io.StringIO(), time.process_time()

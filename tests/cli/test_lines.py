@@ -56,7 +56,7 @@ LINES = [
     ("fabricate plain_vine --out o --allow-uncalibrated --zip", 0, "written-1", "README.txt"),
     ("inflate free.toml --across 6 --out o.html --mesh o.stl", 0, "inflation-1",
      "cut with its designed angles"),
-    ("rig grid.geojson --printer generic_256 --out o", 0, "written-1", "wrote o/"),
+    ("rig grid.geojson --printer generic_256 --out o --no-pictures", 0, "written-1", "wrote o/"),
     ("coupon --out o", 0, "written-1", "begin with README.txt"),
     ("map grid --columns 3 --rows 3 --size 300 --start 'top side' --out o.geojson", 0, "map",
      "start: line 0,285 300,285, heading -90"),

@@ -7,16 +7,16 @@ import tomllib
 import pytest
 
 import vinefab as vf
+from tests.cli.conftest import RUN
+from vinefab.cli.main import main
 from vinefab.model.files.shipped import shipped_root
 from vinefab.tasks.reach import Reach
 
 SHIPPED = "co2_60w__stretchlon_200"
 
 
-@pytest.fixture
-def lab(tmp_path):
-    """A folder with a recipe for a small bed and thicker film."""
-    folder = tmp_path / "lab"
+def lab_in(folder):
+    """Fill a folder with a recipe for a small bed and thicker film, and a run that names it."""
     folder.mkdir()
     for kind, source, name, old, new in (
         ("recipes", SHIPPED, "mine", 'machine = "co2_60w"', 'machine = "small"'),
@@ -27,18 +27,25 @@ def lab(tmp_path):
         text = text.replace(f'name = "{source}"', f'name = "{name}"').replace(old, new)
         text = text.replace('material = "stretchlon_200"', 'material = "thick"')
         (folder / f"{name}.toml").write_text(text)
-    return folder
+    run = folder / "run.toml"
+    run.write_text(RUN + 'recipe = "mine.toml"\n')
+    return run
+
+
+@pytest.fixture(scope="module")
+def recipe_run(tmp_path_factory):
+    """The folder of a run whose file names the recipe next to it; the lab is gone since."""
+    folder = tmp_path_factory.mktemp("recipe")
+    run = lab_in(folder / "lab")
+    assert main(["optimize", str(run), "--out", str(folder / "run"), "--no-page", "-q"]) == 0
+    shutil.rmtree(folder / "lab")
+    return folder / "run"
 
 
 @pytest.fixture
-def best(vinefab, lab, run_file, tmp_path):
-    """The winner of a run whose file names the recipe beside it; the lab is gone since."""
-    run = lab / "run.toml"
-    run.write_text(run_file.read_text() + 'recipe = "mine.toml"\n')
-    code, _, complaint = vinefab("optimize", run, "--out", tmp_path / "run", "--no-page", "-q")
-    assert (code, complaint) == (0, "")
-    shutil.rmtree(lab)
-    return tmp_path / "run" / "best.toml"
+def best(recipe_run, tmp_path):
+    """The winner of that run, in a folder that a test may change."""
+    return shutil.copytree(recipe_run, tmp_path / "run") / "best.toml"
 
 
 COPY = "recipe_of_run/recipes/mine.toml"
@@ -111,10 +118,8 @@ def test_a_winner_taken_out_of_its_folder_finds_its_recipe_by_name(
     assert line.startswith("recipe mine (mine.toml) of run tiny (")
 
 
-def test_the_winner_of_a_run_in_memory_finds_its_recipe_where_the_run_did(lab, run_file):
-    run = lab / "run.toml"
-    run.write_text(run_file.read_text() + 'recipe = "mine.toml"\n')
-    best = vf.optimize(run, progress=False).best
+def test_the_winner_of_a_run_in_memory_finds_its_recipe_where_the_run_did(tmp_path):
+    best = vf.optimize(lab_in(tmp_path / "lab"), progress=False).best
     assert vf.check(best).recipe == "mine"
 
 
@@ -127,14 +132,22 @@ storage_kpa = 2.0
 """
 
 
+@pytest.fixture(scope="module")
+def reach_run(tmp_path_factory):
+    """The folder of a run that reaches two points of the map `grid`."""
+    folder = tmp_path_factory.mktemp("reach")
+    vf.maps.grid(columns=3, rows=3, size_mm=300.0).write(folder / "grid.geojson")
+    run = folder / "run.toml"
+    text = RUN.replace("count = 1", 'files = ["grid.geojson"]')
+    run.write_text(f"{text}fabricable = false\n{REACH}")
+    assert main(["optimize", str(run), "--out", str(folder / "r"), "--no-page", "-q"]) == 0
+    return folder / "r"
+
+
 @pytest.fixture
-def reacher(vinefab, grid, run_file, tmp_path):
-    """The winner of a run that reaches two points of one map."""
-    text = run_file.read_text().replace("count = 1", f'files = ["{grid.name}"]')
-    run_file.write_text(text + "fabricable = false\n" + REACH)
-    code, _, complaint = vinefab("optimize", run_file, "--out", tmp_path / "r", "--no-page", "-q")
-    assert (code, complaint) == (0, "")
-    return tmp_path / "r" / "best.toml"
+def reacher(reach_run):
+    """The winner of that run."""
+    return reach_run / "best.toml"
 
 
 def scored(vinefab, *words):

@@ -1,7 +1,10 @@
 """The drawing layer: places on paper, ticks, legends, and that its renderers agree."""
 
+import base64
 import io
 import re
+import zlib
+from collections import defaultdict
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -13,11 +16,16 @@ from tests.pages.drawn import placed_texts, texts_of
 from vinefab.pages.page_files import page_png, page_svg
 from vinefab.pages.page_pdf import page_pdf
 from vinefab.pages.panel import (
+    MIDDLE,
     MOST_LETTERS,
     Ink,
+    Layer,
     Marks,
+    Page,
     Panel,
     Raster,
+    Shape,
+    Words,
     blended,
     fitted,
     page_of,
@@ -129,6 +137,38 @@ def test_names_of_any_length_and_letters_give_a_picture():
     assert b"<script" not in page_svg(page)
     assert page_png(page).startswith(b"\x89PNG")
     assert page_pdf(page).startswith(b"%PDF")
+
+
+def operators_of(pdf):
+    """Return the numbers before each operator of a page, in order, by operator."""
+    streams = re.findall(rb"/ASCII85Decode /FlateDecode.*?stream\s(.*?)~>", pdf, re.DOTALL)
+    texts = [zlib.decompress(base64.a85decode(one)).decode("latin-1") for one in streams]
+    (text,) = [one for one in texts if " cm" in one]
+    found = defaultdict(list)
+    for numbers, name in re.findall(r"((?:-?[\d.]+ )+)(re|m|l|c|cm|Tm)\b", text):
+        found[name].append(tuple(map(float, numbers.split())))
+    return found
+
+
+def test_a_page_as_pdf_has_everything_in_its_place_upside_up():
+    ink = Ink(line="#000000")
+    layers = (
+        Layer(primitives=(Shape([np.array([(10.0, 20.0), (30.0, 45.0)])], ink),),
+              window=(5.0, 15.0, 50.0, 60.0)),
+        Layer(primitives=(Raster((12.0, 24.0, 30.0, 31.0), np.zeros((2, 2, 4), np.uint8)),)),
+        Layer(primitives=(Marks(np.array([(40.0, 22.0)]), "^", 8.0, ink),)),
+        Layer(primitives=(Marks(np.array([(60.0, 23.0)]), "o", 6.0, ink),)),
+        Layer(primitives=(Words((50.0, 30.0), "up", 10.0, shift_pt=(2.0, 7.0), turned=True),)),
+    )  # fmt: skip
+    found = operators_of(page_pdf(Page(width_pt=100.0, height_pt=80.0, layers=layers)))
+    assert found["re"] == [(5.0, 20.0, 45.0, 45.0)]
+    assert found["m"][:2] == [(10.0, 60.0), (40.0, 62.0)]  # the tip of the sign is its top
+    assert found["l"] == [(30.0, 35.0), (44.0, 54.0), (36.0, 54.0)]
+    assert (found["m"][2][1], {y for *_, y in found["c"]}) == (57.0, {54.0, 57.0, 60.0})
+    assert (18.0, 0.0, 0.0, 7.0, 12.0, 49.0) in found["cm"]
+    assert (0.0, 1.0, -1.0, 0.0, 52.0, 57.0) in found["cm"]  # turned to the left
+    (tm,) = found["Tm"]
+    assert tm == (1.0, 0.0, 0.0, 1.0, 0.0, pytest.approx(-10.0 * MIDDLE))
 
 
 def test_the_same_page_gives_the_same_bytes():

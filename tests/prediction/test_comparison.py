@@ -38,7 +38,10 @@ def found():
 
 def outcomes_of(values, maps):
     return MeasureTable(
-        label="l", maps=tuple(maps), poses=(None,) * len(maps), values={SEEN.key: np.array(values)}
+        label="l",
+        map_names=tuple(maps),
+        poses=(None,) * len(maps),
+        values={SEEN.key: np.array(values)},
     )
 
 
@@ -95,8 +98,12 @@ def test_no_interval_leaves_out_0_beside_a_p_value_that_is_not_small(columns):
 
 def test_less_is_better_where_it_is():
     maps = ("m", "n")
-    high = MeasureTable(label="l", maps=maps, poses=(None, None), values={STUCK.key: np.ones(2)})
-    low = MeasureTable(label="l", maps=maps, poses=(None, None), values={STUCK.key: np.zeros(2)})
+    high = MeasureTable(
+        label="l", map_names=maps, poses=(None, None), values={STUCK.key: np.ones(2)}
+    )
+    low = MeasureTable(
+        label="l", map_names=maps, poses=(None, None), values={STUCK.key: np.zeros(2)}
+    )
     (difference,) = paired_differences(STUCK, ("a", "b"), (high, low))
     assert (difference.winner, difference.won_percent) == ("b", 0.0)
     assert "no clear difference" in difference.words
@@ -200,7 +207,7 @@ def test_designs_side_by_side_have_means_over_maps():
     values = {m.key: np.full(4, np.nan) for m in MEASURES}
     table = MeasureTable(
         label="l",
-        maps=tuple(maps),
+        map_names=tuple(maps),
         poses=(None,) * 4,
         values={**values, SEEN.key: np.array([1.0, 2.0, 3.0, 10.0])},
     )
@@ -217,7 +224,7 @@ def test_designs_are_ranked_by_their_mean_and_shown_at_a_median_deployment():
         SimpleNamespace(
             outcomes=MeasureTable(
                 label="l",
-                maps=("k", "m", "n"),
+                map_names=("k", "m", "n"),
                 poses=(None,) * 3,
                 values={SEEN.key: np.array(column), STUCK.key: np.array(column)},
             )

@@ -77,7 +77,7 @@ def test_maps_of_one_name_are_told_apart(straight):
 def test_outcomes_name_every_deployment(result):
     assert len(result.outcomes) == len(result.deployments) == 10
     assert result.outcomes.map_count == 5
-    assert result.prepared_map(7).world.name == result.outcomes.maps[7]
+    assert result.prepared_map(7).world.name == result.outcomes.map_names[7]
     assert result.deployments[7].pose == result.outcomes.poses[7]
     least, most = typical(result.outcomes, (0.0, 1.0), SEEN.key)
     values = result.outcomes.values[SEEN.key]
@@ -173,7 +173,7 @@ def known_table():
     columns = {m.key: np.full(4, np.nan) for m in MEASURES}
     columns[SEEN.key] = np.array([10.0, 20.0, 30.0, 60.0])
     maps = ("a", "a", "a", "b")
-    return MeasureTable(label="two maps", maps=maps, poses=(POSE,) * 4, values=columns)
+    return MeasureTable(label="two maps", map_names=maps, poses=(POSE,) * 4, values=columns)
 
 
 def test_the_spread_of_known_values_stands_in_the_table():

@@ -69,7 +69,7 @@ def test_pressures_on_arrays_are_those_of_paths_from_the_base(result, explorer):
 
 def spread_of(values, maps, measure=COVERAGE):
     table = {measure.key: np.array(values)}
-    return MeasureTable(label="", maps=tuple(maps), poses=(), values=table).spread(measure)
+    return MeasureTable(label="", map_names=tuple(maps), poses=(), values=table).spread(measure)
 
 
 def test_every_number_of_a_spread_is_what_its_name_says():
@@ -100,10 +100,10 @@ def test_a_mean_and_its_interval_are_over_maps_and_not_over_deployments():
 def test_a_table_counts_maps_and_refuses_columns_of_another_length():
     poses = (Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.0),) * 3
     maps = ("a", "a", "b")
-    table = MeasureTable(label="l", maps=maps, poses=poses, values={SEEN.key: np.zeros(3)})
+    table = MeasureTable(label="l", map_names=maps, poses=poses, values={SEEN.key: np.zeros(3)})
     assert (len(table), table.map_count) == (3, 2)
     with pytest.raises(ValueError, match="seen_percent"):
-        MeasureTable(label="l", maps=maps, poses=poses, values={SEEN.key: np.zeros(2)})
+        MeasureTable(label="l", map_names=maps, poses=poses, values={SEEN.key: np.zeros(2)})
 
 
 @pytest.mark.parametrize(

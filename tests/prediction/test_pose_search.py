@@ -3,6 +3,7 @@
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose, Start
 from vinefab.prediction.pose_search import (
+    FIRST_SEARCH,
     JUDGED_DRAWS,
     BaseRegion,
     PoseErrors,
@@ -240,6 +242,21 @@ def test_starts_in_words_are_searched_and_keep_their_headings():
     found = search_poses(trial_on(ROOM), Reach(area="fast"), region, ERRORS, 1500)
     assert found.pose[0] == pytest.approx(15.0)
     assert math.radians(-10.1) < found.pose[2] < math.radians(30.1)
+
+
+@pytest.mark.parametrize(("errors", "chosen"), [(1.9, 0.0), (2.1, 1.0)])
+def test_a_later_search_must_be_better_by_two_errors_of_the_difference(monkeypatch, errors, chosen):
+    """Scores of two poses at the same draws differ by 1 up or down, and by some errors of that."""
+    unlike = np.resize([-1.0, 1.0], JUDGED_DRAWS)
+    found = {0.0: np.zeros(JUDGED_DRAWS), 1.0: unlike + errors / math.sqrt(JUDGED_DRAWS)}
+    trial = SimpleNamespace(scores=lambda _task, poses, *_: np.array([found[poses[0, 0]]]))
+    monkeypatch.setattr(
+        "vinefab.prediction.pose_search._search_from",
+        lambda *given: (None, np.array([float(given[-1]), 0.0, 0.0])),
+    )
+    region = SimpleNamespace(words="anywhere")
+    best = search_poses(trial, Reach(), region, ERRORS, 2 * FIRST_SEARCH)
+    assert (best.starts, best.pose[0]) == (2, chosen)
 
 
 def test_a_longer_search_contains_the_shorter_ones_and_keeps_the_best_of_them():

@@ -21,6 +21,7 @@ from vinefab.prediction.family_deployments import (
     PredictionPlan,
     map_families,
     origin_of,
+    spread_blocks,
     unseen_maps,
 )
 from vinefab.prediction.measures import (
@@ -116,8 +117,15 @@ def made():
     found = predict(design, profile, families, PredictionPlan(poses=2, seed=1))
     origin = origin_of("vinefab report grid_explorer --seed 1", [design], profile, families)
     found = replace(found, origin=origin)
-    text = found.page()
-    return text, Page(text), found.numbers
+    with pytest.MonkeyPatch.context() as patch:
+        built = []
+        patch.setattr(
+            "vinefab.prediction.predict.spread_blocks",
+            lambda tables: built.append(1) or spread_blocks(tables),
+        )
+        text, numbers = found.page(), found.numbers
+    assert built == [1], "the view is built once for the page and the JSON"
+    return text, Page(text), numbers
 
 
 def numbers_of(value, key=""):
@@ -289,7 +297,7 @@ def known_outcomes(maps=("a", "a", "a", "b")):
     columns[REACH.key] = np.array([5.0, 5.0, 5.0, 5.0])
     columns[STUCK.key] = np.array([10.0, 10.0, 10.0, 10.0])
     columns[UNDEPLOYED.key] = np.array([9.9, 9.9, 9.9, 9.9])
-    return MeasureTable(label="two maps", maps=maps, poses=(None,) * len(maps), values=columns)
+    return MeasureTable(label="two maps", map_names=maps, poses=(None,) * len(maps), values=columns)
 
 
 def over(value):
@@ -396,5 +404,5 @@ def test_a_deployment_fails_where_it_touches_nothing_or_without_targets_hardly_g
     touched, grown, failed, what
 ):
     values = {TOUCHED.key: np.array(touched), GROWN.key: np.array(grown)}
-    table = MeasureTable(label="l", maps=("a", "b", "c"), poses=(None,) * 3, values=values)
-    assert failures(table) == Failures.of(np.array(failed, dtype=bool), table.maps, what)
+    table = MeasureTable(label="l", map_names=("a", "b", "c"), poses=(None,) * 3, values=values)
+    assert failures(table) == Failures.of(np.array(failed, dtype=bool), table.map_names, what)

@@ -36,7 +36,7 @@ def known_window(most_kpa=30.0):
     """Needs evenly spread from 0 to a pressure, twice that with tight film."""
     needs = np.append(np.linspace(0.0, most_kpa, 101), np.nan)
     values = {LOOSE_PRESSURE.key: needs, TIGHT_PRESSURE.key: 2.0 * needs}
-    table = MeasureTable(label="l", maps=("m",) * 102, poses=(None,) * 102, values=values)
+    table = MeasureTable(label="l", map_names=("m",) * 102, poses=(None,) * 102, values=values)
     pouch = Pouch(shape="rectangle", length_mm=30.0, width_mm=40.0)
     build = Build.standard(1, trunk_width_mm=20.0).changed(pouch=pouch, pressure_kpa=15.0)
     design = Design(name="v", trunk_length_mm=100.0, build=build)

@@ -11,10 +11,9 @@ from vinefab.core.errors import BadInputError
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.map import Pose, Start, map_text
+from vinefab.prediction import run_winner
 from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task, unseen_maps
-from vinefab.prediction.run_winner import (
-    predict_winner,
-)
+from vinefab.prediction.run_winner import predict_winner
 from vinefab.search.record.result import RunResult, contact_ends, elsewhere_facts, placed_off_range
 from vinefab.search.run import Search, training_maps
 from vinefab.search.settings import (
@@ -24,6 +23,8 @@ from vinefab.search.settings import (
     RunSettings,
     SearchSettings,
 )
+from vinefab.tasks.coverage import Coverage
+from vinefab.tasks.evaluate import score_design
 
 RUN = RunSettings(
     name="few",
@@ -109,7 +110,8 @@ def test_what_is_predicted_stands_in_lines_and_in_the_origin(run: Predicted) -> 
     assert [rule["option"] for rule in found["rules"]] == ["branch_contact", "emergence"]
     mean = found["unseen"]["score"]["mean"]
     for rule in found["rules"]:  # the first choice is the run's own
-        assert rule["unseen"][0]["mean"] == pytest.approx(mean)
+        for family in ("unseen", "training"):
+            assert rule[family][0] == found[family]["score"]
     assert branches.text.startswith(f"pass: {mean:.3f}, stop: ")
     assert emergence.text.startswith(f"1: {mean:.3f}, 0.95: ")
     assert found["rules"][1]["unseen"][-1]["mean"] < mean
@@ -117,9 +119,21 @@ def test_what_is_predicted_stands_in_lines_and_in_the_origin(run: Predicted) -> 
 
 
 def test_a_body_placed_off_is_compared_with_itself(run: Predicted, few_unseen: int) -> None:
-    _, _, found = run
+    search, result, found = run
     steps = [(row["knob"], row["step"]) for row in found["placed_off"]]
     assert len(steps) == len(set(steps)) == 12
+    # Bases turned to the left, from the same poses.
+    _, family = run_winner.predicted(search, result)
+    means = []
+    for turn_deg in (0.0, 10.0):
+        turned = [
+            [replace(one, heading_rad=one.heading_rad + np.radians(turn_deg)) for one in poses]
+            for poses in family.poses
+        ]
+        score = score_design(result.best, family.maps, turned, Coverage(), RUN.growth.at_one_angle)
+        means.append(score.composite["mean"])
+    (row,) = [r for r in found["placed_off"] if (r["knob"], r["step"]) == ("heading", 10.0)]
+    assert row["change"] == pytest.approx(means[1] - means[0], abs=1e-3)
     least, most = placed_off_range(found)
     assert least <= found["unseen"]["score"]["mean"] <= most
     near = [row for row in found["placed_off"] if abs(row["step"]) <= 10.0]

@@ -531,10 +531,10 @@ def report(
         note_seen(context, families)
         plan = PredictionPlan(poses=poses, seed=seed, options=context.growth.options)
         found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.9))
-        found = with_origin(found, [robot], families, profile)
+        found = replace(with_origin(found, [robot], families, profile), path=path)
         content = found.page(part_of(tell, 0.9, 1.0))
     write_page(path, content, force=force)
-    return replace(found, path=path)
+    return found
 
 
 @verb

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import shapely
 from annotated_types import Ge, Le, Unit
-from pydantic import ConfigDict, Field, PlainValidator
+from pydantic import ConfigDict, Field, PlainValidator, create_model
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 from typing_extensions import Doc
@@ -379,16 +379,21 @@ _DECIMALS = 6
 _SLACK_MM = 1e-6
 
 
-class _About(Table):
+class _AboutForm(Table):
     """The foreign member of a map that vinefab wrote; other keys in it are left alone."""
 
     model_config = ConfigDict(extra="ignore")
 
     schema_: Annotated[Literal["vinefab/map-1"], Field(alias="schema")] = "vinefab/map-1"
-    name: str | None = None
-    environment: str | None = None
-    seed: int | None = None
-    facts: dict[str, Any] | None = None
+
+
+_ABOUT = ("name", "environment", "seed", "facts")
+_About = create_model(
+    "_About",
+    __base__=_AboutForm,
+    **{name: (Map.__annotations__[name] | None, None) for name in _ABOUT},
+)
+"""With fields of `Map`, any of which may be missing."""
 
 
 def map_text(world: Map) -> str:
@@ -468,18 +473,19 @@ def read_map(path: Path) -> Map:
         for index, feature in enumerate(features):
             if not isinstance(feature, dict) or feature.get("type") != "Feature":
                 raise BadInputError(feature_key(index), feature, "a GeoJSON Feature")
-        about = _About()
+        about = dict[str, Any]()
         if (member := document.get("vinefab", about)) is not about:
             if not isinstance(member, dict):
                 allowed = f'an object with "schema": "{MAP_SCHEMA}"'
                 raise BadInputError("vinefab", member, allowed)
             with inside("vinefab"):
-                about = validated(_About, member)
-                check_plain({key: value for key, value in about if value is not None})
+                read = validated(_About, member)
+                about = {key: value for key, value in read if value is not None}
+                check_plain(about)
         return _map_of(features, about, path.stem)
 
 
-def _map_of(features: list[dict[str, Any]], about: _About, stem: str) -> Map:
+def _map_of(features: list[dict[str, Any]], about: Mapping[str, Any], stem: str) -> Map:
     bounds, obstacles = list[Polygon](), list[Polygon]()
     starts, targets = list[tuple[str, Start | StartPlace]](), list[tuple[str, Target]]()
     properties = [feature.get("properties") for feature in features]
@@ -504,12 +510,12 @@ def _map_of(features: list[dict[str, Any]], about: _About, stem: str) -> Map:
     if len(bounds) != 1:
         raise BadInputError("bounds", counted(len(bounds), "polygon"), "exactly one")
     world = Map(
-        name=about.name or stem,
+        name=about.get("name") or stem,
         bounds=bounds[0],
         obstacles=tuple(obstacles),
-        environment=about.environment or "geojson",
-        seed=about.seed,
-        facts=about.facts or {},
+        environment=about.get("environment") or "geojson",
+        seed=about.get("seed"),
+        facts=about.get("facts", {}),
     )
     for key, target in targets:
         check_targets(world, (target,), key)

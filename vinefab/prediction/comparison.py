@@ -385,7 +385,7 @@ def paired_differences(
     found = []
     for one, two in combinations(range(len(names)), 2):
         apart = outcomes[one].values[measure.key] - outcomes[two].values[measure.key]
-        means = means_by_map(apart, outcomes[one].maps)
+        means = means_by_map(apart, outcomes[one].map_names)
         if len(means):
             found.append((names[one], names[two], means))
     made = list[PairedDifference]()
@@ -406,7 +406,7 @@ def paired_differences(
                 p_adjusted=float(np.minimum(1.0, len(found) * p)),
                 won_percent=100.0 * float(won),
                 pairs=len(means),
-                over=samples_text(len(means), outcomes[0].maps),
+                over=samples_text(len(means), outcomes[0].map_names),
             )
         )
     return tuple(made)

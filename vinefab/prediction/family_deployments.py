@@ -257,7 +257,7 @@ def deploy_family(
     names = prepared.names
     outcomes = MeasureTable(
         label=prepared.label,
-        maps=tuple(names[index] for index in terrain),
+        map_names=tuple(names[index] for index in terrain),
         poses=launches.poses,
         values={m.key: columns[:, i].copy() for i, m in enumerate(MEASURES)},
     )
@@ -438,7 +438,9 @@ def _every_deployment(outcomes: MeasureTable) -> Rows:
         rows=tuple(
             (name, place(pose.x_mm), place(pose.y_mm), place(deg(pose.heading_rad)),
              *(m.of(outcomes.values[m.key][index]) for m in MEASURES))
-            for index, (name, pose) in enumerate(zip(outcomes.maps, outcomes.poses, strict=True))
+            for index, (name, pose) in enumerate(
+                zip(outcomes.map_names, outcomes.poses, strict=True)
+            )
         ),
         folded=True,
         key="deployments",

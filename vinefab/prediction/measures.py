@@ -272,24 +272,24 @@ class MeasureTable:
     """The measures of one design's deployments on one family of maps."""
 
     label: str  # of the map family
-    maps: tuple[str, ...]  # name of the map of each deployment, n of them
+    map_names: tuple[str, ...]  # of the map of each deployment, n of them
     poses: tuple[Pose, ...]  # pose of each deployment
     # for each measure, by its key, one value per deployment, shape (n,); NaN where there is none
     values: Mapping[str, Floats]
 
     def __post_init__(self) -> None:
         for key, column in self.values.items():
-            if column.shape != (len(self.maps),):
-                raise BadInputError(key, column.shape, f"shape ({len(self.maps)},)")
+            if column.shape != (len(self.map_names),):
+                raise BadInputError(key, column.shape, f"shape ({len(self.map_names)},)")
             column.setflags(write=False)
 
     def __len__(self) -> int:
-        return len(self.maps)
+        return len(self.map_names)
 
     @property
     def map_count(self) -> int:
         """Number of different maps."""
-        return len(set(self.maps))
+        return len(set(self.map_names))
 
     def spread(self, measure: Measure) -> MeasureSpread | None:
         """Return how a measure is spread, or None where no deployment has it."""
@@ -299,7 +299,7 @@ class MeasureTable:
             return None
         p05, median, p95 = np.percentile(known, [5.0, 50.0, 95.0]).tolist()
         return MeasureSpread(
-            **asdict(MeanValue.of(values, self.maps, measure)),
+            **asdict(MeanValue.of(values, self.map_names, measure)),
             count=len(known),
             deviation=float(known.std()),
             p05=p05,

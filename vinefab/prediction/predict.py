@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import chain
 from pathlib import Path
 
@@ -209,7 +209,7 @@ def predict_anchoring(
         HeldForces(
             friction=mu,
             **{
-                part: OverMaps.of(column, result.outcomes.maps)
+                part: OverMaps.of(column, result.outcomes.map_names)
                 for part, column in zip(parts, columns, strict=True)
             },
         )
@@ -359,7 +359,7 @@ _ASKED = {"coverage": SEEN, "reach": REACH}
 """What the report of a robot shows first, by the task that it was searched for."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Predicted(WrittenResult):
     """What a design is expected to do, and how it is made."""
 
@@ -417,8 +417,16 @@ class Predicted(WrittenResult):
             return TOUCHED
         return _ASKED.get(str(self.prepared.design.origin.get("task")), SEEN)
 
-    def view(self) -> Iterator[Block]:
-        """Yield its scores, its rate of failure, the cost to make it, then all the rest."""
+    def view(self) -> tuple[Block, ...]:
+        """Return its scores, its rate of failure, the cost to make it, then all the rest."""
+        return self._blocks
+
+    @cached_property
+    def _blocks(self) -> tuple[Block, ...]:
+        """The view, made once: a page, JSON and lines are asked for one after the other."""
+        return tuple(self._made())
+
+    def _made(self) -> Iterator[Block]:
         prepared, outcomes = self.prepared, self.main.outcomes
         design, profile = prepared.design, prepared.profile
         words, tone = verdict_on(prepared.report, self.window, profile.recipe.status)
@@ -541,7 +549,7 @@ class Predicted(WrittenResult):
     def _caption(self, result: FamilyDeployments, index: int) -> str:
         does, _ = self.asked.does
         found = self.asked.text(result.outcomes.values[self.asked.key][index])
-        return f"{result.outcomes.maps[index]}, {does} {found}"
+        return f"{result.outcomes.map_names[index]}, {does} {found}"
 
 
 def predict(
@@ -723,7 +731,7 @@ def failures(outcomes: MeasureTable) -> Failures:
     what = NOTHING_TOUCHED if aimed.any() else HARDLY_GROWN
     if aimed.any() and not aimed.all():
         what += f"; on maps without targets, {HARDLY_GROWN}"
-    return Failures.of(np.where(aimed, touched == 0.0, hardly), outcomes.maps, what)
+    return Failures.of(np.where(aimed, touched == 0.0, hardly), outcomes.map_names, what)
 
 
 def measured(outcomes: MeasureTable, measure: Measure) -> Fact:

@@ -431,8 +431,8 @@ def cost_chart(
     mean, *ends = predicted
     if ends and np.isfinite(ends).all():
         panel.bars([(ends[0], rows, ends[1], 0.0)], SOFT, 0.18)
-    upright(panel, mean, (rows, 0.0), INK, 1.6)
     for row, (words, means) in enumerate(changed):
+        upright(panel, mean, (row + 0.42, min(row + 1.08, rows)), INK, 1.6)  # clear of words
         colour = series_colour(row)
         panel.words((panel.box[0], row + 0.26), words, TICK_PT, shift_pt=(3.0, 0.0), halo=True)
         panel.bars([(min(means), row + 0.88, max(means), row + 0.55)], colour, 0.45)

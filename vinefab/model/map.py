@@ -387,12 +387,11 @@ class _AboutForm(Table):
     schema_: Annotated[Literal["vinefab/map-1"], Field(alias="schema")] = "vinefab/map-1"
 
 
-_ABOUT = ("name", "environment", "seed", "facts")
-_About = create_model(
-    "_About",
-    __base__=_AboutForm,
-    **{name: (Map.__annotations__[name] | None, None) for name in _ABOUT},
-)
+_about_fields: dict[str, Any] = {
+    name: (Map.__annotations__[name] | None, None)
+    for name in ("name", "environment", "seed", "facts")
+}
+_About = create_model("_About", __base__=_AboutForm, **_about_fields)
 """With fields of `Map`, any of which may be missing."""
 
 

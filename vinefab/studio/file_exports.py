@@ -12,12 +12,12 @@ import os
 import re
 import shlex
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 from vinefab.core import __version__
 from vinefab.core.atomic import (
@@ -30,6 +30,7 @@ from vinefab.core.atomic import (
 from vinefab.core.errors import (
     BadInputError,
     CannotWriteError,
+    ExportRefusedError,
     ForeignFileError,
     UnknownNameError,
     UnreadableFileError,
@@ -39,9 +40,9 @@ from vinefab.core.front_door import front_door
 from vinefab.core.hashing import marked
 from vinefab.core.plain_text import GENERATOR, plain
 from vinefab.core.registry import with_parameters
-from vinefab.core.validation import check_plain, whole
-from vinefab.core.verbs import Call
-from vinefab.core.view import Block, plain_blocks
+from vinefab.core.validation import check_plain
+from vinefab.core.verbs import SHELL, Call, Shell
+from vinefab.core.view import Notes, plain_blocks
 from vinefab.growth.options import GrowthChoice, GrowthOptions
 from vinefab.model.design import Design, design_text
 from vinefab.model.files.shipped import (
@@ -52,7 +53,7 @@ from vinefab.model.files.shipped import (
     read_text,
 )
 from vinefab.model.finding import CheckReport
-from vinefab.model.laser import LaserProfile, RecipeStatus
+from vinefab.model.laser import RecipeStatus
 from vinefab.model.map import Map, Pose, Start, map_text
 from vinefab.pages.plan_svg import legend_rows
 from vinefab.studio.executors import Progress, answer_of
@@ -68,13 +69,22 @@ from vinefab.studio.state import (
     world_of,
 )
 
-# ruff: noqa: PLC0415  what an export needs is loaded when it is made: a command line is quick
-
-
 DESIGN_FILE, MAP_FILE = "design.toml", "map.geojson"
 """Names of the inputs of an export, in the folder next to it."""
 
-_MOST_COPIES = 200
+
+@dataclass(frozen=True, slots=True)
+class InputFile(os.PathLike[str]):
+    """An input that a command names by the place where it will lie, and that is read elsewhere."""
+
+    name: str
+    path: Path
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    def __str__(self) -> str:
+        return self.name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,12 +92,10 @@ class ExportSource:
     """The inputs of an export, with their names in its command."""
 
     design: Design
-    design_name: str  # a path from the start folder, or a shipped design's name
-    world: Map | None  # None where no map is open, or none is needed
-    map_name: str
+    design_name: str | InputFile  # a path from the start folder, or a shipped design's name
+    map_name: str | InputFile  # empty where no map is open, or none is needed
     pose: Pose | None  # None: the map's first start
     recipe: str
-    profile: LaserProfile
     growth: GrowthOptions
     out: str  # what is written, as a path from the start folder
     inputs: Mapping[str, bytes]  # files that are written next to it first, by name
@@ -98,33 +106,39 @@ class ExportSource:
         return inputs_folder(Path(self.out))
 
     @property
+    def open_map(self) -> str | InputFile:
+        """The map, which some exports cannot do without."""
+        if not self.map_name:
+            raise BadInputError("map", None, "an open map", PAGE)
+        return self.map_name
+
+    @property
     def growth_given(self) -> dict[str, object]:
-        """The growth options that the design would not be grown with by itself."""
+        """The growth options that the design would not be grown with by itself.
+
+        Measured contacts are not among them: they have their own file.
+        """
         usual = GrowthChoice.of([self.design]).options.values
-        return {n: value for n, value in self.growth.values.items() if value != usual[n]}
+        return {
+            name: value
+            for name, value in self.growth.values.items()
+            if value != usual[name] and name != "contacts"
+        }
 
-    def as_read(self) -> "ExportSource":
-        """Return the same with the design and the map that reading ``inputs`` gives."""
-        with TemporaryDirectory() as name:
-            for file, data in self.inputs.items():
-                (Path(name) / file).write_bytes(data)
-            design, world = self.design, self.world
-            if DESIGN_FILE in self.inputs:
-                design = Design.read(Path(name) / DESIGN_FILE)
-            if MAP_FILE in self.inputs:
-                world = Map.read(Path(name) / MAP_FILE)
-        return replace(self, design=design, world=world)
+    def read_from(self, folder: Path) -> "ExportSource":
+        """Return the same with its ``inputs`` read from a folder until they are written."""
+        for name, data in self.inputs.items():
+            (folder / name).write_bytes(data)
 
+        def read(name: str | InputFile, file: str) -> str | InputFile:
+            lies_there = file in self.inputs and name == str(self.folder / file)
+            return InputFile(str(name), folder / file) if lies_there else name
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MadeExport:
-    """An export that is ready to be written."""
-
-    files: Mapping[str, bytes] = field(default_factory=dict)  # by name; of one file, by ""
-    beside: Mapping[str, bytes] = field(default_factory=dict)  # further files, by path
-    view: tuple[Block, ...] = ()  # what the command would say
-    refused: str = ""  # why nothing may be written
-    report: CheckReport | None = None
+        return replace(
+            self,
+            design_name=read(self.design_name, DESIGN_FILE),
+            map_name=read(self.map_name, MAP_FILE),
+        )
 
 
 class Export(ABC):
@@ -139,10 +153,6 @@ class Export(ABC):
     @abstractmethod
     def given(self, source: ExportSource) -> dict[str, Any]:
         """Return the arguments of the verb."""
-
-    @abstractmethod
-    def make(self, source: ExportSource, progress: Progress) -> MadeExport:
-        """Return the files, or what forbids them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,28 +180,6 @@ class PackageExport(Export):
             "make_zip": self.zip,
         }
 
-    def make(self, source: ExportSource, progress: Progress) -> MadeExport:
-        """Return the files of the package, or what forbids them."""
-        from vinefab.fabrication.job.placement import SheetOptions
-        from vinefab.fabrication.package.prepare import package, prepare, zip_bytes
-
-        progress(0.1, "paths and rules")
-        copies = whole("copies", self.copies, 1, _MOST_COPIES)
-        sheet = SheetOptions(copies=copies)
-        prepared = prepare(source.design, source.profile, sheet=sheet, r12=self.r12)
-        made = MadeExport(
-            view=tuple(prepared.report.view()),
-            refused=prepared.refusal(allow_uncalibrated=self.allow_uncalibrated),
-            report=prepared.report,
-        )
-        if made.refused:
-            return made
-        progress(0.5, "pictures and pages")
-        files, archive = package(prepared), Path(source.out)
-        archive = archive.with_name(f"{archive.name}.zip")
-        beside = {str(archive): zip_bytes(files, source.design.name)} if self.zip else {}
-        return replace(made, files=files, beside=beside)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigExport(Export):
@@ -211,7 +199,7 @@ class RigExport(Export):
     def given(self, source: ExportSource) -> dict[str, Any]:
         """Return the arguments of the verb."""
         return {
-            "world": source.map_name,
+            "world": source.open_map,
             "printer": self.printer,
             "out": source.out,
             "design": source.design_name if self.check_robot else None,
@@ -221,26 +209,6 @@ class RigExport(Export):
             "style": self.style,
             "height_mm": self.height_mm,
         }
-
-    def make(self, source: ExportSource, progress: Progress) -> MadeExport:
-        """Return the files of the rig, or what forbids them."""
-        from vinefab.rig.make import RigRequest, make_rig
-        from vinefab.rig.part import RigOptions, read_printer
-
-        world = _map_of(source)
-        options = RigOptions(style=self.style, height_mm=self.height_mm)
-        if self.fit_mm:
-            options = options.fitted(world, self.fit_mm)
-        robot = source.design if self.check_robot else None
-        request = RigRequest(design=robot, lid=self.lid, pictures=self.pictures)
-        made = make_rig(world, read_printer(self.printer), options, request, progress=progress)
-        blocking = ", ".join(sorted({finding.rule for finding in made.report.blocking}))
-        return MadeExport(
-            files=made.files,
-            view=tuple((made.report if blocking else made).view()),
-            refused=f"{blocking} forbid it" if blocking else "",
-            report=made.report,
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -255,33 +223,17 @@ class PictureExport(Export):
 
     def given(self, source: ExportSource) -> dict[str, Any]:
         """Return the arguments of the verb."""
+        pose = source.pose
         given: dict[str, Any] = {
             "design": source.design_name,
-            "map": source.map_name,
-            "pose": source.pose,
-            "growth": _without_contacts(source.growth_given),
+            "map": source.open_map,
+            # As the command reads it: its heading in degrees.
+            "pose": pose and (pose.x_mm, pose.y_mm, pose.heading_deg),
+            "growth": source.growth_given,
         }
         if self._moves(source):
             return {**given, "animate": source.out, "frames": self.frames}
         return {**given, "out": source.out, "label": self.label}
-
-    def make(self, source: ExportSource, progress: Progress) -> MadeExport:
-        """Return the picture."""
-        from vinefab.prediction.deploy import MOST_FRAMES, deploy
-
-        world, suffix = _map_of(source), Path(source.out).suffix
-        whole("frames", self.frames, 1, MOST_FRAMES)
-        progress(0.1, "growing")
-        pose = source.pose
-        if pose is not None:  # the command reads its heading in degrees
-            pose = Pose.of((pose.x_mm, pose.y_mm, pose.heading_deg))
-        found = deploy(source.design, world, pose, source.growth_given)
-        progress(0.3, "drawing")
-        if self._moves(source):
-            data = found.animation(suffix, self.frames)
-        else:
-            data = found.picture(suffix, named=self.label)
-        return MadeExport(files={"": data}, view=tuple(found.view()))
 
     def _moves(self, source: ExportSource) -> bool:
         """Tell whether it is a moving picture, which a GIF always is."""
@@ -310,34 +262,12 @@ class ReportExport(Export):
             "design": source.design_name,
             "recipe": source.recipe,
             "out": source.out,
-            "maps": (source.map_name,) if source.world else (),
+            "maps": (source.map_name,) if source.map_name else (),
             **unseen,
             "poses": self.poses,
             "seed": self.seed,
-            "growth": _without_contacts(source.growth_given),
+            "growth": source.growth_given,
         }
-
-    def make(self, source: ExportSource, progress: Progress) -> MadeExport:
-        """Return the page."""
-        from vinefab.prediction.family_deployments import (
-            PredictionPlan,
-            map_families,
-            origin_of,
-            part_of,
-            unseen_maps,
-        )
-        from vinefab.prediction.predict import predict
-
-        unseen = None
-        if self.environment:
-            unseen = unseen_maps(self.environment, self.count, self.seed)
-        families = map_families([source.world] if source.world else [], unseen)
-        poses = whole("poses", self.poses, 1, 1000)
-        plan = PredictionPlan(poses=poses, seed=self.seed, options=source.growth)
-        found = predict(source.design, source.profile, families, plan, part_of(progress, 0.0, 0.6))
-        origin = origin_of(command_of(self, source), [source.design], source.profile, families)
-        page = replace(found, origin=origin).page(part_of(progress, 0.6, 1.0))
-        return MadeExport(files={"": page.encode()}, view=tuple(found.view()))
 
 
 EXPORTS: dict[str, type[Export]] = {
@@ -356,20 +286,13 @@ def inputs_folder(out: Path) -> Path:
 
 def command_of(kind: Export, source: ExportSource) -> str:
     """Return the command line that makes an export."""
-    module, _, name = kind.verb.partition(".")
-    verb = getattr(front_door(f"app.{module}"), name)
+    name, verb = _verb(kind)
     return Call(function=verb, given=kind.given(source)).typed(name)
 
 
-def _without_contacts(growth: Mapping[str, object]) -> dict[str, object]:
-    """Return growth options without the contacts, which have their own file."""
-    return {name: value for name, value in growth.items() if name != "contacts"}
-
-
-def _map_of(source: ExportSource) -> Map:
-    if source.world is None:
-        raise BadInputError("map", None, "an open map", PAGE)
-    return source.world
+def _verb(kind: Export) -> tuple[str, Callable[..., Any]]:
+    module, _, name = kind.verb.partition(".")
+    return name, getattr(front_door(f"app.{module}"), name)
 
 
 SNAPSHOT = "snapshot"
@@ -430,37 +353,50 @@ def _commands(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _export(kind: Export, source: ExportSource, progress: Progress) -> dict[str, Any]:
-    out = Path(source.out)
-    # Before any long work: may everything be written?
-    if source.inputs:
+    """Call the verb as its command would, and write the inputs that no file has."""
+    out, (name, verb) = Path(source.out), _verb(kind)
+    if source.inputs:  # before any long work: may they be written?
         ensure_own_folder(source.folder, DESIGN_FILE)
-    if kind.mark:
-        ensure_own_folder(out, kind.mark)
-    else:
-        ensure_writable(out)
-    if isinstance(kind, PackageExport) and kind.zip:
-        ensure_writable(out.with_name(f"{out.name}.zip"))
-    source = source.as_read()
-    made = kind.make(source, progress)
-    written, inputs = list[Path](), list[Path]()
-    if not made.refused:
-        progress(0.99, "writing")
-        if source.inputs:
-            write_folder(source.folder, source.inputs, DESIGN_FILE)
-            inputs = [source.folder / name for name in source.inputs]
-        if kind.mark:
-            write_folder(out, made.files, kind.mark)
-            written = [out / name for name in made.files]
-        else:
-            written = [write_bytes(out, made.files[""])]
-        written += [write_bytes(Path(name), data) for name, data in made.beside.items()]
-    return {
+    answer: dict[str, Any] = {
         "command": command_of(kind, source),
+        "written": [],
+        "inputs": [],
+        "view": [],
+        "refused": "",
+        "findings": [],
+    }
+    shell = Shell(
+        command=name, say=lambda _text: None, progress=lambda _title: nullcontext(progress)
+    )
+    token = SHELL.set(shell)
+    try:
+        with TemporaryDirectory() as folder:
+            found = verb(**kind.given(source.read_from(Path(folder))))
+    except ExportRefusedError as error:
+        findings = cast("CheckReport", error.report).findings
+        return {
+            **answer,
+            "refused": error.reason,
+            "findings": [one.content for one in findings],
+        }
+    finally:
+        SHELL.reset(token)
+    if source.inputs:
+        progress(0.99, "writing")
+        write_folder(source.folder, source.inputs, DESIGN_FILE)
+    written, view, findings = [out], found.view(), ()
+    if kind.mark:
+        written, view = [out / name for name in found.files], (Notes(found.summary),)
+        findings = found.report.findings
+    archive = out.with_name(f"{out.name}.zip")
+    if isinstance(kind, PackageExport) and kind.zip:
+        written.append(archive)
+    return {
+        **answer,
         "written": [str(path) for path in written],
-        "inputs": [str(path) for path in inputs],
-        "view": plain_blocks(made.view),
-        "refused": made.refused,
-        "findings": [one.content for one in made.report.findings] if made.report else [],
+        "inputs": [str(source.folder / name) for name in source.inputs],
+        "view": plain_blocks(view),
+        "findings": [one.content for one in findings],
     }
 
 
@@ -485,7 +421,7 @@ def _source(state: StudioState, ask: Mapping[str, Any], kind: Export, out: objec
             name = given if is_name(given) else str(allowed_path("design_file", given, roots))
             if design_text(Design.read(name)) == design_text(state.design):
                 design_name = name
-    world, map_name = None, ""
+    map_name = ""
     if kind.uses_map and (world := _world(state, kind)):
         if isinstance(given := ask.get("map_file"), str):
             with suppress(VinefabError):
@@ -500,11 +436,9 @@ def _source(state: StudioState, ask: Mapping[str, Any], kind: Export, out: objec
     return ExportSource(
         design=state.design,
         design_name=design_name or str(folder / DESIGN_FILE),
-        world=world,
         map_name=map_name,
         pose=state.pose,
         recipe=state.recipe,
-        profile=state.profile,
         growth=state.growth,
         out=str(path),
         inputs=inputs,

@@ -352,35 +352,63 @@ FORGET = """async () => {
 """Let a tab keep no unsaved work any more: the next test would be offered it."""
 
 
+WINDOW = {"width": 1280, "height": 900}
+
+
+@pytest.fixture(scope="module")
+def open_context(browser):
+    """Return a function that opens a context: what pages of one user share."""
+    contexts = []
+
+    def opened():
+        contexts.append(
+            browser.new_context(viewport=WINDOW, locale="de-DE", reduced_motion="reduce")
+        )
+        return contexts[-1]
+
+    yield opened
+    for context in contexts:
+        context.close()
+
+
 @pytest.fixture
-def open_tab(studio, twig, browser):  # noqa: ARG001  a fresh file
+def open_tab(studio, twig, open_context):  # noqa: ARG001  a fresh file
     """Return a function that opens a tab, in a context of its own where none is given.
 
     Problems in it fail the test.
     """
-    contexts, tabs = [], []
+    tabs = []
 
     def opened(address=None, context=None):
-        if context is None:
-            context = browser.new_context(
-                viewport={"width": 1280, "height": 900}, locale="de-DE", reduced_motion="reduce"
-            )
-            contexts.append(context)
-        tabs.append(TabSession(context.new_page()))
+        tabs.append(TabSession((context or open_context()).new_page()))
         return tabs[-1].open(address or studio.address)
 
     yield opened
     for tab in tabs:
         if not tab.page.is_closed():
             tab.page.evaluate(FORGET)
-    for context in contexts:
-        context.close()
+            tab.page.close()
     assert [problem for tab in tabs for problem in tab.problems] == []
 
 
+@pytest.fixture(scope="module")
+def module_tab(open_context):
+    return TabSession(open_context().new_page())
+
+
 @pytest.fixture
-def tab(open_tab):
-    return open_tab()
+def tab(studio, twig, module_tab):  # noqa: ARG001  a fresh file
+    """The tab of all tests of a module, with the studio opened anew."""
+    module_tab.page.set_viewport_size(WINDOW)
+    yield module_tab.open(studio.address)
+    module_tab.page.mouse.up()
+    module_tab.page.mouse.move(0, 0)
+    module_tab.page.evaluate(FORGET)
+    module_tab.page.evaluate("sessionStorage.clear()")
+    module_tab.page.goto("about:blank")
+    problems = module_tab.problems[:]
+    module_tab.problems.clear()
+    assert problems == []
 
 
 PAGE = Path(__file__).parent / "page"

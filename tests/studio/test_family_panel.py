@@ -65,7 +65,8 @@ FAKE = """async () => {
 }"""
 
 MINUS, DASH = "\u2212", "\u2013"
-WAIT = "(ms) => new Promise((done) => setTimeout(done, ms))"
+RESTED_MS = 600
+"""After so long a version counts as one that rested."""
 
 
 @pytest.fixture(scope="module")
@@ -74,15 +75,20 @@ def answers():
     return {name: answer_of(name, copy.deepcopy(STATE), {}, lambda *_: None) for name in names}
 
 
-@pytest.fixture
-def tab(browser, answers, tmp_path):
-    path = tmp_path / "snapshot.html"
+@pytest.fixture(scope="module")
+def module_tab(open_context, answers, tmp_path_factory):
+    """One page for all, with a clock that goes on as a test says; each mounts panels of its own."""
+    path = tmp_path_factory.mktemp("family") / "snapshot.html"
     path.write_bytes(snapshot_html(STATE, answers))
-    opened = TabSession(browser.new_page(viewport={"width": 1280, "height": 900}))
-    opened.open(path.as_uri())
-    yield opened
-    opened.page.close()
-    assert opened.problems == []
+    tab = TabSession(open_context().new_page())
+    tab.page.clock.install()
+    return tab.open(path.as_uri())
+
+
+@pytest.fixture
+def tab(module_tab):
+    yield module_tab
+    assert module_tab.problems == []
 
 
 @pytest.fixture
@@ -130,7 +136,7 @@ def test_a_drag_is_followed_quickly_and_a_rest_in_full(tab, page):
     page.evaluate(FAKE)
     assert asked_quickly(tab, 1)[0] == [False]
     page.evaluate("fake.app.put('live', structuredClone(fake.stored.answers.live))")
-    page.evaluate(WAIT, 600)
+    page.clock.run_for(RESTED_MS)
     for length in (150, 151, 152):
         page.evaluate(
             "mm => fake.app.store.change('l', (s) => { s.design.trunk.length = mm }, {group: 'g'})",
@@ -163,7 +169,7 @@ def test_the_version_before_is_the_one_that_rested(page):
     page.evaluate("""() => {
       for (const name of ["live", "rules"]) fake.app.put(name, fake.stored.answers[name]);
     }""")
-    page.evaluate(WAIT, 600)
+    page.clock.run_for(RESTED_MS)
     first = page.evaluate("fake.app.store.get().design.trunk.length")
     change = """([mm, better]) => {
       fake.app.store.change("l", (s) => { s.design.trunk.length = mm; });
@@ -179,13 +185,13 @@ def test_the_version_before_is_the_one_that_rested(page):
     assert page.evaluate(cells % "score-reach")[2] == "+0.020better"
     assert page.evaluate(cells % "pressure")[2] == "+1.0worse"
     assert page.evaluate(cells % "score-coverage")[2] == "="
-    page.evaluate(WAIT, 600)
+    page.clock.run_for(RESTED_MS)
     page.evaluate(change, [133, -0.01])
     assert page.evaluate("fake.app.reference.design.trunk.length") == 122
     assert page.evaluate(cells % "score-reach")[2] == f"{MINUS}0.030worse"
     page.click("#keep-reference")
     assert page.evaluate("fake.app.reference") is None
-    page.evaluate(WAIT, 600)
+    page.clock.run_for(RESTED_MS)
     page.evaluate(change, [144, 0.0])
     page.evaluate(change, [155, 0.0])
     assert page.evaluate("fake.app.reference.design.trunk.length") == 133
@@ -196,7 +202,7 @@ def test_the_version_before_is_the_one_that_rested(page):
 def test_on_another_map_the_version_before_is_grown_again(tab, page):
     page.evaluate(FAKE)
     page.evaluate("fake.app.put('live', structuredClone(fake.stored.answers.live))")
-    page.evaluate(WAIT, 600)
+    page.clock.run_for(RESTED_MS)
     page.evaluate("fake.app.store.change('l', (s) => { s.design.trunk.length = 111; })")
     page.evaluate("fake.app.put('live', structuredClone(fake.stored.answers.live))")
     page.evaluate("fake.app.store.change('m', (s) => { s.map.source.seed = 2; })")

@@ -105,7 +105,7 @@ def test_a_search_that_was_stopped_and_resumed_ends_as_the_command_does(
     # Its page takes seconds to draw, and no more room in the suite.
     plain = SearchManager._arguments
     monkeypatch.setattr(SearchManager, "_arguments", lambda *given: [*plain(*given), "--no-page"])
-    begun = searches.start(ask(generations=800), StudioState.of(page()))
+    begun = searches.start(ask(generations=400), StudioState.of(page()))
     words = "vinefab optimize search_1/run.toml --out search_1 --workers 1 --quiet --no-page"
     assert (begun["folder"], begun["command"]) == ("search_1", words)
     with pytest.raises(BadInputError, match="one at a time"):
@@ -114,7 +114,7 @@ def test_a_search_that_was_stopped_and_resumed_ends_as_the_command_does(
     searches.stop()
     stopped = followed(searches, is_over)[-1]
     assert stopped["state"] == "stopped"
-    assert 0 < stopped["generations"] < 800
+    assert 0 < stopped["generations"] < 400
     assert searches.runs()["runs"][0]["state"] == "unfinished"
 
     assert searches.resume({"folder": "search_1"})["command"] == f"{words} --resume"

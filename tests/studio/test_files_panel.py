@@ -102,7 +102,7 @@ def test_map_and_recipe_are_read_anew_when_they_change_on_disk(sources, tab):
     tab.soon(len(other.obstacles) - 1, walls.count)
     tab.page.click(".file-note button:text('Drop my changes')")
     tab.soon(len(other.obstacles), walls.count)
-    tab.rest()
+    tab.until("() => document.querySelector('#sheet').ariaBusy === 'false'")
     tab.page.evaluate(
         "() => { globalThis.ruled = 0; studio.onAnswer('rules', () => { ruled += 1; }); }"
     )

@@ -18,9 +18,10 @@ from itertools import islice
 from pathlib import Path
 from threading import Lock
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vinefab.core.atomic import PROTECTED, is_protected, keep_aside, write_bytes
+from vinefab.core.compiling import imported_later
 from vinefab.core.errors import (
     BadInputError,
     CannotWriteError,
@@ -53,6 +54,11 @@ from vinefab.model.laser import read_profile
 from vinefab.model.map import Map
 from vinefab.studio.state import PAGE, files_named_in, is_name, mapping_at
 from vinefab.tasks import TASKS
+
+if TYPE_CHECKING:
+    import watchfiles
+else:  # of the extra
+    watchfiles = imported_later("watchfiles")
 
 AUTOSAVE_SCHEMA = "vinefab/recovery-1"
 MOST_AUTOSAVES = 20
@@ -353,8 +359,6 @@ class FileStore:
 
     async def watch(self, broadcast: Broadcast) -> None:
         """Tell when an opened file changes on disk, until cancelled."""
-        from watchfiles import awatch  # noqa: PLC0415  of the extra
-
         loop, polls = asyncio.get_running_loop(), False
         while True:
             more = asyncio.Event()
@@ -365,7 +369,7 @@ class FileStore:
                 await more.wait()
                 continue
             try:
-                async for changes in awatch(
+                async for changes in watchfiles.awatch(
                     *sorted(folders),
                     watch_filter=None,
                     debounce=300,

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 
+from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
 from vinefab.core.view import plain_blocks
 from vinefab.fabrication.outline.body_outline import body_outline
@@ -18,6 +19,11 @@ from vinefab.model.laser import LaserProfile
 from vinefab.pages.plan_svg import area_svg, lines_svg, outline_svg
 from vinefab.studio.executors import Progress
 from vinefab.studio.state import StudioState
+
+if TYPE_CHECKING:
+    from vinefab.prediction import inflation_report
+else:  # the thread that draws the flat outline has no use for it
+    inflation_report = imported_later("vinefab.prediction.inflation_report")
 
 MOST_FLAT = 1500
 """Outlines of more branches take longer than a pointer may wait; the rules' panel draws them."""
@@ -114,10 +120,9 @@ def _fan(angles_deg: tuple[float, ...]) -> str:
 
 def inflated_answer(state: StudioState, _: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Return flat outline, inflated body and designed branches, as `vinefab inflate` draws them."""
-    # The thread that draws the flat outline has no use for it.
-    from vinefab.prediction.inflation_report import inflate_design  # noqa: PLC0415
-
-    found = inflate_design(state.design, state.profile, alone=True, progress=progress)
+    found = inflation_report.inflate_design(
+        state.design, state.profile, alone=True, progress=progress
+    )
     shape = found.deployed
     contour = body_outline(with_short_tail(shape.pattern.flat)).contour
     axes = np.stack([shape.designed.start_mm, shape.designed.end_mm], axis=1)

@@ -22,6 +22,7 @@ from threading import enumerate as enumerate_threads
 from typing import TYPE_CHECKING, Any
 
 from vinefab.core import __version__
+from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.pages.plan_svg import legend_rows
@@ -29,8 +30,13 @@ from vinefab.studio.file_store import FILE_REQUESTS, Broadcast, FileStore
 from vinefab.studio.state import PAGE, StudioState, design_form, growth_form
 
 if TYPE_CHECKING:
+    from vinefab.studio import file_exports, live_answers, searches, sessions
     from vinefab.studio.executors import ThreadExecutor
-    from vinefab.studio.searches import SearchManager
+else:  # a second each, once the page is there; most pages need no search and no snapshot
+    file_exports = imported_later("vinefab.studio.file_exports")
+    live_answers = imported_later("vinefab.studio.live_answers")
+    searches = imported_later("vinefab.studio.searches")
+    sessions = imported_later("vinefab.studio.sessions")
 
 LOOPBACK = "127.0.0.1"
 PAGE_FOLDER = Path(__file__).with_name("page")
@@ -92,7 +98,7 @@ class StudioWorkspace:
         self._options = options
         self._started = secrets.token_hex(8)
         self.files = FileStore(options.folder, options.named)
-        self._searches: SearchManager | None = None
+        self._searches: searches.SearchManager | None = None
         self._lock = Lock()
         self._first = self._read()
         StudioState.of(self._first["state"])
@@ -121,16 +127,14 @@ class StudioWorkspace:
         if name in FILE_REQUESTS:
             return FILE_REQUESTS[name](self.files, ask)
         if name.startswith("search_"):
-            # The room of searches takes a second to load, and most pages are opened without one.
-            from vinefab.studio.searches import SEARCH_REQUESTS, SearchManager  # noqa: PLC0415
-
             self.files.check_paths(state)
-            if name not in SEARCH_REQUESTS:
-                raise BadInputError("request", name, f"one of {', '.join(SEARCH_REQUESTS)}", PAGE)
+            requests = searches.SEARCH_REQUESTS
+            if name not in requests:
+                raise BadInputError("request", name, f"one of {', '.join(requests)}", PAGE)
             with self._lock:
                 if self._searches is None:
-                    self._searches = SearchManager(self.files.roots, self._options.folder)
-            return SEARCH_REQUESTS[name](self._searches, state, ask)
+                    self._searches = searches.SearchManager(self.files.roots, self._options.folder)
+            return requests[name](self._searches, state, ask)
         raise BadInputError("request", name, f"one of {', '.join(FILE_REQUESTS)}", PAGE)
 
     def allowed(
@@ -150,9 +154,7 @@ class StudioWorkspace:
 
         async def compiling() -> None:  # once the first picture is there
             await live.answered.wait()
-            from vinefab.studio.live_answers import compile_kernel  # noqa: PLC0415  the simulator
-
-            if await compile_kernel():
+            if await live_answers.compile_kernel():
                 broadcast({"event": "engine", "engine": "kernel"})
 
         async def searching() -> None:
@@ -170,9 +172,7 @@ class StudioWorkspace:
     def _read(self) -> dict[str, Any]:
         options = self._options
         if options.is_snapshot:  # its design has no file yet
-            from vinefab.studio.file_exports import stored_state  # noqa: PLC0415  few open one
-
-            state = stored_state(Path(options.design))
+            state = file_exports.stored_state(Path(options.design))
             name = state["design"]["name"]
             file = {"path": name, "name": name, "writable": False, "stamp": ""}
         else:
@@ -337,7 +337,5 @@ async def _until_stopped(
             signal.signal(name, lambda *_: stop())
     # The browser starts while the rest is being loaded; the system keeps its call waiting.
     announce()
-    from vinefab.studio.sessions import make_server  # noqa: PLC0415  as said
-
-    server = make_server(workspace, endpoint)
+    server = sessions.make_server(workspace, endpoint)
     await server.serve(sockets=[bound])

@@ -56,7 +56,6 @@ thorough: check fuzz outlines
 	$(BIN)/python tests/search/kill.py 20
 	$(BIN)/python tests/search/target_cases.py
 	$(BIN)/python tests/fabrication/pieces/many_trees.py 2000
-	$(BIN)/python tests/fabrication/pieces/many_trees.py times
 	$(BIN)/python tests/observation/many_photos.py 24
 	$(BIN)/python tests/observation/many_unkind.py 40 --jobs 2 --out $(VENV)/unkind.json
 	$(BIN)/python tests/observation/many_campaigns.py $(VENV)/unkind.json 200

@@ -27,17 +27,6 @@ def test_every_shipped_printer_can_be_read(name):
     assert printer.bed_width_mm > 100
 
 
-def test_three_sizes_are_shipped():
-    beds = {
-        name: (printer.bed_width_mm, printer.bed_depth_mm, printer.height_mm)
-        for name in names("printer")
-        for printer in (read_printer(name),)
-    }
-    assert beds["generic_220"] == (220, 220, 250)
-    assert beds["generic_256"] == (256, 256, 256)
-    assert beds["generic_large"] == (400, 400, 400)
-
-
 def test_a_copy_of_ones_own(edited):
     printer = read_printer(edited("value = 220.0", "value = 305"))
     assert (printer.name, printer.bed_width_mm) == ("mine", 305.0)
@@ -49,11 +38,6 @@ def test_a_copy_of_ones_own(edited):
         ("bed_width_mm", "bed_width_cm", r"bed_width_cm .* did you mean 'bed_width_mm'"),
         ("value = 0.4, ", "", r"nozzle_mm.value is missing"),
         ("value = 220.0", "value = -220.0", r"bed_width_mm is -220"),
-        ("value = 220.0", "value = nan", r"bed_width_mm.value"),
-        ("value = 220.0", "value = inf", r"bed_width_mm.value"),
-        ("value = 220.0", "value = 2e5", r"bed_width_mm is 200000"),
-        ("value = 220.0", 'value = "220"', r"bed_width_mm.value is '220'; allowed: .*number"),
-        ("value = 220.0", "value = true", r"bed_width_mm.value is True"),
         ('"assumed"', '"guessed"', r"bed_width_mm.standing is 'guessed'; allowed: 'measured'"),
         ("printer-1", "printer-2", r"schema is 'vinefab/printer-2'"),
         ("height_mm", "height", r"height .* did you mean 'height_mm'"),

@@ -160,6 +160,7 @@ for data in assembly_files(design, partition, outlines, profile).values():
 """
 
 
+@pytest.mark.thorough
 def test_the_drawing_has_the_same_bytes_in_another_process(tmp_path: Path, capsys) -> None:
     exec(PROGRAM, {})  # noqa: S102
     here = capsys.readouterr().out

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vinefab.core.errors import BadInputError
 from vinefab.fabrication.package.bom import machine_time, move_time_s, segment_times_s
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Sealer
@@ -21,11 +20,6 @@ def test_a_long_move_is_a_trapezoid_and_a_short_one_a_triangle() -> None:
     assert move_time_s(2.5, 50.0, 1000.0) == pytest.approx(0.1)
     assert move_time_s(0.1, 50.0, 1000.0) == pytest.approx(2 * math.sqrt(0.1 / 1000.0))
     assert move_time_s(0.0, 50.0, 1000.0) == 0.0
-
-
-def test_the_two_shapes_of_a_move_meet() -> None:
-    below, above = (move_time_s(2.5 + d, 50.0, 1000.0) for d in (-1e-9, 1e-9))
-    assert below == pytest.approx(above, rel=1e-6)
 
 
 def test_the_head_stops_at_corners_and_nowhere_else() -> None:
@@ -64,29 +58,6 @@ def test_passes_travel_and_order_count(profile: LaserProfile) -> None:
     hops = (50.0, 100.0, 300.0, 300.0)
     assert time.travel_s == pytest.approx(sum(move_time_s(hop, 500, 1000) for hop in hops))
     assert time.total_s == pytest.approx(sum(time.work_s.values()) + time.travel_s)
-
-
-def test_an_operation_that_the_recipe_lacks_is_an_error(job: Job, profile: LaserProfile) -> None:
-    without = dict(profile.recipe.by_operation)
-    del without["weld"]
-    poorer = replace(profile, recipe=profile.recipe.changed(operations=without))
-    with pytest.raises(BadInputError, match="weld"):
-        machine_time(job, poorer)
-
-
-def test_the_head_slows_down_before_an_arc_and_speeds_up_after_it(
-    segment_of: Callable[..., Segment],
-) -> None:
-    # 100 mm straight, a quarter of r = 0.9 mm (at most 30 mm/s at 1000 mm/s2), 100 mm straight.
-    arc = segment_of((100.0, 0.9), 0.9, -90.0, 0.0)
-    ends = [(0.0, 0.0), arc.start_mm, arc.end_mm, (arc.end_mm[0], 100.9)]
-    lines = [Segment(start_mm=a, end_mm=b) for a, b in (ends[:2], ends[2:])]
-    path = Contour.from_segments([lines[0], arc, lines[1]], closed=False)
-    first, middle, last = segment_times_s(path, 50.0, 1000.0)
-    # Up to 50 mm/s in 0.05 s and 1.25 mm, down to 30 in 0.02 s and 0.8 mm.
-    assert first == pytest.approx(0.05 + 0.02 + (100.0 - 1.25 - 0.8) / 50.0)
-    assert middle == pytest.approx(0.9 * math.pi / 2 / 30.0)
-    assert last == pytest.approx(first)
 
 
 def test_times_agree_with_a_step_by_step_integration(segment_of: Callable[..., Segment]) -> None:

@@ -1,5 +1,3 @@
-import csv
-import io
 import re
 from dataclasses import replace
 
@@ -185,17 +183,3 @@ def test_a_robot_in_one_piece_has_no_lines(robot, profile, job) -> None:
     assert joint_lines(robot, whole, profile) == ()
     assert "Join the pieces" not in readme_text(robot, job, profile, DEFAULT, whole)
     assert bom_text(job, profile) == bom_text(job, profile, joint_lines(robot, whole, profile))
-
-
-def test_bill_and_readme_hold_the_joints(cut_at, robot, profile, job) -> None:
-    partition, _ = cut_at(robot, (1, 3))
-    lines = joint_lines(robot, partition, profile)
-    items = [row["item"] for row in csv.DictReader(io.StringIO(bom_text(job, profile, lines)))]
-    assert items[-1 - len(lines) : -1] == [line.item for line in lines]
-    text = readme_text(robot, job, profile, DEFAULT, partition)
-    part = text.split("\nJoin the pieces\n")[1].split("\nMount\n")[0]
-    assert re.findall(r"^ ?(\d+)\.", part, re.MULTILINE) == [str(n + 1) for n in range(6)]
-    assert re.findall(r"^([a-z])\.", part, re.MULTILINE) == list("abcdefg")
-    assert max(map(len, part.splitlines())) <= 96
-    assert "the next section says when" in " ".join(text.split())
-    assert "Join the pieces" not in readme_text(robot, job, profile, DEFAULT)

@@ -227,14 +227,6 @@ def test_a_sheet_is_one_list_of_its_passes(process: str) -> None:
     assert numbers == [str(number + 1) for number in range(len(numbers))]
 
 
-def test_the_readme_says_so_when_the_recipe_was_tested(prepared: Prepared) -> None:
-    recipe = prepared.profile.recipe.changed(status=RecipeStatus.BURST_TESTED)
-    profile = replace(prepared.profile, recipe=recipe)
-    text = words(replace(prepared, profile=profile))
-    assert "UNVERIFIED" not in text
-    assert "burst-tested" in text
-
-
 def test_the_readme_warns_where_colours_are_not_enough(prepared: Prepared) -> None:
     machine = prepared.profile.machine.changed(colours="shop_single")
     text = words(replace(prepared, profile=replace(prepared.profile, machine=machine)))
@@ -257,12 +249,6 @@ def test_the_readme_warns_of_a_robot_larger_than_the_bed(prepared: Prepared) -> 
     assert "beyond the bed" not in words(prepared)
     small = Job(name="s", sheet_width_mm=144.9, sheet_height_mm=80, paths=prepared.job.paths)
     assert "beyond the bed" in words(replace(prepared, job=small))
-
-
-def test_the_readme_says_how_often_paths_are_run(prepared: Prepared) -> None:
-    assert "2 passes, air" in words(prepared)  # the fixture's recipe, for everything
-    drawn = prepared.laser["outline.dxf"].decode()
-    assert drawn.count("\nAcDbPolyline\n") == len(prepared.job.paths)
 
 
 def test_the_readme_says_where_the_film_of_tiles_lies(prepared: Prepared) -> None:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
+from tests.fabrication.pieces.test_partition import CROSSED, PROFILE
+from tests.fabrication.rules.conftest import make_design
 from vinefab.fabrication.checking import checked_design
 from vinefab.fabrication.job.placement import SheetPlaces
 from vinefab.fabrication.package.sheet_pictures import (
@@ -15,16 +17,13 @@ from vinefab.fabrication.package.sheet_pictures import (
     sheet_svg,
 )
 from vinefab.fabrication.rules.rule import mark_branches
-from vinefab.model.design import Design
-from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.job import Operation
-from vinefab.model.laser import read_profile
 
 
 @pytest.fixture(scope="module")
 def in_pieces():
-    return checked_design(Design.read("cave_explorer_pieces"), read_profile(DEFAULT_RECIPE))
+    return checked_design(CROSSED, PROFILE)
 
 
 def drawn(job, *of):
@@ -83,7 +82,8 @@ def test_a_branch_that_is_cut_is_marked_on_both_of_its_pieces(in_pieces):
 
 
 def test_a_finding_stands_on_the_outline_of_a_robot_that_is_turned_on_its_bed():
-    subject, _ = checked_design(Design.read("grid_explorer"), read_profile(DEFAULT_RECIPE))
+    turned = make_design((2, 300.0, 100.0), (2, 250.0, 90.0), trunk_mm=350.0)
+    subject, _ = checked_design(turned, PROFILE)
     assert abs(float(subject.job.facts["rotation_deg"])) > 1.0
     end = subject.layout.end_mm[-1].tolist()
     finding = Finding(

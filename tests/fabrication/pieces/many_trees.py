@@ -1,13 +1,10 @@
 """Thousands of random trees cut in pieces, and how long that takes; run on demand.
 
     python tests/fabrication/pieces/many_trees.py [TREES] [SEED] [TRUNK_WIDTH_MM]
-    python tests/fabrication/pieces/many_trees.py times [TREES] [SEED]
 
 Every Table-1 tree must end in pieces that pass the rules about room, bed and labels, or in a named
 reason (VF-J01, VF-J02); none in an exception. The exit code is 1 otherwise. By number of branches:
-how many are cut, how many pieces, whether the number is proven least, and CPU seconds. ``times``
-takes trees of 10 to 341 branches that are wide enough apart at their joints to be cut, on a bed
-without an end, so that crossings alone decide, and on one of 1000 x 600 mm.
+how many are cut, how many pieces, whether the number is proven least, and CPU seconds.
 """
 
 import sys
@@ -21,21 +18,20 @@ from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.catalog import ROOM_RULES, run_checks
 from vinefab.fabrication.rules.rule import Subject
-from vinefab.model.design import Build, Design, Level, PieceSettings
+from vinefab.model.design import PieceSettings
 from vinefab.model.laser import read_profile
 from vinefab.search.space import BuildSettings, Space, SpaceSettings
 
 LONG_S = 20.0
 BINS = (10, 40, 100, 341)
 CHECKED = ROOM_RULES | {"VF-W04", "VF-P05", "VF-S01", "VF-J01", "VF-J02"}
-SHAPES = {10: (3, 2), 40: (3, 3, 3), 100: (3, 4, 7), 341: (4, 4, 4, 4)}
 PROFILE = read_profile("co2_60w__stretchlon_200")
 
 
-def timed(design, profile=PROFILE):
+def timed(design):
     """A partition, and the CPU seconds that it took."""
     start = time.process_time()
-    partition = partition_of(design, profile)
+    partition = partition_of(design, PROFILE)
     return partition, time.process_time() - start
 
 
@@ -92,36 +88,6 @@ def main(trees=2000, seed=1, width_mm=40.0):
     return bool(bad)
 
 
-def times(trees=20, seed=1):
-    """Cut trees of each size, and say how long it took."""
-    sides = {
-        name: getattr(PROFILE.machine, name).changed(value=9000.0)
-        for name in ("bed_width_mm", "bed_height_mm")
-    }
-    endless = replace(PROFILE, machine=PROFILE.machine.changed(**sides))
-    for name, bed in (("endless bed", endless), ("bed of 1000 x 600 mm", PROFILE)):
-        for size, shape in SHAPES.items():
-            random, rows = np.random.default_rng(seed), []
-            for _ in range(trees if size < 341 else max(1, trees // 5)):
-                levels = tuple(
-                    Level.of(
-                        branches=count,
-                        length_mm=float(random.uniform(120, 205)),
-                        angle_deg=float(random.uniform(100, 160)),
-                        growth_percent=float(random.uniform(80, 120)),
-                    )
-                    for count in shape
-                )
-                build = Build.standard(1 + len(levels), 24.0, 0.65).changed(pieces=PieceSettings())
-                trunk_mm = float(random.uniform(120, 205))
-                tree = Design(name="tree", trunk_length_mm=trunk_mm, levels=levels, build=build)
-                rows.append(timed(tree, bed))
-            say(f"{name}, {size} branches", rows)
-
-
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["times"]:
-        times(*map(int, sys.argv[2:]))
-    else:
-        kinds = zip((int, int, float), sys.argv[1:], strict=False)
-        sys.exit(main(*(kind(text) for kind, text in kinds)))
+    kinds = zip((int, int, float), sys.argv[1:], strict=False)
+    sys.exit(main(*(kind(text) for kind, text in kinds)))

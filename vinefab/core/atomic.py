@@ -39,6 +39,9 @@ from vinefab.core.hashing import (
 )
 from vinefab.core.plain_text import GENERATOR, OWN_MARK
 
+if sys.platform != "win32":
+    import fcntl
+
 _LOOK_BYTES = 8192
 _MOST_BYTES = 1 << 28
 """Of a file whose digest is looked at; a larger one counts as changed."""
@@ -361,8 +364,6 @@ def lock_folder(folder: Path, problem: str) -> int | None:
     """
     if sys.platform == "win32":
         return None
-    import fcntl  # noqa: PLC0415  exists on POSIX systems only
-
     try:
         handle = os.open(folder, os.O_RDONLY)
     except OSError:

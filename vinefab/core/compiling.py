@@ -1,12 +1,6 @@
 """Compilation of kernels: the only module that imports numba, which takes half a second.
 
-Modules with kernels, and large packages, are therefore imported when they are first used
-(`imported_later`), in the same words everywhere::
-
-    if TYPE_CHECKING:
-        from vinefab.growth import batch_kernel
-    else:
-        batch_kernel = imported_later("vinefab.growth.batch_kernel")
+Modules with kernels are therefore imported when they are first used: see `front_door`.
 
 Functions that call each other must stand in one file that imports no other module of vinefab: the
 cache on disk notices edits to a function's own file only. After a change here, the caches
@@ -15,9 +9,7 @@ cache on disk notices edits to a function's own file only. After a change here, 
 
 import importlib.util
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from functools import cache
-from importlib import import_module
 from importlib.machinery import SourceFileLoader
 from types import FunctionType, ModuleType
 from typing import Any
@@ -62,32 +54,6 @@ def called(function: Callable[..., Any]) -> Any:  # noqa: ANN401  as above
     if _is_interpreted(function):
         return function
     return _jit(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-
-
-class _Later(ModuleType):
-    """A module that is imported when something of it is first used, by any thread."""
-
-    def __init__(self, name: str, within: Callable[[], AbstractContextManager[None]]) -> None:
-        super().__init__(name)
-        self._within = within
-
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401  of any module
-        with self._within():
-            module = import_module(self.__name__)
-        return getattr(module, name)
-
-
-def imported_later(
-    name: str, within: Callable[[], AbstractContextManager[None]] = nullcontext
-) -> Any:  # noqa: ANN401  a module
-    """Return a module that is imported when it is first used; a missing one is told then.
-
-    Parameters
-    ----------
-    within
-        Context of the import, in whichever thread it happens.
-    """
-    return _Later(name, within)
 
 
 @cache

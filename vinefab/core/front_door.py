@@ -1,4 +1,12 @@
-"""How the nouns and two rooms reach what is above them.
+"""Modules that are loaded when they are first used: the one place for imports at run time.
+
+Modules with kernels, and large packages, are imported when something of them is first used
+(`imported_later`), in the same words everywhere; type checkers and import-linter see the import::
+
+    if TYPE_CHECKING:
+        from vinefab.growth import batch_kernel
+    else:
+        batch_kernel = imported_later("vinefab.growth.batch_kernel")
 
 `Design.grow` and ``_repr_svg_`` belong to nouns at the bottom of the house and need rooms at the
 top of it. An import there, even one inside a function, would let data climb back, and a saved
@@ -9,9 +17,37 @@ rooms and public names at once: they find their verbs so, too.
 
 import inspect
 import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 from types import ModuleType
 from typing import Any
+
+
+class _Later(ModuleType):
+    """A module that is imported when something of it is first used, by any thread."""
+
+    def __init__(self, name: str, within: Callable[[], AbstractContextManager[None]]) -> None:
+        super().__init__(name)
+        self._within = within
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401  of any module
+        with self._within():
+            module = import_module(self.__name__)
+        return getattr(module, name)
+
+
+def imported_later(
+    name: str, within: Callable[[], AbstractContextManager[None]] = nullcontext
+) -> Any:  # noqa: ANN401  a module
+    """Return a module that is imported when it is first used; a missing one is told then.
+
+    Parameters
+    ----------
+    within
+        Context of the import, in whichever thread it happens.
+    """
+    return _Later(name, within)
 
 
 def front_door(part: str) -> Any:  # noqa: ANN401  types this room must not know

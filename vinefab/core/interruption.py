@@ -14,6 +14,16 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from types import FrameType
+from typing import TYPE_CHECKING
+
+from vinefab.core.front_door import imported_later
+
+if TYPE_CHECKING:
+    import multiprocessing
+    from multiprocessing import resource_tracker
+else:  # few commands begin processes, and not all systems have the tracker
+    multiprocessing = imported_later("multiprocessing")
+    resource_tracker = imported_later("multiprocessing.resource_tracker")
 
 REQUESTS = tuple(
     getattr(signal, name)
@@ -120,8 +130,6 @@ def _hidden_from_children() -> Iterator[None]:
     if sys.platform == "win32":
         yield
         return
-    from multiprocessing import resource_tracker  # noqa: PLC0415  not on all systems
-
     usual = signal.pthread_sigmask(signal.SIG_BLOCK, _FROM_TERMINAL)
     try:
         resource_tracker.ensure_running()  # begins a process, and unblocks SIGINT on the way
@@ -175,9 +183,7 @@ def _stop_after_input() -> None:
 
 def end_with_parent() -> None:
     """Let this process end when the one that began it does, however that ends."""
-    from multiprocessing import parent_process  # noqa: PLC0415  only where processes are begun
-
-    parent = parent_process()
+    parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_after, args=(parent.join,), daemon=True).start()
 

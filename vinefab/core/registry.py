@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from traceback import format_exception_only
-from typing import Any, Generic, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 from vinefab.core.errors import (
     BadInputError,
@@ -17,7 +17,13 @@ from vinefab.core.errors import (
     inside,
     nearest,
 )
+from vinefab.core.front_door import imported_later
 from vinefab.core.limits import plain_number
+
+if TYPE_CHECKING:
+    from vinefab.core import table
+else:
+    table = imported_later("vinefab.core.table")  # pydantic waits until a part is one
 
 T = TypeVar("T")
 
@@ -181,11 +187,9 @@ def with_parameters(part: Callable[..., T], key: str, parameters: Mapping[str, o
     A part that is a declared table checks itself; plug-ins may have plain dataclasses.
     """
     if isinstance(part, type) and _is_table(part):
-        from vinefab.core.table import validated  # noqa: PLC0415  it is loaded by now
-
         plain = {name: plain_number(value) for name, value in parameters.items()}
         with inside(key):
-            return cast("T", validated(part, plain))
+            return cast("T", table.validated(part, plain))
     known = {field.name: field.default for field in fields(part)} if is_dataclass(part) else {}
     values = {}
     for name, value in parameters.items():

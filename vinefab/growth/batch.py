@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, get_args, ove
 
 import numpy as np
 
-from vinefab.core.compiling import imported_later, interpreted
+from vinefab.core.compiling import interpreted
 from vinefab.core.errors import UnknownNameError
+from vinefab.core.front_door import imported_later
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import Growth, JobArrays, Rules, TerrainSetArrays, TreesArrays
 from vinefab.growth.options import GrowthOptions

@@ -12,21 +12,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.core.errors import BadInputError, nearest
+from vinefab.core.front_door import imported_later
 from vinefab.core.verbs import Also, Doc, Kind, also, note, numbers_from, text_of
 
 if TYPE_CHECKING:
+    from vinefab.model import contacts, design, laser, target
+    from vinefab.model import map as maps
+    from vinefab.model import start as start_words
     from vinefab.model.design import Design
+    from vinefab.model.files import shipped
     from vinefab.model.laser import LaserProfile
     from vinefab.model.map import Map, Pose, Start
     from vinefab.model.start import StartPlace
     from vinefab.model.target import Target
+else:
+    contacts, design, laser, maps, start_words, target, shipped = (
+        imported_later(f"vinefab.model.{name}")
+        for name in ("contacts", "design", "laser", "map", "start", "target", "files.shipped")
+    )
 
 
 def all_names(kind: str) -> tuple[str, ...]:
     """Return the names of the shipped files of a kind and of the user's own."""
-    from vinefab.model.files.shipped import names, user_names
-
-    return tuple(sorted({*names(kind), *user_names(kind)}))
+    return tuple(sorted({*shipped.names(kind), *shipped.user_names(kind)}))
 
 
 # --- Texts of a shell ---------------------------------------------------------------------------
@@ -164,16 +172,14 @@ POINTS = Kind(
 
 
 def _target_words(given: Any) -> list[str]:  # noqa: ANN401  judged one by one
-    from vinefab.model.target import Target, target_text, targets_given
-
     words = []
     for one in as_targets(given):
         if isinstance(one, str):
             words.append(one)
         else:
-            (target,) = targets_given([one], "targets")
-            named = target if isinstance(one, Target | Mapping) else target.changed(name="")
-            words.append(target_text(named))
+            (found,) = target.targets_given([one], "targets")
+            named = found if isinstance(one, target.Target | Mapping) else found.changed(name="")
+            words.append(target.target_text(named))
     return words
 
 
@@ -277,9 +283,7 @@ else:
 
 def as_path(key: str, given: object, allowed: str = "a path") -> Path:
     """Return a path that a caller passed, or raise BadInputError if it is something else."""
-    from vinefab.model.files.shipped import path_given
-
-    return path_given(key, given, allowed)
+    return shipped.path_given(key, given, allowed)
 
 
 def name_or_path(key: str, given: object, allowed: str, kind: str = "") -> str | Path:
@@ -301,12 +305,10 @@ def name_or_path(key: str, given: object, allowed: str, kind: str = "") -> str |
 
 def as_design(given: "DesignLike", key: str = "design") -> "Design":
     """Return a design, passed as such, by its path or by its name."""
-    from vinefab.model.design import Design
-
-    if isinstance(given, Design):
+    if isinstance(given, design.Design):
         return given
     allowed = f"a Design, a path, or one of {', '.join(all_names('design'))}"
-    return Design.read(name_or_path(key, given, allowed, "design"))
+    return design.Design.read(name_or_path(key, given, allowed, "design"))
 
 
 def as_designs(given: "DesignsLike", key: str) -> "list[Design]":
@@ -316,23 +318,17 @@ def as_designs(given: "DesignsLike", key: str) -> "list[Design]":
 
 def as_recipe(given: "RecipeLike") -> "LaserProfile":
     """Return a laser profile, passed as such, or by its recipe's path or name."""
-    from vinefab.model.laser import LaserProfile, read_profile
-
-    if isinstance(given, LaserProfile):
+    if isinstance(given, laser.LaserProfile):
         return given
     allowed = f"a LaserProfile, a path, or one of {', '.join(all_names('recipe'))}"
-    return read_profile(name_or_path("recipe", given, allowed, "recipe"))
+    return laser.read_profile(name_or_path("recipe", given, allowed, "recipe"))
 
 
 def as_map(
     given: "MapLike", key: str = "map", start: "StartsLike" = (), targets: "TargetsLike" = ()
 ) -> "Map":
     """Return a map, passed as such or by its path; with other starts and targets, if given."""
-    from vinefab.model.files.shipped import existing_file
-    from vinefab.model.map import Map
-    from vinefab.model.start import start_given, with_starts
-
-    if isinstance(given, Map):
+    if isinstance(given, maps.Map):
         world = given
     else:
         path = as_path(key, given, "a Map, or the path of a map file (GeoJSON)")
@@ -342,11 +338,11 @@ def as_map(
             near = nearest(f"{path}{MAP_SUFFIXES[0]}", [one.name for one in Path().glob("*json")])
             allowed = "a Map such as vf.maps.grid(seed=1), or the path of a map file (GeoJSON)"
             raise BadInputError(key, str(given), f"{allowed}{near}")
-        world = Map.read(existing_file(path, near=path.suffix))
+        world = maps.Map.read(shipped.existing_file(path, near=path.suffix))
     aims = as_targets(targets)
     world = world.with_targets(*aims) if aims else world
-    starts = [start_given(one) for one in as_starts(start)]
-    return with_starts(world, starts) if starts else world
+    starts = [start_words.start_given(one) for one in as_starts(start)]
+    return start_words.with_starts(world, starts) if starts else world
 
 
 def as_targets(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
@@ -417,9 +413,7 @@ def as_growth(given: object, **shortcuts: object) -> Mapping[str, Any]:
             )
         options[name] = value
     if isinstance(options.get("contacts"), str | PathLike):
-        from vinefab.model.contacts import read_contacts
-
-        options["contacts"] = read_contacts(options["contacts"])
+        options["contacts"] = contacts.read_contacts(options["contacts"])
     return options
 
 

@@ -27,8 +27,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError, UnknownNameError, WorkersLostError
+from vinefab.core.front_door import imported_later
 from vinefab.core.hashing import sha256_of
 from vinefab.core.interruption import stops_deferred
 from vinefab.core.validation import Floats, Ints, whole

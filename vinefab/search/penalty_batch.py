@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from vinefab.core.compiling import imported_later
+from vinefab.core.front_door import imported_later
 from vinefab.core.validation import Floats, Ints
 from vinefab.fabrication.job.passes import (
     BLEND_RATIO,

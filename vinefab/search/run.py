@@ -12,8 +12,8 @@ import numpy as np
 import shapely
 
 from vinefab.core.atomic import folder_to_fill
-from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError, located, values_hidden
+from vinefab.core.front_door import imported_later
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import parameter_names
 from vinefab.core.rng import child

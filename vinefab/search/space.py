@@ -23,8 +23,8 @@ from pydantic import (
 )
 from typing_extensions import Doc
 
-from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import imported_later
 from vinefab.core.table import LATER, LaterThan, Table
 from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, Ints, number
 from vinefab.fabrication.outline.ends import Leaf, corner_radii_mm

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pydantic import model_validator
 from typing_extensions import Doc
 
-from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import imported_later
 from vinefab.core.table import Table
 from vinefab.core.validation import Floats, Ints, number
 from vinefab.growth.batch import GrowthBlock

@@ -14,8 +14,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import imported_later
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import GrowthBlock
 from vinefab.model.deployment import Deployment

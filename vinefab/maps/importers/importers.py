@@ -10,8 +10,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from vinefab.core.bounded import begin_reader, bounded
-from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import imported_later
 from vinefab.core.registry import Registry
 from vinefab.maps.importers.import_options import PHOTO_SUFFIXES, ImportOptions
 

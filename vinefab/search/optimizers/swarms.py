@@ -21,8 +21,8 @@ from annotated_types import Ge, Le
 from pydantic import model_validator
 from typing_extensions import Doc
 
-from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import imported_later
 from vinefab.core.rng import child
 from vinefab.core.table import Table
 from vinefab.core.validation import Floats

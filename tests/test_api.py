@@ -30,7 +30,6 @@ from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.design import Design
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import read_profile
 from vinefab.pages.panel import INK, LEVEL_COLOURS, ROCK
@@ -209,13 +208,6 @@ def same_map(one, other):
     return one.name == other.name and one.bounds.equals(other.bounds) and one.starts == other.starts
 
 
-def test_a_design_is_read_by_name_and_path_and_written_as_it_was(tmp_path):
-    design = vf.Design.read("grid_explorer")
-    assert design == Design.read("grid_explorer")
-    path = design.write(tmp_path / "own" / "copy.toml")
-    assert vf.Design.read(path) == vf.Design.read(str(path)) == design
-
-
 def test_a_map_is_generated_and_read_back(tmp_path):
     world = vf.maps.grid(seed=3, columns=4, rows=4)
     path = world.write(tmp_path / "library.geojson")
@@ -371,15 +363,6 @@ def test_a_run_takes_another_task_by_name_or_as_an_object(tmp_path):
     assert recorded.best == vf.Design.read(tmp_path / "run" / "best.toml")
 
 
-def test_a_run_of_several_objectives_writes_its_front(tmp_path):
-    settings = run_settings(
-        objectives=("coverage", "film_length"), optimizer=vf.PartSettings(name="nsga2")
-    )
-    vf.optimize(settings, out=tmp_path / "run", page=False)
-    names = {path.name for path in (tmp_path / "run").iterdir()}
-    assert {"best.toml", "front.json", "front.svg", "front.png", "run.sqlite"} <= names
-
-
 def test_a_check_takes_names_paths_objects_and_maps(vine, map_file, world, tmp_path):
     path = vine.write(tmp_path / "vine.toml")
     reports = [
@@ -451,14 +434,6 @@ def test_figures_of_a_map_are_written_and_shown(world, tmp_path):
     shown = found._repr_html_()
     assert 'src="data:image/svg+xml;base64,' in shown
     assert all(escape(word.strip(":")) in shown for line in found.summary for word in line.split())
-
-
-def test_where_to_aim_shows_itself_in_a_notebook(world):
-    found = vf.aim("plain_vine", world, deployments=5000)
-    shown = found._repr_html_()
-    assert escape(found.summary[0]) in shown
-    assert found.pose.text in shown
-    assert 'src="data:image/svg+xml;base64,' in shown
 
 
 def test_a_robot_grows_from_the_poses_that_aiming_found():
@@ -547,15 +522,10 @@ def test_findings_are_drawn_in_place_and_shown(tmp_path):
     assert rule.reason.split("'")[0] in rule._repr_html_()
 
 
-def test_numbers_of_a_recipe_show_themselves():
-    found = vf.profile(DEFAULT_RECIPE)
-    assert repr(found).endswith(found.summary[-1])
-    assert found.summary[-1].split()[0] in found._repr_html_()
-
-
 def test_the_names_of_what_is_shipped_are_listed():
     assert {"grid_explorer", "plain_vine"} <= set(vf.designs())
     assert DEFAULT_RECIPE in vf.recipes()
+    assert vf.profile(DEFAULT_RECIPE).summary[0].startswith("recipe ")
     assert "generic_220" in vf.printers()
 
 
@@ -683,11 +653,8 @@ def _photo(folder):
 
 WRONG = {
     "a map as a design": (lambda _: vf.check(ROOM), "design"),
-    "a map as a name": (lambda _: vf.Design.read(ROOM), "design"),
     "a number as a path": (lambda _: VINE.write(5), "path"),
     "a design as a map": (lambda _: VINE.grow(VINE), "map"),
-    "a design as a map file": (lambda _: vf.Map.read(VINE), "map"),
-    "a map to import": (lambda _: vf.maps.import_(ROOM), "path"),
     "an environment that is none": (lambda _: vf.maps.generate("moon"), "environment"),
     "an environment that is no name": (lambda _: vf.maps.generate(3), "environment"),
     "an unknown option": (lambda _: vf.maps.grid(seed=1, sise_mm=3), "size_mm"),
@@ -708,14 +675,11 @@ WRONG = {
     ),
     "an unknown ending": (lambda out: VINE.grow(ROOM, (5, 5, 0)).write(out / "a.bmp"), ".gif"),
     "no maps": (lambda _: vf.score(VINE, maps=[]), "maps"),
-    "a number as maps": (lambda _: vf.score(VINE, maps=3), "maps"),
     "a design among maps": (lambda _: vf.score(VINE, maps=[ROOM, VINE]), "maps"),
     "an unknown task": (lambda _: vf.score(VINE, "covrage", maps=ROOM), "coverage"),
     "a class as a task": (lambda _: vf.score(VINE, Height, maps=ROOM), "task"),
-    "a number as a task": (lambda _: vf.score(VINE, 3, maps=ROOM), "task"),
     "an unknown parameter": (lambda _: vf.score(VINE, maps=ROOM, radius=3), "radius_mm"),
     "parameters of an object": (lambda _: vf.score(VINE, Height(), maps=ROOM, a=3), "a is 3"),
-    "poses of words": (lambda _: vf.score(VINE, maps=ROOM, poses="3"), "poses"),
     "no start to score from": (lambda _: vf.score(VINE, maps=ROOM), "start"),
     "a design as a run": (lambda _: vf.optimize(VINE), "run"),
     "no run file": (lambda out: vf.optimize(out / "none.toml"), "no such file"),
@@ -728,12 +692,9 @@ WRONG = {
     "limits of words": (lambda _: vf.check(VINE, limits="VF-C01.warning=6"), "limits"),
     "limits without names": (lambda _: vf.check(VINE, limits={"VF-C01": 6}), "limits.VF-C01"),
     "no rig": (lambda out: vf.check(VINE, rig=out), "rig.json"),
-    "copies of words": (lambda out: vf.fabricate(VINE, out=out / "p", copies="2"), "copies"),
     "a map beside": (lambda out: vf.fabricate(VINE, out=out / "p", beside=[ROOM]), "beside"),
     "an unknown printer": (lambda out: vf.rig(ROOM, "generic", out=out / "r"), "generic_220"),
-    "a map as a printer": (lambda out: vf.rig(ROOM, ROOM, out=out / "r"), "printer"),
     "an unknown size": (lambda out: vf.rig(ROOM, out=out / "r", hight_mm=3), "height_mm"),
-    "a size of words": (lambda out: vf.rig(ROOM, out=out / "r", height_mm="3"), "height_mm"),
     "too small a fit": (lambda out: vf.rig(ROOM, out=out / "r", fit_mm=1, allow_empty=True),
                         "fit_mm is 1"),
     "an empty rig": (lambda out: vf.rig(ROOM, out=out / "r"), "; allow_empty makes"),
@@ -779,11 +740,6 @@ WRONG = {
     "a negative length": (lambda _: VINE.with_level(1, length_mm=-3), "length_mm is -3"),
     "a number as a name": (lambda _: VINE.with_level(1, name=3), "name is 3"),
     "a number as layers": (lambda _: vf.maps.import_("a.svg", layers=3), "layers is 3"),
-    "negative poses": (lambda _: vf.score(VINE, maps=PEGS, poses=-1), "poses is -1"),
-    "a negative seed": (lambda _: vf.maps.grid(seed=-1), "seed is -1"),
-    "no robots to aim": (lambda _: vf.aim(VINE, PEGS, robots=0), "robots"),
-    "an unknown task to aim at": (lambda _: vf.aim(VINE, PEGS, "reech"), "did you mean 'reach'"),
-    "a number as a map to aim on": (lambda _: vf.aim(VINE, 3), "world is 3; allowed: a Map"),
     "an unknown growth option": (
         lambda _: vf.score(VINE, maps=PEGS, growth={"bodi": 1}), "did you mean 'body'"
     ),
@@ -837,11 +793,9 @@ WRONG = {
     "a rule that is none": (lambda _: vf.rules()["VF-C99"], "no rule is called 'VF-C99'"),
     "a report as PDF": (lambda out: vf.report(VINE, out=out / "a.pdf", maps=ROOM), ".html"),
     "no run to list": (lambda _: vf.runs(), "folders is missing"),
-    "an unknown run": (lambda _: vf.optimize("grid_coverge"), "did you mean 'grid_coverage'"),
     "an unknown kind of file": (lambda out: vf.new("robot", out / "a.toml"), "kind is 'robot'"),
     "an unknown profile": (lambda _: vf.profile("co2_60"), "no profile is called 'co2_60'"),
     "a number as a profile": (lambda _: vf.profiles(3), "name is 3"),
-    "no path for a report": (lambda _: vf.report(VINE, out=None, maps=ROOM), "out"),
 }  # fmt: skip
 
 
@@ -903,14 +857,14 @@ def test_a_level_of_a_design_is_changed_and_nothing_else():
     assert tree.with_level(2) == tree
 
 
-def test_a_fix_is_written_and_shows_itself(tmp_path):
-    wide = vf.Design.read("three_level_tree").with_level(3, width_mm=0.5, name="thin")
+def test_a_fix_is_written_and_shows_itself(vine, tmp_path):
+    short = vine.changed(build=vine.build.changed(tail_mm=100.0), name="short")
     out = tmp_path / "fixed.toml"
-    found = vf.fix(wide, keep=["branches", "length"], out=out, progress=False)
+    found = vf.fix(short, keep=["branches", "length"], out=out, progress=False)
     assert found.design == vf.Design.read(tmp_path / "fixed.toml")
     assert not found.report.blocking
-    assert vf.check(wide).blocking
-    assert "width" in found._repr_html_()
+    assert vf.check(short).blocking
+    assert "the tail" in found._repr_html_()
     assert 'src="data:image/svg+xml;base64,' in found._repr_html_()
     assert any(line.startswith("fix: ") for line in found.summary)
 

@@ -57,19 +57,6 @@ def test_contacts_on_a_map_count(vinefab, plain, grid):
     assert grown["measured"] > 1.05 * free["measured"]
 
 
-def test_fix_keeps_what_it_is_told_to(vinefab, plain, tmp_path):
-    plain.write_text(
-        plain.read_text() + "[[level]]\nbranches = 2\nlength = 36.0\nangle_deg = 80.0\n"
-    )
-    out = tmp_path / "out.toml"
-    keeps = ("--keep", "branches,length", "--keep", "angle")
-    code, words, _ = vinefab("check", plain, "--fix", out, *keeps)
-    assert code == 0
-    assert "every branch stays" in words
-    assert "what it costs in score: give maps with --map" in words
-    assert "length = 36.0" in out.read_text()
-
-
 def test_findings_are_drawn_on_layers_that_are_not_cut(vinefab, plain, tmp_path):
     plain.write_text(plain.read_text() + "[build]\ntail_mm = 100.0\n")
     picture = tmp_path / "findings.dxf"

@@ -5,9 +5,7 @@ import subprocess
 import sys
 import zipfile
 
-import ezdxf
 import pytest
-import shapely
 
 from vinefab import __version__
 from vinefab.app.verbs import VERBS
@@ -30,25 +28,6 @@ def test_version(vinefab):
     assert vinefab("--version") == (0, f"vinefab {__version__}\n", "")
 
 
-def test_grow_writes_the_deployment_of_the_contract(vinefab, grid, tmp_path):
-    out = tmp_path / "deployment.json"
-    code, words, _ = vinefab("grow", "three_level_tree", "--map", grid, "--json", out)
-    document = json.loads(out.read_text())
-    assert code == 0
-    assert document["schema"] == "vinefab/deployment-1"
-    assert [branch["id"] for branch in document["branches"][:4]] == ["0", "0.0", "0.1", "0.2"]
-    for branch in document["branches"]:
-        assert set(branch) >= {
-            "id", "parent", "level", "points_mm", "planned_mm", "grown_mm", "stop",
-            "contact_turn_deg", "joint_deg", "contacts_mm",
-        }  # fmt: skip
-        if branch["stop"] != "not_deployed":
-            length = shapely.LineString(branch["points_mm"]).length
-            assert length == pytest.approx(branch["grown_mm"], abs=1e-6)
-    assert "simulated" in words
-    assert str(out) in words
-
-
 def test_quiet_says_nothing(vinefab, grid):
     assert vinefab("grow", "plain_vine", "--map", grid, "-q") == (0, "", "")
 
@@ -63,25 +42,11 @@ def test_score_takes_parameters(vinefab, grid):
 def test_fabricate_refuses_an_unconfirmed_recipe_unless_told(vinefab, tmp_path):
     out = tmp_path / "package"
     code, _, complaint = vinefab("fabricate", "three_level_tree", "--out", out)
-    assert code == 1
-    assert "--allow-uncalibrated" in complaint
+    assert (code, "--allow-uncalibrated" in complaint) == (1, True)
     assert not out.exists()
-    code, _, _ = vinefab(
-        "fabricate", "three_level_tree", "--out", out, "--allow-uncalibrated", "--zip"
-    )
-    assert code == 0
-    names = {
-        "README.txt", "job.json", "outline.dxf", "outline_polyline.dxf", "outline.svg",
-        "outline.lbrn2", "animation.svg", "design.toml",
-        "preview.png", "checks.json", "report.html", "bom.csv", "MANIFEST.sha256",
-        "assembly.svg", "assembly.pdf",
-    }  # fmt: skip
-    assert {path.name for path in out.iterdir()} == names
-    assert len(zipfile.ZipFile(tmp_path / "package.zip").namelist()) == len(names)
-    drawing = ezdxf.readfile(out / "outline.dxf")
-    assert drawing.units == 4
-    layers = {"VF_10_MARK", "VF_30_WELDCUT", "VF_40_CUT"}
-    assert {e.dxf.layer for e in drawing.modelspace()} == layers
+    code, *_ = vinefab("fabricate", "plain_vine", "--out", out, "--allow-uncalibrated", "--zip")
+    names = {path.name for path in out.iterdir()}
+    assert (code, len(zipfile.ZipFile(tmp_path / "package.zip").namelist())) == (0, len(names))
     check = subprocess.run(
         ["sha256sum", "-c", "MANIFEST.sha256"], cwd=out, capture_output=True, check=False
     )
@@ -205,17 +170,6 @@ def test_interruption_leaves_what_was_there(monkeypatch, vinefab, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["package"]
 
 
-def test_an_interrupted_rig_says_so_and_leaves_nothing(monkeypatch, vinefab, grid, tmp_path):
-    def interrupted(*_args, **_kwargs):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("vinefab.rig.make.make_rig", interrupted)
-    code, _, complaint = vinefab("rig", grid, "--out", tmp_path / "rig")
-    assert code == 130
-    assert "interrupted" in complaint
-    assert not (tmp_path / "rig").exists()
-
-
 def test_fabricate_nests_copies_and_other_designs_or_says_how_many_fit(vinefab, tmp_path):
     out = tmp_path / "sheet"
     code, _, _ = vinefab(
@@ -229,18 +183,6 @@ def test_fabricate_nests_copies_and_other_designs_or_says_how_many_fit(vinefab, 
     assert code == 1
     assert "of 13 robots find room" in text
     assert not (tmp_path / "no").exists()
-
-
-def test_aim_prints_a_pose_that_grow_takes(vinefab, grid, tmp_path):
-    numbers = tmp_path / "aim.json"
-    arguments = ("aim", "plain_vine", "--map", grid, "--deployments", 5000)
-    _, said, _ = vinefab(*arguments, "--json", numbers)
-    pose = said.partition("put the base of plain_vine at ")[2].partition(":")[0]
-    content = json.loads(numbers.read_text())
-    assert content["pose"]["text"] == pose
-    again = f"vinefab aim plain_vine {grid} --deployments 5000"
-    assert content["reproduce"]["command"] == again
-    assert vinefab("grow", "plain_vine", "--map", grid, "--pose", pose)[0] == 0
 
 
 def test_a_snapshot_of_the_studio_is_written_without_a_server(vinefab, tmp_path, monkeypatch):

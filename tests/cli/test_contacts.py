@@ -7,7 +7,6 @@ from base64 import b64decode
 
 import pytest
 
-import vinefab as vf
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.model.contacts import read_contacts
@@ -84,15 +83,6 @@ def test_scores_are_drawn_over_the_measured_interval(vinefab, grid, plain, measu
     assert f"head-on half-angle 3 to 6 deg (measured: {WORDS})" in words
 
 
-def test_comparisons_show_the_measured_interval(vinefab, grid, plain, measured):
-    more = ("--map", grid, "--poses", 2, "--contacts", measured, "--json", "-")
-    code, words, _ = vinefab("compare", plain, "plain_vine", *more)
-    assert code == 0
-    found = json.loads(words)
-    assert found["growth"]["contacts"]["head_on_half_angle_deg"]["value"] == 4.5
-    assert f"--contacts {measured}" in found["reproduce"]["command"]
-
-
 def test_reports_say_measured_on_their_page_and_in_their_numbers(
     vinefab, grid, plain, measured, tmp_path
 ):
@@ -108,16 +98,6 @@ def test_reports_say_measured_on_their_page_and_in_their_numbers(
     assert any("tips stop within 3 to 6 deg, measured: " in chart for chart in charts)
     assert "was measured on photos of grown robots" in text
     assert "growth.body_width_ratio" in text
-
-
-def test_poses_are_searched_over_the_measured_interval(vinefab, grid, plain, measured):
-    more = ("--map", grid, "--deployments", 5000, "--alone", "--json", "-")
-    code, words, _ = vinefab("aim", plain, *more, "--contacts", measured)
-    assert code == 0
-    found = json.loads(words)
-    assert found["standing"]["contacts"] == f"measured: {WORDS}"
-    assert f"--contacts {measured}" in found["reproduce"]["command"]
-    assert found["growth"]["head_on_half_angle_deg"] == [3.0, 6.0]
 
 
 def test_a_given_half_angle_is_assumed_again(vinefab, grid, plain, measured):
@@ -233,13 +213,3 @@ def test_observations_are_fitted_and_the_file_is_read(vinefab, grid, plain, obse
         "(measured: 6 contacts on 2 photos"
         in vinefab("grow", plain, "--map", grid, "--contacts", file)[1]
     )
-
-
-def test_the_library_fits_and_reads_the_same(observed, plain, grid, tmp_path):
-    fitted = vf.fit_observations(observed, out=tmp_path / "mine.toml")
-    low = fitted.numbers["head_on_half_angle_deg"]["low"]
-    grown = vf.Design.read(plain).grow(grid, growth={"contacts": fitted.path})
-    assert grown.growth["contacts"]["head_on_half_angle_deg"]["low"] == low
-    assert "head-on half-angle" in "\n".join(fitted.summary)
-    with pytest.raises(vf.BadInputError, match="angle_error_deg is 0"):
-        vf.fit_observations(observed, angle_error_deg=0.0)

@@ -130,19 +130,6 @@ def test_the_map_with_its_start_and_the_option_give_the_same_scores(vinefab, gri
     assert all(abs(pose["heading_deg"]) <= 20.0 for pose in poses)
 
 
-def test_a_drawing_is_imported_with_a_place_to_start(vinefab, tmp_path):
-    drawing, out = tmp_path / "room.svg", tmp_path / "room.geojson"
-    drawing.write_text(
-        '<svg xmlns="http://www.w3.org/2000/svg"><rect width="400" height="300"/></svg>'
-    )
-    given = ("--scale-mm-per-unit", 1, "--out", out, "-q")
-    assert vinefab("map", "import", drawing, "--start", "left side", *given)[0] == 0
-    assert Map.read(out).starts[0].area.length == pytest.approx(300.0)
-    x, y = Map.read(out).bounds.centroid.coords[0]
-    assert vinefab("map", "import", drawing, "--start", f"{x},{y},30", *given)[0] == 0
-    assert Map.read(out).starts[0].pose.heading_deg == pytest.approx(30.0)
-
-
 # --- Commands on maps with targets: the natural task and measure, and tables of targets -----------
 
 

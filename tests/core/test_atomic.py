@@ -209,47 +209,12 @@ def test_a_folder_appears_whole_or_not_at_all(tmp_path):
     assert names(tmp_path) == ["out"]
 
 
-def test_what_a_user_put_into_our_folder_survives_a_second_run(tmp_path):
-    out = tmp_path / "out"
-    with new_folder(out, "job.json") as folder:
-        (folder / "job.json").write_text(OURS + "1")
-        (folder / "stale.svg").write_text(OURS)
-    (out / "my notes.txt").write_text("cut at 30 %")
-    (out / "my map.json").write_text(OURS)
-    (out / "photos").mkdir()
-    (out / "link").symlink_to("my notes.txt")
-    fill(out, "2")
-    assert (out / "my notes.txt").read_text() == "cut at 30 %"
-    assert (out / "job.json").read_text() == OURS + "2"
-    kept = ["MANIFEST.sha256", "job.json", "link", "my map.json", "my notes.txt", "photos"]
-    assert names(out) == kept
-    assert (out / "link").readlink() == Path("my notes.txt")
-    assert names(tmp_path) == ["out"]
-
-
 def test_a_folder_of_another_kind_is_refused_and_kept_when_forced(tmp_path):
     out = tmp_path / "out"
     fill(out, "a rig", mark="rig.json")
     with pytest.raises(ForeignFileError):
         fill(out, "a package")
     assert (out / "rig.json").read_text() == OURS + "a rig"
-
-
-def test_a_folder_that_cannot_be_put_in_place_leaves_the_old_one(tmp_path, monkeypatch):
-    out = tmp_path / "out"
-    fill(out, "1")
-    replace = Path.replace
-
-    def refuse(path, target):
-        if Path(target) == out / "job.json" and path.parent.name == "new":
-            raise OSError(28, "No space left on device")
-        return replace(path, target)
-
-    monkeypatch.setattr(Path, "replace", refuse)
-    with pytest.raises(CannotWriteError, match="No space left"):
-        fill(out, "2")
-    assert (out / "job.json").read_text() == OURS + "1"
-    assert names(tmp_path) == ["out"]
 
 
 def test_the_current_folder_is_refused_even_when_forced(tmp_path, monkeypatch):

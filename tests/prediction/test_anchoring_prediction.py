@@ -201,9 +201,17 @@ def test_page_and_json_show_known_forces():
         "engaged": [0.5, 12.0], "ideal": [1.0, 24.0], "force_n": [0.25, 6.0],
     }  # fmt: skip
     headline = anchoring_headline(prediction)
-    assert headline.value == "3.0 x"
-    assert "0.5 to 12.0 x, 0.25 to 6.00 N over friction 0.2 to 0.8 (assumed)" in headline.detail
+    assert (headline.value, headline.tone) == ("3.0 x", "plain")
+    assert headline.detail.startswith(
+        "1.50 N at 10 kPa: median over halls at friction 0.3; 90 % of the maps 0.5 to 12.0 x, "
+        "0.25 to 6.00 N over friction 0.2 to 0.8 (assumed); 63 % of the leaves jam, 6 % of the "
+        "deployments hold nothing"
+    )
+    assert headline.detail.endswith("every leaf that came out jams: 6.0 x")
     bare = replace(prediction, has_pouches=False)
+    fact = anchoring_headline(bare)
+    assert (fact.name, fact.value) == ("anchoring amplification, ideal case", "6.0 x")
+    assert " N " not in fact.detail
     _, section = anchoring_blocks([bare])
     assert len(section.tables) == 1
     assert "only the ideal case" in section.paragraphs[1]

@@ -35,10 +35,6 @@ from vinefab.prediction.measures import (
     MeasureTable,
 )
 from vinefab.prediction.predict import (
-    AnchoringPrediction,
-    HeldForces,
-    OverMaps,
-    anchoring_headline,
     cautions,
     failures,
     measured,
@@ -300,42 +296,12 @@ def known_outcomes(maps=("a", "a", "a", "b")):
     return MeasureTable(label="two maps", map_names=maps, poses=(None,) * len(maps), values=columns)
 
 
-def over(value):
-    """A number over maps that differ by a tenth."""
-    return OverMaps(median=value, low=0.9 * value, high=1.1 * value)
-
-
-def test_headlines_are_the_numbers_of_spread_and_anchoring():
-    held = tuple(
-        HeldForces(
-            friction=mu, engaged=over(10.0 * mu), some_idle=over(5.0 * mu), ideal=over(20.0 * mu),
-            force_n=over(40.0 * mu),
-        )
-        for mu in (0.2, 0.3, 0.8)
-    )  # fmt: skip
-    anchoring = AnchoringPrediction(
-        label="two maps", leaves=3, has_pouches=True, held=held, engaged_percent=40.0,
-        nothing_percent=20.0, limited_percent=0.0, pressure_kpa=15.0, mass_g=5.0,
-    )  # fmt: skip
+def test_the_headline_of_a_measure_is_its_spread():
     seen = measured(known_outcomes(), SEEN)
     # Maps of mean 20 and 60; deployments 10, 20, 30, 60.
     assert (seen.value, seen.detail, seen.standing) == (
         "sees 40.0 %", "[0.0, 100.0; 2 maps]; 90 % of deployments 11.5 to 55.5", "simulated"
     )  # fmt: skip
-    # Two thirds at low friction to all at high friction.
-    anchored = anchoring_headline(anchoring)
-    assert (anchored.value, anchored.tone) == ("3.0 x", "plain")
-    for words in (
-        "median over two maps at friction 0.3; 90 % of the maps 1.8 to 8.8 x, 7.20 to 35.20 N",
-        "N over friction 0.2 to 0.8 (assumed)",
-        "12.00 N at 15 kPa",
-        "40 % of the leaves jam, 20 % of the deployments hold nothing",
-        "Ideal case, every leaf that came out jams: 6.0 x",
-    ):
-        assert words in anchored.detail
-    bare = anchoring_headline(replace(anchoring, has_pouches=False))
-    assert (bare.name, bare.value) == ("anchoring amplification, ideal case", "6.0 x")
-    assert " N " not in bare.detail
 
 
 @pytest.mark.parametrize(

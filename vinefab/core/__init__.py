@@ -2,7 +2,8 @@
 
 ``errors``, ``registry`` (named parts and plug-ins), ``limits`` (numbers within limits, angles),
 ``validation`` (arrays, read-only), ``rng`` (seeded generators), ``statistics``, ``compiling``
-(numba), ``front_door`` (modules that are loaded later), ``plain_text`` (words and JSON), ``hashing`` (digests, manifests, marks of files),
+(numba), ``front_door`` (modules that are loaded later), ``plain_text`` (words and JSON),
+``hashing`` (digests, manifests, marks of files),
 ``atomic`` (safe writing of files and folders, locks), ``bounded`` (foreign files under limits),
 ``table`` (declared tables), ``verbs`` (public functions, their progress) and ``view`` (results).
 """

@@ -21,7 +21,6 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from vinefab.core.atomic import PROTECTED, is_protected, keep_aside, write_bytes
-from vinefab.core.compiling import imported_later
 from vinefab.core.errors import (
     BadInputError,
     CannotWriteError,
@@ -29,6 +28,7 @@ from vinefab.core.errors import (
     VinefabError,
     located,
 )
+from vinefab.core.front_door import imported_later
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted, json_text
 from vinefab.core.registry import parameter_values

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import imported_later
 from vinefab.core.view import plain_blocks
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.rules.pressure_rules import SENSITIVITY, degrees_text

@@ -22,8 +22,8 @@ from threading import enumerate as enumerate_threads
 from typing import TYPE_CHECKING, Any
 
 from vinefab.core import __version__
-from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError, VinefabError
+from vinefab.core.front_door import imported_later
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.pages.plan_svg import legend_rows
 from vinefab.studio.file_store import FILE_REQUESTS, Broadcast, FileStore

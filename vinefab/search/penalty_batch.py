@@ -336,12 +336,12 @@ class PenaltyRules:
 
     def of_space(self, space: Space) -> "BatchPenalty":
         """Return the penalty of a space's designs, one build for each depth."""
-        deepest = int(space.settings.levels.high)
-        ranges = (space.settings.bounds(level, "branches") for level in range(2, deepest + 1))
-        most = max((int(bounds.high) for bounds in ranges), default=1)
-        children = range(1, min(most, MOST_CHILDREN) + 1)
+        deepest, fans = int(space.settings.levels.high), dict[int, range]()
+        for place in range(deepest - 1):
+            branches = space.settings.bounds(place + 2, "branches")
+            fans[place] = range(int(branches.low), min(int(branches.high), MOST_CHILDREN) + 1)
         builds = [space.build_of(depth) for depth in range(1, deepest + 1)]
-        return self.of_builds(builds, [dict.fromkeys(range(deepest - 1), children)] * deepest)
+        return self.of_builds(builds, [fans] * deepest)
 
     def _at_once(self, designs: Sequence[Design]) -> "BatchPenalty":
         """Return the penalty of designs with a build each."""

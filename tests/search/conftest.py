@@ -1,8 +1,5 @@
 """Runs small enough to be repeated many times."""
 
-import sqlite3
-from contextlib import closing
-
 import numpy as np
 import pytest
 
@@ -17,7 +14,6 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.tree import branch_tree
 from vinefab.search.record.generations import Generation, Progress
-from vinefab.search.record.result import RECORD_FILE
 from vinefab.search.run import Search
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, SpaceSettings
@@ -83,17 +79,3 @@ def progress_of(generation, generations, history=(), **changed):
     times = {"elapsed_s": 1.0, "left_s": 9.0}
     values = {"generation": generation, "generations": generations, "history": history}
     return Progress(**{**numbers, **times, **values, **changed})
-
-
-def content(folder):
-    """Return the content of a record without times."""
-    questions = {
-        "run": "SELECT * FROM run ORDER BY 1",
-        "map": "SELECT * FROM map ORDER BY 1",
-        "generation": "SELECT number, x, fitness, composite, penalty FROM generation ORDER BY 1",
-        "term": "SELECT * FROM term ORDER BY 1, 2",
-        "optimizer": "SELECT * FROM optimizer",
-        "finalist": "SELECT * FROM finalist ORDER BY 1",
-    }
-    with closing(sqlite3.connect(folder / RECORD_FILE)) as connection:
-        return {key: connection.execute(text).fetchall() for key, text in questions.items()}

@@ -144,6 +144,12 @@ def test_tasks_and_penalties_that_cannot_be_sent_are_named(fabricable, maps):
             WorkerPayload.of(EvaluatorSpec(settings=fabricable, maps=maps, **local))
 
 
+def test_read_only_views_can_be_sent(maps):
+    again = deserialized(serialized(maps[0]))
+    assert again.facts == maps[0].facts
+    assert type(again.facts) is type(maps[0].facts)
+
+
 def test_a_worker_with_other_versions_refuses(small, maps):
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
     payload = WorkerPayload.of(evaluator.spec)

@@ -249,22 +249,10 @@ def test_a_front_holds_exactly_the_non_dominated_points(values):
         assert kept[row] == (first and not dominated)
 
 
-def test_the_knee_and_points_along_a_front():
-    worth, cost = np.array([0.0, 0.5, 0.9, 1.0]), np.array([1.0, 2.0, 3.0, 10.0])
-    assert knee(worth, cost) == 2
+def test_points_along_a_front():
+    cost = np.array([1.0, 2.0, 3.0, 10.0])
     assert spread_out(cost[::-1, None], 2) == [3, 0]
     assert spread_out(cost[:, None], 9) == [0, 1, 2, 3]
-
-
-def test_a_front_that_does_not_bend_has_no_knee():
-    cost = np.linspace(3.0, 9.0, 7)
-    share = (cost - 3.0) / 6.0
-    assert knee(share**2, cost) is None  # sags
-    assert knee(5.0 + share, 100.0 * cost) is None  # straight
-    assert knee(share + 0.01 * np.sin(9.0 * share), cost) is None  # as good as straight
-    assert knee(np.sqrt(share), cost) is not None
-    assert knee(np.array([0.0, 1.0]), np.array([1.0, 2.0])) is None
-    assert knee(np.array([0.3]), np.array([1.0])) is None
 
 
 @given(VALUES, st.integers(1, 9), st.integers(-5, 5))

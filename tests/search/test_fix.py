@@ -1,17 +1,15 @@
 """Fixes against a grid search and against values computed by hand."""
 
 import functools
-import importlib.util
 import math
-import sys
 from collections.abc import Callable
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.oracles.penalty import bare_gaps
+from tests.search.fix_many import fix_many
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.clearance_rules import level_joints
@@ -42,16 +40,6 @@ Make = Callable[..., Design]
 def make(make):
     """Return what makes designs that are cut as designed: no joint is simulated."""
     return functools.partial(make, compensation="none")
-
-
-@pytest.fixture(scope="module")
-def many():
-    path = Path(__file__).with_name("fix_many.py")
-    spec = importlib.util.spec_from_file_location("fix_many", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["fix_many"] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def only_change(design, profile):
@@ -164,8 +152,8 @@ def test_the_window_of_the_targets_is_never_below_the_rules_own(make, profile):
 
 
 @pytest.mark.thorough
-def test_random_designs_of_table_1_are_fixed(many, profile):
-    cases = many.fix_many(4, profile, deepest=2)
+def test_random_designs_of_table_1_are_fixed(profile):
+    cases = fix_many(4, profile, deepest=2)
     assert all(case.fixed is not None for case in cases)
     for case in cases:
         assert run_checks(Subject.of(case.fixed, profile)).blocking == ()

@@ -1,24 +1,14 @@
 """A little of `kill.py`, as a test."""
 
-import importlib.util
 import random
-import sys
 import time
-from pathlib import Path
 
 import pytest
 
+from tests.search import kill
+
 SMALL_MAPS = "options = { size_mm = 250.0, columns = 3, rows = 3 }"
 """The winner is tried on seventy maps: most of the time of a run that is as short as this one."""
-
-
-@pytest.fixture(scope="module")
-def kill():
-    spec = importlib.util.spec_from_file_location("kill_runs", Path(__file__).with_name("kill.py"))
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["kill_runs"] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 class NearTheLeast(random.Random):
@@ -29,9 +19,7 @@ class NearTheLeast(random.Random):
 
 
 @pytest.mark.thorough
-def test_a_run_that_is_killed_and_out_of_disk_ends_as_the_undisturbed_one(
-    kill, tmp_path, monkeypatch
-):
+def test_a_run_that_is_killed_and_out_of_disk_ends_as_the_undisturbed_one(tmp_path, monkeypatch):
     monkeypatch.setattr(kill, "GENERATIONS", 150)
     monkeypatch.setattr(kill, "OPTIONS", (*kill.OPTIONS, "--no-page"))
     monkeypatch.setattr(kill, "MAPS", SMALL_MAPS)

@@ -11,7 +11,6 @@ from vinefab.fabrication.checking import check_design
 from vinefab.model.design import Build, Design, Level, Pouch, Waiver
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import Quantity, Standing, read_profile
-from vinefab.search.evaluator import FullCheck
 from vinefab.search.manufacturability import (
     ManufacturabilityPenalty,
     SpaceQuery,
@@ -31,12 +30,6 @@ def fork(fan_rad, length_mm=200.0):
     level = Level(branches=2, length_mm=length_mm, fan_rad=fan_rad)
     build = Build.standard(2).changed(compensation="none")
     return Design(name="fork", trunk_length_mm=150.0, levels=(level,), build=build)
-
-
-def test_a_good_design_has_no_penalty_and_passes(penalty):
-    assert isinstance(penalty, FullCheck)
-    assert penalty(fork(1.2)) == 0.0
-    assert penalty.passes(fork(1.2))
 
 
 def test_the_pattern_decides_what_can_be_cut(penalty):

@@ -12,6 +12,7 @@ from vinefab.core.errors import (
     VinefabError,
 )
 from vinefab.maps.generators.grid import grid_map
+from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.map import Pose
 from vinefab.search.optimizers.optimizer import make_optimizer_config
 from vinefab.search.run import Search
@@ -23,7 +24,7 @@ from vinefab.search.settings import (
     read_run,
     settings_from_plain,
 )
-from vinefab.search.space import Bounds, Space
+from vinefab.search.space import Bounds, BuildSettings, Space
 from vinefab.tasks import make_task
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "grid_coverage.toml"
@@ -89,6 +90,24 @@ def test_other_tasks_have_tables_of_their_own(tmp_path):
         PartSettings(name="anchoring"),
     )
     assert settings_from_plain(plain_settings(settings)) == settings
+
+
+def test_every_design_has_the_build_of_the_run(tmp_path):
+    text = """
+    [build]
+    pouch = {shape = "rectangle", length_mm = 25, width_mm = 40}
+    pieces = { most = 4, ease_mm = 2 }
+    mounting = "turned"
+    tail_mm = 170
+    pressure_kpa = 12
+    compensation = "none"
+    """
+    build = read_run(written(tmp_path, text)).build
+    assert build.pouch == Pouch(shape="rectangle", length_mm=25.0, width_mm=40.0)
+    assert build.pieces == PieceSettings(most=4, ease_mm=2.0)
+    made = build.build(3)
+    for name in ("pouch", "pieces", "mounting", "tail_mm", "pressure_kpa", "compensation"):
+        assert getattr(made, name) == getattr(build, name) != getattr(BuildSettings(), name)
 
 
 def test_widths_are_given_by_level_or_by_the_trunk(tmp_path):

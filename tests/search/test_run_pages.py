@@ -255,14 +255,6 @@ def test_a_knee_is_named_where_there_is_one(result):
         assert page_svg(front_picture(members, flat, settings, WORLD))
 
 
-def test_the_picture_is_the_same_every_time_also_for_a_front_of_one(result):
-    members = front_of(result, SETTINGS)
-    pictures = [page_svg(front_picture(members, result, SETTINGS, WORLD)) for _ in range(2)]
-    assert pictures[0] == pictures[1]
-    alone = (replace(members[0], is_knee=True),)
-    assert page_svg(front_picture(alone, result, SETTINGS, WORLD)) != pictures[0]
-
-
 def test_scores_of_the_search_and_fresh_ones_have_their_own_marker_and_words(result):
     page = front_picture(front_of(result, SETTINGS), result, SETTINGS, WORLD)
     chart = page.panels[0]

@@ -17,16 +17,6 @@ def started(seed):
     return search
 
 
-def test_only_the_order_of_fitness_counts():
-    plain, bent = started(3), started(3)
-    for _ in range(15):
-        x = plain.ask()
-        np.testing.assert_array_equal(bent.ask(), x)
-        fitness = -np.abs(x[:, 1] - 0.8) - x[:, 0]
-        plain.tell(x, fitness)
-        bent.tell(x, np.where(fitness < np.median(fitness), 1e5 * fitness, fitness))
-
-
 def test_whole_numbers_keep_moving_after_the_rest_has_converged():
     search = started(1)
     for generation in range(150):

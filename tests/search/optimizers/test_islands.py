@@ -62,6 +62,12 @@ def test_a_structure_that_is_good_only_once_adapted_is_found():
         assert of_structure(x[fitness.argmax()][None], 2, 3).all()
 
 
+def test_the_better_structures_get_more_points():
+    x, _ = ran(started(), deceptive, 120)
+    share = of_structure(x, 2, 3).mean()
+    assert share > 3.0 / STRUCTURES
+
+
 def test_no_point_with_a_penalty_is_evaluated_where_there_are_others():
     search = started()
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.core.errors import BadInputError
 from vinefab.search.optimizers.optimizer import (
     OPTIMIZERS,
     SearchAxes,
@@ -189,10 +189,3 @@ assert os.environ.get("LOG_CFG") == "mine"
     subprocess.run([sys.executable, "-c", program], cwd=tmp_path, env=environment, check=True)
     assert list(tmp_path.iterdir()) == []
     assert logging.getLogger("pyswarms").handlers == []
-
-
-def test_wrong_parameters_are_refused():
-    with pytest.raises(BadInputError, match="inertia"):
-        make_optimizer_config("pso", {"inertia": -1.0})
-    with pytest.raises(UnknownNameError, match="optimizer"):
-        make_optimizer_config("swarm")

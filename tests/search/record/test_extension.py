@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.search.conftest import content
+from tests.search.kill import content
 from vinefab.core.errors import BadInputError
 from vinefab.search.record.result import RECORD_FILE, RunArchive, plain_summary
 from vinefab.search.run import run_search

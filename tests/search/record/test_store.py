@@ -8,7 +8,8 @@ from typing import ClassVar, cast
 import numpy as np
 import pytest
 
-from tests.search.conftest import content, made_generation, optimize
+from tests.search.conftest import made_generation, optimize
+from tests.search.kill import content
 from vinefab.core.atomic import is_ours
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError
 from vinefab.model.deployment import Deployment

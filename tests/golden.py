@@ -46,7 +46,6 @@ LOADED_ONCE = (  # takes most of a command's start; nothing of vinefab's
     "rich.console",
     "scipy.optimize",
     "scipy.stats",
-    "svgwrite",
 )
 
 

@@ -127,7 +127,7 @@ def judged(number):
         out = len(true.points_mm) > 0
         tip_mm = math.inf
         if out and branch.deployed_observed:
-            tip_mm = float(np.hypot(*(branch.points_mm[-1] - true.points_mm[-1])))
+            tip_mm = float(np.hypot(*(branch.traced.points_mm[-1] - true.points_mm[-1])))
         elif not out and not branch.deployed_observed:
             tip_mm = 0.0
         stopped = [np.array(c[:2]) for c in true.contacts if c[3] == "stopped"]

@@ -92,7 +92,7 @@ def test_what_came_out_where_it_stopped_and_what_it_met_are_seen(truth, seen):
 
 def test_widths_are_measured(seen):
     for branch in seen.compared.branches:
-        if branch.deployed_observed and branch.seen > 0.5:
+        if branch.deployed_observed and branch.traced.seen > 0.5:
             assert branch.width_mm == pytest.approx(branch.nominal_width_mm, abs=0.9)
 
 

@@ -68,16 +68,18 @@ def seen_of(tmp_path_factory):
 def test_tips_are_right_or_in_doubt_and_no_stop_is_invented(seen_of, seed, seam_mm):
     truth, seen = seen_of(DESIGN, seed, replace(LOOK, seam_mm=seam_mm))
     assert seen.fits
-    clear = [(t, b) for t, b in zip(truth, seen.compared.branches, strict=True) if not b.doubts]
+    clear = [
+        (t, b) for t, b in zip(truth, seen.compared.branches, strict=True) if not b.sight.doubts
+    ]
     assert len(clear) >= len(truth) / 2
     for true, branch in clear:
         assert branch.deployed_observed == (len(true.points_mm) > 0)
         if branch.deployed_observed:
-            assert np.hypot(*(branch.points_mm[-1] - true.points_mm[-1])) < 8.0
+            assert np.hypot(*(branch.traced.points_mm[-1] - true.points_mm[-1])) < 8.0
         if branch.stop_observed in ("head_on", "corner"):
             assert true.stop in ("head_on", "corner")
     for branch in seen.compared.branches:
-        if branch.doubts:
+        if branch.sight.doubts:
             assert {contact.outcome for contact in branch.contacts} <= {"unclear"}
             assert branch.stop_observed not in ("head_on", "corner")
 
@@ -92,7 +94,7 @@ def test_film_that_goes_on_beyond_a_tip_is_no_stop(seen_of):
     assert any(len(true.points_mm) > 45 for true in truth[1:])
     for true, branch in zip(truth, seen.compared.branches, strict=True):
         if len(true.points_mm) > 50 and true.level == 2:
-            assert {GOES_ON, NO_VERDICT} & set(branch.doubts)
+            assert {GOES_ON, NO_VERDICT} & set(branch.sight.doubts)
             assert branch.stop_observed not in ("head_on", "corner")
 
 
@@ -102,5 +104,5 @@ def test_a_photo_without_a_verdict_gives_no_contact(seen_of):
     assert not seen.fits
     assert seen.verdict.startswith("no verdict")
     for branch in seen.compared.branches:
-        assert NO_VERDICT in branch.doubts
+        assert NO_VERDICT in branch.sight.doubts
         assert {contact.outcome for contact in branch.contacts} <= {"unclear"}

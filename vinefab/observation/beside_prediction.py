@@ -691,10 +691,9 @@ class ComparedBranch:
     id: str
     level: int
     planned_mm: float
-    observed_mm: float
     predicted_mm: float
-    points_mm: Floats
     predicted_points_mm: Floats
+    traced: TracedBranch
     stop_observed: str  # ``full_length``, ``head_on``, ``corner``, ``not_deployed`` or ``unclear``
     stop_predicted: str
     # distance of both lines at equal arc lengths, up to the shorter one's end; None unless
@@ -702,21 +701,22 @@ class ComparedBranch:
     mean_mm: float | None
     most_mm: float | None
     hausdorff_mm: float | None  # the largest distance from a point of one line to the other
-    width_mm: float | None
     nominal_width_mm: float
-    seen: float
-    told_apart: float
     contacts: tuple[WallMeeting, ...]
     order_observed: tuple[str, ...]
     order_predicted: tuple[str, ...]
-    tip_and_base_seen: bool  # whether both of its ends are on film
-    # what the photo leaves open of it. With any, nothing is claimed of its stop and contacts
-    doubts: tuple[str, ...] = ()
+    # with any doubts, nothing is claimed of its stop and contacts
+    sight: BranchSight = BranchSight(tip_and_base=False, doubts=())
 
     @property
     def deployed_observed(self) -> bool:
         """Whether it was seen."""
-        return len(self.points_mm) > 0
+        return self.traced.deployed
+
+    @property
+    def width_mm(self) -> float | None:
+        """Its diameter where two edges of it were seen."""
+        return self.traced.width_mm if np.isfinite(self.traced.width_mm) else None
 
     @property
     def deployed_predicted(self) -> bool:
@@ -726,9 +726,9 @@ class ComparedBranch:
     @property
     def share(self) -> float | None:
         """Mean distance as a share of the length seen."""
-        if self.mean_mm is None or self.observed_mm == 0.0:
+        if self.mean_mm is None or self.traced.length_mm == 0.0:
             return None
-        return self.mean_mm / self.observed_mm
+        return self.mean_mm / self.traced.length_mm
 
     @property
     def content(self) -> dict[str, object]:
@@ -738,7 +738,7 @@ class ComparedBranch:
             "id": self.id,
             "level": self.level,
             "planned_mm": self.planned_mm,
-            "observed_mm": self.observed_mm,
+            "observed_mm": self.traced.length_mm,
             "predicted_mm": self.predicted_mm,
             "deployed_observed": self.deployed_observed,
             "deployed_predicted": self.deployed_predicted,
@@ -747,11 +747,11 @@ class ComparedBranch:
             "shape_error_mm": None if self.mean_mm is None else error,
             "shape_error_share": None,
             "width_mm": {"measured": self.width_mm, "nominal": self.nominal_width_mm},
-            "share_seen": self.seen,
-            "share_told_apart": self.told_apart,
-            "tip_and_base_seen": self.tip_and_base_seen,
-            "doubts": self.doubts,
-            "points_mm": self.points_mm.tolist(),
+            "share_seen": self.traced.seen,
+            "share_told_apart": self.traced.told_apart,
+            "tip_and_base_seen": self.sight.tip_and_base,
+            "doubts": self.sight.doubts,
+            "points_mm": self.traced.points_mm.tolist(),
             "contacts": [
                 {**contact.model_dump(), "width_mm": self.width_mm} for contact in self.contacts
             ],
@@ -760,10 +760,23 @@ class ComparedBranch:
         }
         return {**rounded(plain, 3), "shape_error_share": rounded(self.share, 5)}
 
+    def in_doubt(self, *doubts: str) -> "ComparedBranch":
+        """Return the branch with further doubts; with any, walls are not said to have met it."""
+        sight = replace(self.sight, doubts=(*self.sight.doubts, *doubts))
+        if not sight.doubts:
+            return self
+        at_wall = self.stop_observed in (Stop.HEAD_ON.label, Stop.CORNER.label)
+        return replace(
+            self,
+            sight=sight,
+            contacts=tuple(contact.changed(outcome="unclear") for contact in self.contacts),
+            stop_observed=UNCLEAR if at_wall else self.stop_observed,
+        )
+
     @property
     def is_ambiguous(self) -> bool:
         """Whether it could not be told from other branches."""
-        return self.deployed_observed and self.told_apart < TOLD_APART_SHARE
+        return self.deployed_observed and self.traced.told_apart < TOLD_APART_SHARE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -814,26 +827,17 @@ def compare_with_prediction(
     choice = GrowthChoice.of([design], given).single
     terrain, replays = Terrain.of(world), Replays(world)
     prediction = grow_on(design, terrain, pose, choice.options)
-    branches = [
-        _compared(index, traced, design, prediction, choice.options, replays)
-        for index in range(len(traced.tree))
-    ]
+    branches = list[ComparedBranch]()
     for index, sight in enumerate(sights):
-        no_wall = (NO_WALL,) if branches[index].stop_observed == UNCLEAR else ()
-        seen = replace(
-            branches[index],
-            tip_and_base_seen=sight.tip_and_base,
-            doubts=(*sight.doubts, *no_wall),
-        )
-        branches[index] = _unclaimed(seen) if seen.doubts else seen
+        seen = _compared(index, traced, design, prediction, choice.options, replays)
+        no_wall = [NO_WALL] * (seen.stop_observed == UNCLEAR)
+        branches.append(replace(seen, sight=sight).in_doubt(*no_wall))
     # Lines explain the film, film supports the lines, and joints explain the branches.
     explained = min(traced.film_explained, traced.lines_supported) >= LEAST_EXPLAINED
-    doubtful = sum(bool(branch.doubts) for branch in branches)
+    doubtful = sum(bool(branch.sight.doubts) for branch in branches)
     is_read = explained and doubtful <= MOST_DOUBTFUL * len(branches)
     if not is_read:
-        branches = [
-            _unclaimed(replace(branch, doubts=(*branch.doubts, NO_VERDICT))) for branch in branches
-        ]
+        branches = [branch.in_doubt(NO_VERDICT) for branch in branches]
     return Compared(
         is_read=is_read,
         prediction=prediction,
@@ -842,14 +846,6 @@ def compare_with_prediction(
         fits=_half_angle_fits(traced, branches, design, terrain, pose, choice.options),
         notes=choice.notes,
     )
-
-
-def _unclaimed(branch: ComparedBranch) -> ComparedBranch:
-    """Return a branch without claims about the effect of walls on it."""
-    contacts = tuple(contact.changed(outcome="unclear") for contact in branch.contacts)
-    at_wall = branch.stop_observed in (Stop.HEAD_ON.label, Stop.CORNER.label)
-    stop = UNCLEAR if at_wall else branch.stop_observed
-    return replace(branch, contacts=contacts, stop_observed=stop)
 
 
 def _compared(
@@ -900,25 +896,20 @@ def _compared(
         id=tree.ids[index],
         level=level,
         planned_mm=length_mm,
-        observed_mm=seen.length_mm,
         predicted_mm=float(prediction.grown_mm[index]),
-        points_mm=seen.points_mm,
         predicted_points_mm=chain,
+        traced=seen,
         stop_observed=stop,
         stop_predicted=Stop(int(prediction.stop[index])).label,
         mean_mm=mean,
         most_mm=most,
         hausdorff_mm=hausdorff if np.isfinite(hausdorff) else None,
-        width_mm=seen.width_mm if np.isfinite(seen.width_mm) else None,
         nominal_width_mm=2.0 * radius,
-        seen=seen.seen,
-        told_apart=seen.told_apart,
         contacts=contacts,
         order_observed=tuple(
             wall_order([c for c in contacts if c.front_mm <= seen.length_mm + radius])
         ),
         order_predicted=tuple(wall_order(predicted)),
-        tip_and_base_seen=seen.deployed,
     )
 
 
@@ -962,15 +953,15 @@ def _half_angle_fits(
         total = weight = log = 0.0
         for index, branch in enumerate(branches):
             chain, grown_mm = predicted.chain_mm(index), float(predicted.grown_mm[index])
-            mean, _ = distance_mm(branch.points_mm, chain)
+            mean, _ = distance_mm(branch.traced.points_mm, chain)
             if mean is None:
-                missed = (len(branch.points_mm) > 1) != (len(chain) > 1)
+                missed = (len(branch.traced.points_mm) > 1) != (len(chain) > 1)
                 log -= 0.5 * WORST_ERRORS**2 * missed
                 continue
-            length = min(branch.observed_mm, grown_mm)
+            length = min(branch.traced.length_mm, grown_mm)
             total, weight = total + mean * length, weight + length
             error = SHAPE_ERROR_MM + SHAPE_ERROR_SHARE * (begins[index] + branch.planned_mm)
-            away = max(mean, abs(branch.observed_mm - grown_mm))
+            away = max(mean, abs(branch.traced.length_mm - grown_mm))
             log -= 0.5 * min(away / error, WORST_ERRORS) ** 2
         stops = [Stop(int(stop)).label for stop in predicted.stop]
         same = sum(b.stop_observed == stop for b, stop in zip(branches, stops, strict=True))

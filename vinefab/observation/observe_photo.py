@@ -280,7 +280,7 @@ class Observation(WrittenResult):
         """Mean distance from the prediction over the length of these."""
         if not self.both:
             return 0.0
-        weights = [branch.observed_mm for branch in self.both]
+        weights = [branch.traced.length_mm for branch in self.both]
         means = [branch.mean_mm or 0.0 for branch in self.both]
         return float(np.average(means, weights=weights))
 
@@ -290,7 +290,7 @@ class Observation(WrittenResult):
         way = [0.0] * len(self.compared.branches)
         for index, branch in enumerate(self.compared.branches):
             parent = int(self.traced.tree.parent[index])
-            way[index] = branch.observed_mm + (way[parent] if parent >= 0 else 0.0)
+            way[index] = branch.traced.length_mm + (way[parent] if parent >= 0 else 0.0)
         return self.mean_error_mm / max(1e-9, *way)
 
     @property
@@ -338,19 +338,19 @@ class Observation(WrittenResult):
                 ),
                 Fact(
                     "branches seen",
-                    f"{sum(b.tip_and_base_seen for b in branches)} of {count}",
+                    f"{sum(b.sight.tip_and_base for b in branches)} of {count}",
                     "summary.deployed_observed",
                     "measured: tip and base on film",
                     "plain" if good else "caution",
-                    sum(b.tip_and_base_seen for b in branches),
+                    sum(b.sight.tip_and_base for b in branches),
                 ),
                 Fact(
                     "branches in doubt",
-                    f"{sum(bool(b.doubts) for b in branches)} of {count}",
+                    f"{sum(bool(b.sight.doubts) for b in branches)} of {count}",
                     "summary.in_doubt",
                     "nothing is claimed of their stops and contacts; cautions say why",
-                    "caution" if any(b.doubts for b in branches) else "plain",
-                    [b.id for b in branches if b.doubts],
+                    "caution" if any(b.sight.doubts for b in branches) else "plain",
+                    [b.id for b in branches if b.sight.doubts],
                 ),
                 Fact(
                     "branches predicted",
@@ -472,15 +472,15 @@ class Observation(WrittenResult):
         """Whether the robot did what was predicted; if not, the first branch that did not."""
         if not self.fits:
             return "no verdict: the photo hardly shows this design from this pose"
-        clear = [branch for branch in self.compared.branches if not branch.doubts]
+        clear = [branch for branch in self.compared.branches if not branch.sight.doubts]
         for branch in clear:  # parents come before their children
             if branch.stop_observed != branch.stop_predicted:
                 return (
                     f"not as predicted: branch {branch.id} "
-                    f"{_ending(branch.stop_observed, branch.observed_mm)} (measured), predicted "
-                    f"{_ending(branch.stop_predicted, branch.predicted_mm)} (simulated)"
+                    f"{_ending(branch.stop_observed, branch.traced.length_mm)} (measured), "
+                    f"predicted {_ending(branch.stop_predicted, branch.predicted_mm)} (simulated)"
                 )
-        doubtful = [branch.id for branch in self.compared.branches if branch.doubts]
+        doubtful = [branch.id for branch in self.compared.branches if branch.sight.doubts]
         if doubtful:
             return (
                 f"as predicted where it is clear: {counted(len(clear), 'branch')} ended as "
@@ -499,7 +499,7 @@ def _branch_section(branches: Sequence[ComparedBranch]) -> Section:
         (
             branch.id,
             mm(branch.planned_mm),
-            mm(branch.observed_mm if branch.deployed_observed else None),
+            mm(branch.traced.length_mm if branch.deployed_observed else None),
             mm(branch.predicted_mm if branch.deployed_predicted else None),
             branch.stop_observed.replace("_", " "),
             branch.stop_predicted.replace("_", " "),
@@ -594,7 +594,7 @@ def _overlay_picture(seen: Observation) -> bytes:
             panel.line(shown(branch.predicted_points_mm), dashed, rank=4.0)
         if not branch.deployed_observed:
             continue
-        places = shown(branch.points_mm)
+        places = shown(branch.traced.points_mm)
         panel.line(places, Ink(line=level_colour(branch.level), width_pt=2.6), rank=3.0)
         panel.line(places, Ink(line=SEEN, width_pt=1.1), rank=3.0)
         x, y = places[len(places) // 2].tolist()
@@ -735,7 +735,7 @@ def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list
         found.append(
             f"{100 * seen.traced.film_explained:.0f} % of the film lies in the lines, "
             f"{100 * seen.traced.lines_supported:.0f} % of the lines on film, and "
-            f"{sum(set(b.doubts) > {NO_VERDICT} for b in branches)} of "
+            f"{sum(set(b.sight.doubts) > {NO_VERDICT} for b in branches)} of "
             f"{counted(len(branches), 'branch')} are in doubt: "
             "this design from this pose hardly is what the photo shows"
         )
@@ -755,11 +755,11 @@ def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list
         found.append(f"the camera's place leaves {away:.1f} mm of parallax (95 %)")
     why: dict[str, list[str]] = {}
     for branch in branches:
-        for doubt in branch.doubts:
+        for doubt in branch.sight.doubts:
             why.setdefault(doubt, []).append(branch.id)
     why.pop(NO_VERDICT, None)
     found += [f"{doubt}: {', '.join(ids)}" for doubt, ids in why.items()]
-    hardly = [b.id for b in branches if b.deployed_observed and b.seen < 0.3]
+    hardly = [b.id for b in branches if b.deployed_observed and b.traced.seen < 0.3]
     if hardly:
         found.append(f"hidden for most of their length: {', '.join(hardly)}")
     return found

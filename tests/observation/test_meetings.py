@@ -67,12 +67,6 @@ def test_a_branch_that_ends_in_the_open_is_unclear():
     assert seen_meetings(Replays(WORLD), seen) == ((), "unclear")
 
 
-def test_a_line_that_went_elsewhere_leaves_its_contacts_unclear():
-    seen = seen_of([BASE, (60.0, 60.0), (20.0, 60.0)], 85.0, 80.0, early=False)
-    contacts, _ = seen_meetings(Replays(WORLD), seen)
-    assert {contact.outcome for contact in contacts} <= {"unclear"}
-
-
 def test_a_slide_counts_only_where_the_replay_lies_within_millimetres_of_the_line():
     replays = Replays(WORLD)
     slid = replays.grown(BASE, math.radians(80.0), 90.0, RADIUS)
@@ -82,11 +76,6 @@ def test_a_slide_counts_only_where_the_replay_lies_within_millimetres_of_the_lin
         drawn = np.array([BASE, bent, *slid.chain_mm[1:]])
         contacts, _ = seen_meetings(replays, seen_of(drawn, 90.0, 80.0, early=False))
         assert [contact.outcome for contact in contacts] == [outcome], off_mm
-
-
-def test_a_branch_of_full_length_has_no_reason_to_stop():
-    replay = Replays(WORLD).grown(BASE, math.radians(90.0), 20.0, RADIUS)
-    assert replay.meetings == ()
 
 
 def test_distance_and_order():

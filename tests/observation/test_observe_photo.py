@@ -155,6 +155,19 @@ def test_an_outline_by_hand_serves_as_well(seen, photo_file, tmp_path):
             assert distance_mm(branch.points_mm, other.points_mm)[0] < 1.0
 
 
+def test_areas_of_an_svg_are_an_outline_in_pixels(tmp_path):
+    path = tmp_path / "outline.svg"
+    drawn = '<g transform="translate(10 5)"><rect width="20" height="10"/></g>'
+    hidden = '<defs><rect width="99" height="99"/></defs><path d="M0 0H4"/>'
+    path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{drawn}{hidden}</svg>')
+    setup = PhotoSetup.of(outline=path)
+    assert setup.outline.equals(shapely.box(10, 5, 30, 15))
+    assert setup.outline_in_pixels
+    path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{hidden}</svg>')
+    with pytest.raises(BadInputError, match="no areas"):
+        PhotoSetup.of(outline=path)
+
+
 def test_a_photo_without_film_or_markers_is_refused_in_one_line(tmp_path):
     bare = tmp_path / "bare.png"
     Image.new("RGB", (400, 300), (186, 188, 184)).save(bare)
@@ -173,6 +186,8 @@ def test_a_photo_without_film_or_markers_is_refused_in_one_line(tmp_path):
         (["--corners", "1,2,3"], "--corners"),
         (["--obstacle-height", "-3"], "--obstacle-height"),
         (["--outline", "missing.svg"], "missing.svg"),
+        (["--outline", "a.svg", "--film-colour", "1,2,3"], "without --outline"),
+        (["--rig", "rig.json", "--corners", "1,2,3,4,5,6,7,8"], "without --rig"),
         (["--out", "page.txt"], "--out"),
     ],
 )

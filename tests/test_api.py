@@ -217,16 +217,6 @@ def test_a_map_is_generated_and_read_back(tmp_path):
     assert same_map(vf.maps.generate("grid", 3), grid_map(3))
 
 
-def test_a_foreign_map_is_imported_with_scale_and_start(tmp_path):
-    source = tmp_path / "room.svg"
-    source.write_text(
-        '<svg xmlns="http://www.w3.org/2000/svg"><rect id="a" width="40" height="30"/></svg>'
-    )
-    world = vf.maps.import_(str(source), scale_mm_per_unit=10.0, start=(100, -50, 90))
-    assert world.size_mm == pytest.approx((400.0, 300.0))
-    assert world.starts[0].pose.heading_deg == 90.0
-
-
 def test_a_growth_is_that_of_the_command(world, map_file, tmp_path):
     design = vf.Design.read("three_level_tree")
     grown = design.grow(world, pose=(150, 20, 80), body="inflated", children_of_stuck="deploy")

@@ -10,7 +10,6 @@ from zipfile import ZipFile
 
 import pytest
 
-from vinefab.cli.commands import Terminal
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.calibration.coupons import read_results
 from vinefab.studies.paper_charts import blank, house_style, svg_bytes
@@ -292,13 +291,6 @@ def test_no_path_in_an_error_is_obeyed_by_a_terminal(vinefab, tmp_path):
     code, _, words = vinefab("map", "info", tmp_path / "a\x1b]0;own\x07.geojson")
     assert code == 2
     assert words.strip().isprintable()
-
-
-def test_no_line_is_obeyed_by_a_terminal(capsys):
-    Terminal().say(OBEYED)
-    said = capsys.readouterr().out
-    assert said.count("[/red]<script>") == 1
-    assert all(letter.isprintable() or letter == "\n" for letter in said)
 
 
 def test_a_rig_of_such_a_name_is_made(vinefab, tmp_path):

@@ -50,16 +50,6 @@ def trained(plain):
     return plain
 
 
-def test_commands_grow_a_robot_unless_told_otherwise(vinefab, grid, plain):
-    for command in ("grow", "score"):
-        code, words, _ = vinefab(command, plain, "--map", grid)
-        assert code == 0
-        assert DEFAULT in words
-    line = ("--growth", "body=centerline", "--growth", "pressure_stop=false")
-    words = vinefab("score", plain, "--map", grid, *line)[1]
-    assert "centerline body, head-on half-angle 1 deg (assumed), no pressure stops it" in words
-
-
 def test_a_design_is_grown_as_it_was_trained_and_the_user_comes_first(vinefab, grid, trained):
     _, words, _ = vinefab("grow", trained, "--map", grid)
     assert "centerline body, head-on half-angle 3 deg (assumed)" in words

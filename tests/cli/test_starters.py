@@ -110,10 +110,6 @@ def test_examples_are_listed_and_copied_and_never_overwrite_changes(tmp_path, ca
     assert main(["examples", "no_such", "--out", "mine"]) == 2
 
 
-def test_a_shipped_run_file_is_found_by_name():
-    assert read_run("grid_coverage").name == "grid_coverage"
-
-
 def test_every_rule_is_explained_with_a_remedy(capsys):
     assert main(["rules", "--json", "-"]) == 0
     listed = json.loads(capsys.readouterr().out)["rules"]

@@ -46,6 +46,7 @@ LOADED_ONCE = (  # takes most of a command's start; nothing of vinefab's
     "rich.console",
     "scipy.optimize",
     "scipy.stats",
+    "svgwrite",
 )
 
 

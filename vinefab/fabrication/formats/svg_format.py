@@ -6,6 +6,9 @@ import xml.etree.ElementTree as ET
 from functools import lru_cache
 from itertools import pairwise
 
+import svgwrite
+from svgwrite.extensions import Inkscape
+
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.plain_text import one_line
 from vinefab.fabrication.formats.laser_drawing import (
@@ -47,30 +50,21 @@ def svg_text(job: Job, colours: Colours = DEFAULT, *, hairline_mm: float = HAIRL
     path commands but M, L, A and Z.
     """
     width, height = _number(job.sheet_width_mm), _number(job.sheet_height_mm)
-    root = ET.Element(
-        "svg",
-        {
-            "xmlns": _SVG[1:-1],
-            "xmlns:inkscape": _INKSCAPE,
-            "version": "1.1",
-            "width": f"{width}mm",
-            "height": f"{height}mm",
-            "viewBox": f"0 0 {width} {height}",
-        },
+    drawing = svgwrite.Drawing(
+        size=(f"{width}mm", f"{height}mm"), viewBox=f"0 0 {width} {height}", debug=False
     )
-    ET.SubElement(root, "title").text = one_line(job.name)
+    inkscape = Inkscape(drawing)
     lines = [f"{key}: {value}" for key, value in metadata(job, colours).items()]
-    ET.SubElement(root, "desc").text = "\n".join(lines)
-    ET.SubElement(ET.SubElement(root, "defs"), "style").text = ON_SCREEN
-    layers: dict[str, ET.Element] = {}
+    drawing.set_desc(title=one_line(job.name), desc="\n".join(lines))
+    layers: dict[str, svgwrite.container.Group] = {}
     for styled in styled_paths(job, colours):
         layer = styled.style.layer
         if layer not in layers:
             # An XML id may not start with a digit, a layer's name may.
-            about = {"inkscape:groupmode": "layer", "inkscape:label": layer}
-            layers[layer] = ET.SubElement(root, "g", {"id": f"layer_{layer}", **about})
-        layers[layer].append(_path(styled, float(height), hairline_mm))
-    text = ET.tostring(root, encoding="unicode")
+            layers[layer] = drawing.add(inkscape.layer(label=layer, id=f"layer_{layer}"))
+        layers[layer].add(_path(drawing, styled, float(height), hairline_mm))
+    # svgwrite would wrap the rule in CDATA, which simple readers of SVG do not know.
+    text = drawing.tostring().replace("<defs />", f"<defs><style>{ON_SCREEN}</style></defs>", 1)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
 
 
@@ -113,7 +107,9 @@ def _piece(
     )
 
 
-def _path(styled: StyledPath, height_mm: float, hairline_mm: float) -> ET.Element:
+def _path(
+    drawing: svgwrite.Drawing, styled: StyledPath, height_mm: float, hairline_mm: float
+) -> svgwrite.path.Path:
     rgb, width = styled.style.rgb, f"{hairline_mm:g}"
     extra = {"inkscape:label": one_line(styled.path.label)} if styled.path.label else {}
     contour = svg_contour(styled.path.contour)
@@ -123,16 +119,13 @@ def _path(styled: StyledPath, height_mm: float, hairline_mm: float) -> ET.Elemen
         words.extend(_command(segment, height_mm))
     if not contour.closed or segments[-1].bulge:
         words.extend(_command(segments[-1], height_mm))
-    return ET.Element(
-        "path",
-        {
-            "d": " ".join([*words, "Z"] if contour.closed else words),
-            "fill": "none",
-            "stroke": rgb,
-            "stroke-width": width,
-            "style": f"fill:none;stroke:{rgb};stroke-width:{width}",
-            **extra,
-        },
+    return drawing.path(
+        d=" ".join([*words, "Z"] if contour.closed else words),
+        fill="none",
+        stroke=rgb,
+        stroke_width=width,
+        style=f"fill:none;stroke:{rgb};stroke-width:{width}",
+        **extra,
     )
 
 
@@ -155,8 +148,7 @@ def _number(value: float) -> str:
 
 
 _SVG = "{http://www.w3.org/2000/svg}"
-_INKSCAPE = "http://www.inkscape.org/namespaces/inkscape"
-_LABEL = f"{{{_INKSCAPE}}}label"
+_LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 _SILENT = {f"{_SVG}{name}" for name in ("title", "desc", "defs")}
 _NUMBER = re.compile(r"-?\d+\.\d+")
 _SIZE = re.compile(r"(-?\d+(?:\.\d+)?)(\D*)")

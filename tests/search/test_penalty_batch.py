@@ -236,6 +236,7 @@ FORK = SpaceSettings(
         ("table 1", 6, "tail_inverted", "round", "none"),
         ("table 1", 6, "turned", "rectangle", "inflation"),
         ("bench", 2, "tail_inverted", "round", "none"),
+        ("bench", 2, "tail_inverted", "rectangle", "none"),
         ("bench", 6, "tail_inverted", "rectangle", "inflation"),
         ("bench", 6, "turned", "bare", "none"),
         ("crossing", 2, "tail_inverted", "rectangle", "none"),

@@ -176,6 +176,19 @@ def test_tip_leaves_a_point_where_obstacles_touch_on_its_own_side(launch, vine, 
     assert_allclose(grown.tips_mm, [[-50.0 + 100.0 * u[0], 30.0 + 100.0 * u[1]]], atol=1e-9)
 
 
+def test_a_tip_that_slides_meets_a_needle_in_a_sag_too_flat_for_corners(launch, vine, terrain):
+    # The floor sags by three steps of the grid, too little for corners: its one wall runs over the
+    # point of the needle, two steps above it.
+    step = terrain(ROOM).grid_mm
+    floor = [(0, 3 * step), (25, step), (50, 0), (75, step), (100, 3 * step)]
+    needle = Polygon([(50, step), (55, 60), (45, 60)])
+    ground = terrain(Polygon([*floor, (100, 100), (0, 100)]), needle)
+    assert len(ground.walls().wall) == 4 + 3
+    grown = launch(vine(90.0), ground, (10.0, 20.0, -60.0))
+    assert grown.stop[0] == Stop.CORNER
+    assert_allclose(grown.tips_mm, [[50.0, 0.0]], atol=1e-9)
+
+
 def test_walls_that_touch_up_to_rounding_are_one(launch, vine, terrain):
     # Two bricks side by side, turned by 30 degrees: their gap is rounding, the tip slides over it.
     c, s = math.cos(math.pi / 6), math.sin(math.pi / 6)

@@ -6,19 +6,13 @@ import sys
 
 import numba
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose
 from shapely import box
 
 from vinefab.core import compiling
+from vinefab.growth import batch
 from vinefab.growth.arrays import Growth, Launch, Rules
-from vinefab.growth.batch import (
-    INTERPRETED_BRANCHES,
-    KERNEL,
-    MOST_EVENTS,
-    TIE,
-    TOLERANCE_RAD,
-)
+from vinefab.growth.batch import KERNEL, MOST_EVENTS, TIE, TOLERANCE_RAD
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Map
@@ -118,27 +112,20 @@ def test_code_is_compiled_without_a_cache_where_none_can_be_written(monkeypatch)
     assert [options.get("cache", False) for options in settings] == [True, False]
 
 
-@pytest.mark.parametrize("module", ["options", "terrain", "arrays", "batch"])
-def test_compiler_is_not_imported_before_it_is_needed(module):
-    code = f"import sys, vinefab.growth.{module}; sys.exit('numba' in sys.modules)"
+def test_compiler_is_not_imported_before_it_is_needed():
+    code = "import sys, vinefab.growth.batch; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-ENGINES = """
-import sys
-from vinefab.growth import batch as engine
-ordinary, jagged = 100, engine.INTERPRETED_CORNERS + 1
-begin = [engine.chosen_engine("auto", 1, jagged)]
-begin += [engine.chosen_engine("auto", n, ordinary) for n in (3000, 2000, 1000, 1)]
-assert "numba" not in sys.modules
-engine.kernel.grow_jobs
-print(*begin, engine.chosen_engine("auto", 0, ordinary))
-"""
-
-
-def test_the_interpreter_grows_a_bounded_number_of_branches_then_code_is_compiled():
-    assert INTERPRETED_BRANCHES == 4000
-    done = subprocess.run([sys.executable, "-c", ENGINES], check=True, capture_output=True)
-    jagged, *ordinary = done.stdout.decode().split()
-    assert jagged == "kernel"
-    assert ordinary == ["interpreted", "kernel", "interpreted", "kernel", "kernel"]
+def test_the_interpreter_grows_a_bounded_number_of_branches_then_code_is_compiled(monkeypatch):
+    assert batch.INTERPRETED_BRANCHES == 4000
+    monkeypatch.delitem(sys.modules, batch.KERNEL, raising=False)
+    monkeypatch.setattr(batch, "_ALLOWANCE", batch._Allowance())
+    ordinary = 100
+    assert batch.chosen_engine("auto", 1, batch.INTERPRETED_CORNERS + 1) == "kernel"
+    chosen = [batch.chosen_engine("auto", n, ordinary) for n in (3000, 2000, 1000, 1)]
+    assert chosen == ["interpreted", "kernel", "interpreted", "kernel"]
+    # Once it is loaded, compiled code is the first to be done.
+    monkeypatch.setattr(batch, "_ALLOWANCE", batch._Allowance())
+    monkeypatch.setitem(sys.modules, batch.KERNEL, kernel)
+    assert batch.chosen_engine("auto", 1, ordinary) == "kernel"

@@ -148,7 +148,7 @@ def test_twins_agree_and_pressure_is_used_up_where_it_stops(
     random_map, random_pose, random_tree, kind, body
 ):
     stopped = 0
-    for number in range(25):
+    for number in range(8):
         rng = np.random.default_rng([31, number])
         terrain = Terrain.of(random_map(rng, kind))
         robot, pose = random_tree(rng), random_pose(rng, terrain)
@@ -177,11 +177,11 @@ def test_twins_agree_and_pressure_is_used_up_where_it_stops(
         assert_allclose(needed_kpa[begun], working_kpa, rtol=1e-6)
         assert (fast.grown_mm[ended & ~begun] == 0.0).all()
         stopped += int(begun.sum())
-    assert stopped >= 8
+    assert stopped >= 2
 
 
 def test_enough_pressure_changes_nothing(engine, random_map, random_pose, random_tree):
-    for number in range(15):
+    for number in range(8):
         rng = np.random.default_rng([32, number])
         terrain = Terrain.of(random_map(rng, "convex"))
         robot, pose = at_pressure(random_tree(rng), 9999.0), random_pose(rng, terrain)
@@ -194,7 +194,7 @@ def test_enough_pressure_changes_nothing(engine, random_map, random_pose, random
 def test_a_shape_on_the_way_is_part_of_the_final_one(random_map, random_pose, random_tree):
     """The film that rides inside is that of the whole robot at every length of the front."""
     stopped = 0
-    for number in range(40):
+    for number in range(20):
         rng = np.random.default_rng([33, number])
         world = random_map(rng, "convex")
         terrain = Terrain.of(world)

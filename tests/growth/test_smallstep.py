@@ -1,4 +1,4 @@
-"""The event-driven simulator against small steps, on random maps and on degenerate ones.
+"""The event-driven simulator against small steps, on random maps.
 
 The small-step tip is put back on every wall that it crosses, so its error does not add up: both
 simulations end in the same place to rounding, except when two events fall into one step. Hence
@@ -7,12 +7,10 @@ two tolerances: two steps for every growth, and a hundred thousandth of a step f
 
 import math
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 from shapely import LineString, Point, Polygon, box
-from shapely.affinity import affine_transform
 
 from tests.growth import smallstep
 from vinefab.core.rng import child
@@ -198,14 +196,15 @@ def _assert_agree(matches: list[Match], ties: float, least: int) -> None:
     assert np.quantile(distances, 0.99) <= EXACT_MM
 
 
+@pytest.mark.parametrize("maps", [3, pytest.param(12, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("kind", ["convex", "star", "cave", "overlap"])
-def test_same_end_on_random_maps(kind: str) -> None:
-    matches = _matches(_maps(11, kind, 12), _free_pose, per_map=8)
-    _assert_agree(matches, ties=0.01, least=70)
+def test_same_end_on_random_maps(kind: str, maps: int) -> None:
+    matches = _matches(_maps(11, kind, maps), _free_pose, per_map=8)
+    _assert_agree(matches, ties=0.01, least=5 * maps)
     log = [entry.split()[0] for match in matches for entry in match.log]
     # Enough happens for the comparison to mean something ...
-    assert log.count("wrap") > 15
-    assert log.count("leave") > 15
+    assert log.count("wrap") > maps
+    assert log.count("leave") > maps
     # ... and the release of a contact is never reached by one branch: to turn back, the tip must
     # leave its wall, and the corner that it leaves is touched and blocks the turn back at once.
     assert log.count("release") == 0
@@ -213,14 +212,14 @@ def test_same_end_on_random_maps(kind: str) -> None:
 
 @pytest.mark.parametrize("half_angle_deg", [0.0, 15.0])
 def test_same_end_for_other_head_on_angles(half_angle_deg: float) -> None:
-    matches = _matches(_maps(12, "star", 6), _free_pose, 8, half_angle_deg)
-    _assert_agree(matches, ties=0.01, least=45)
+    matches = _matches(_maps(12, "star", 3), _free_pose, 8, half_angle_deg)
+    _assert_agree(matches, ties=0.01, least=20)
 
 
 def test_exact_ties_end_like_one_of_their_neighbours() -> None:
     """On a lattice, headings hit corners exactly; either side of a tie is a right answer."""
-    matches = _matches(_maps(13, "lattice", 16), _lattice_pose, per_map=8)
-    _assert_agree(matches, ties=0.05, least=110)
+    matches = _matches(_maps(13, "lattice", 6), _lattice_pose, per_map=8)
+    _assert_agree(matches, ties=0.05, least=40)
 
 
 @pytest.mark.parametrize("stuck", ["stop", "deploy"])
@@ -230,15 +229,15 @@ def test_children_that_start_on_walls_end_like_small_steps(stuck: str) -> None:
     design = Design(name="tree", trunk_length_mm=40.0, levels=levels, build=Build.standard(3))
     options = GrowthOptions.published(children_of_stuck=stuck)
     matches, on_wall = [], 0
-    for rng, world in _maps(14, "star", 12):
+    for rng, world in _maps(14, "star", 5):
         match, pose = Match(world, HALF_ANGLE_DEG), _free_pose(rng, world)
         deployment = grow_on(design, Terrain.of(world), pose, options)
         for branch, (base, heading) in _starts(deployment, pose).items():
             on_wall += match.walls.clearance(base) < 1e-9
             match.compare(deployment, branch, base, heading)
         matches.append(match)
-    _assert_agree(matches, ties=0.02, least=60)
-    assert on_wall > 20
+    _assert_agree(matches, ties=0.02, least=25)
+    assert on_wall > 8
 
 
 def _starts(deployment: Deployment, pose: Pose) -> dict[int, tuple[complex, float]]:
@@ -260,121 +259,9 @@ def _starts(deployment: Deployment, pose: Pose) -> dict[int, tuple[complex, floa
     return starts
 
 
-# ---- degenerate cases, worked out on paper
-
-ROOM = box(0, 0, 200, 200)
-BENT_ROOM = Polygon([(0, 0), (100, 0), (150, 50), (150, 200), (0, 200)])  # two corners of 135 deg
-WEDGE_ROOM = Polygon([(0, 0), (200, 0), (190, 10), (190, 150), (0, 150)])  # acute at (200, 0)
-LEANING_ROOM = Polygon([(0, 0), (220, 0), (200, 200), (0, 200)])
-ROOF_ROOM = Polygon([(0, 20), (100, 20), (200, 0), (200, 200), (0, 200)])
-CEILING = box(20, 100, 80, 160)
-SHELF = box(50, 60, 100, 100)
-TENT = Polygon([(60, 80), (90, 40), (120, 80)])
-PILLAR = box(120, 110, 160, 190)
-TURNED = [(80.0, 100.0), (120.0, 170.0)]
-HALF_DEG = math.radians(0.5)
-TO_CORNER_DEG = math.degrees(math.atan2(80, 60))  # from (20, 20) exactly at (80, 100)
-
-
-class Case(NamedTuple):
-    bounds: Polygon
-    obstacles: list[Polygon]
-    pose: tuple[float, float, float]  # x, y, heading in degrees
-    stop: str
-    points: list[tuple[float, float]]  # contacts and tip
-
-
-CASES: dict[str, Case] = {
-    "no obstacle": Case(ROOM, [], (50, 50, 30), "full_length", [(50 + 50 * 3**0.5, 100)]),
-    "head-on": Case(ROOM, [], (50, 50, 90.5), "head_on", [(50 - 150 * math.tan(HALF_DEG), 200)]),
-    "one long wall": Case(ROOM, [], (50, 50, 70), "full_length", [(130, 200)]),
-    "right angle drives the tip back": Case(ROOM, [], (20, 30, -30), "corner", [(200, 0)]),
-    # The corner's second wall turns the tip away from the first: it slides on, twice.
-    "obtuse corners": Case(BENT_ROOM, [], (20, 30, -30), "full_length", [(130, 30)]),
-    "obtuse corners, on": Case(BENT_ROOM, [], (20, 30, -30), "full_length", [(150, 100)]),
-    # Over a convex corner whose second wall the tip still presses on.
-    "over the roof": Case(ROOF_ROOM, [], (20, 80, -60), "full_length", [(150, 10)]),
-    # The body wrapped the far end of the second wall and lies flush on it: no pressing, a wedge.
-    "wedge, wall not pressed on": Case(
-        WEDGE_ROOM, [], (150, 100, -80), "corner", [(190, 10), (200, 0)]
-    ),
-    "wedge, wall pressed on": Case(WEDGE_ROOM, [], (100, 60, -70), "corner", [(200, 0)]),
-    "wedge, flush without wrapping": Case(WEDGE_ROOM, [], (100, 100, -70), "corner", [(200, 0)]),
-    "corner reached in free growth": Case(ROOM, [], (50, 50, 45), "corner", [(200, 200)]),
-    # The tip slides to the end of the ceiling at (80, 100) and leaves it: not met again.
-    "wall just left": Case(ROOM, [CEILING], (20, 20, 60), "full_length", [(95, 120)]),
-    "length used up at its end": Case(ROOM, [CEILING], (20, 20, 60), "full_length", [(80, 100)]),
-    "corner grazed": Case(ROOM, [CEILING], (20, 20, TO_CORNER_DEG), "full_length", [(95, 120)]),
-    # The body touches (80, 100), solid on its left; the top wall turns it to the right: no block.
-    "touched vertex on the other side": Case(
-        ROOM, [CEILING], (20, 20, 60), "full_length", [(190, 200)]
-    ),
-    # The pillar turns it to the left: the touched vertex blocks at once.
-    "touched vertex on the turning side": Case(
-        ROOM, [CEILING, PILLAR], (20, 20, 60), "full_length", TURNED
-    ),
-    # Wrapped around the tent to the right, then turned back: the tent is not released, because
-    # the ceiling's corner, just left, blocks first.
-    "turned back": Case(
-        ROOM, [CEILING, TENT, PILLAR], (20, 20, 60), "full_length", [(60, 80), *TURNED]
-    ),
-    # Grown flush along a shelf's top, pushed down by a leaning wall: its far edge blocks at once.
-    "flush": Case(LEANING_ROOM, [SHELF], (20, 100, 0), "full_length", [(100, 100), (216, 40)]),
-    # A start on a wall, heading into it: a slide from length zero.
-    "start on a wall": Case(BENT_ROOM, [], (20, 0, -30), "full_length", [(130, 30)]),
-    "start on an obstacle": Case(ROOM, [SHELF], (60, 100, -30), "full_length", [(160, 100)]),
-}
-
-
-def _turned(
-    case: Case, turn: float, flip: float, shift: tuple[float, float]
-) -> tuple[Map, Pose, list[complex]]:
-    """Return a case's map, pose and chain after a mirror image, a turn and a shift."""
-    x, y, heading_deg = case.pose
-    cos, sin, (dx, dy) = math.cos(turn), math.sin(turn), shift
-    matrix = [cos, -flip * sin, sin, flip * cos, dx, dy]
-    world = Map(
-        name="case",
-        bounds=affine_transform(case.bounds, matrix),
-        obstacles=tuple(affine_transform(obstacle, matrix) for obstacle in case.obstacles),
-    )
-    heading = flip * math.radians(heading_deg) + turn
-    chain = [
-        complex(cos * a - flip * sin * b + dx, sin * a + flip * cos * b + dy)
-        for a, b in [(x, y), *case.points]
-    ]
-    return world, Pose(x_mm=chain[0].real, y_mm=chain[0].imag, heading_rad=heading), chain
-
-
-PLACES = {
-    "as drawn": (0.0, 1.0, (0.0, 0.0)),
-    "mirrored": (0.0, -1.0, (0.0, 0.0)),
-    "turned": (2.1, 1.0, (333.3, -77.7)),
-    "turned, mirrored": (-0.7, -1.0, (-1234.5, 678.9)),
-}
-
-
-@pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize("name", CASES)
-def test_case(name: str, place: str) -> None:
-    world, pose, chain = _turned(CASES[name], *PLACES[place])
-    length = _line(chain).length if CASES[name].stop == "full_length" else 300.0
-    terrain = Terrain.of(world)
-    deployment = grow_on(_vine(length), terrain, pose, _options(HALF_ANGLE_DEG))
-    walls = smallstep.Walls(world.free_space)
-    half_angle = math.radians(HALF_ANGLE_DEG)
-    steps = smallstep.SmallSteps(walls, chain[0], pose.heading_rad, length, half_angle).run()
-    for ended, line in (
-        (Stop(int(deployment.stop[0])).label, LineString(deployment.chain_mm(0))),
-        (steps.stop, _line(steps.chain)),
-    ):
-        assert ended == CASES[name].stop
-        assert line.hausdorff_distance(_line(chain)) <= EXACT_MM
-
-
 @pytest.mark.parametrize("step_mm", [0.003, 0.05])
 def test_small_steps_do_not_depend_on_the_step(step_mm: float) -> None:
-    for rng, world in _maps(15, "star", 4):
+    for rng, world in _maps(15, "star", 2):
         walls = smallstep.Walls(world.free_space)
         for _ in range(4):
             pose = _free_pose(rng, world)

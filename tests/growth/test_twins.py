@@ -16,13 +16,13 @@ from vinefab.model.deployment import Stop
 from vinefab.model.map import Pose
 
 kernel = interpreted(KERNEL)
-MAPS = 60
 GROWTHS_PER_MAP = 4
 
 
+@pytest.mark.parametrize("maps", [12, pytest.param(60, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("kind", ["convex", "star", "needles", "lattice"])
-def test_twins_agree(random_map, random_pose, random_tree, kind):
-    for number in range(MAPS):
+def test_twins_agree(random_map, random_pose, random_tree, kind, maps):
+    for number in range(maps):
         rng = np.random.default_rng([5, number])
         terrain = Terrain.of(random_map(rng, kind))
         for _ in range(GROWTHS_PER_MAP):
@@ -44,7 +44,7 @@ def test_twins_agree(random_map, random_pose, random_tree, kind):
 def test_twins_agree_on_inflated_bodies(random_map, random_pose, random_tree, kind):
     options = GrowthOptions.published(body="inflated")
     deployed = 0
-    for number in range(12):
+    for number in range(8):
         rng = np.random.default_rng([6, number])
         terrain = Terrain.of(random_map(rng, kind))
         robot, pose = random_tree(rng), random_pose(rng, terrain)
@@ -61,7 +61,7 @@ def test_the_interpreter_gives_what_compiled_code_does_to_the_last_bit(
     random_map, random_pose, random_tree, kind
 ):
     stops = set()
-    for number in range(10):
+    for number in range(6):
         rng = np.random.default_rng([8, number])
         terrain = Terrain.of(random_map(rng, kind))
         robot, pose = random_tree(rng), random_pose(rng, terrain)

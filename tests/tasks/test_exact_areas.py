@@ -118,7 +118,7 @@ def sum_past_corner(across: float, ahead: float, radius: float) -> float:
     return sector - 0.5 * ahead * (on_line - across)
 
 
-def by_rays(free, x: float, y: float, radius: float, count: int = 3600) -> float:
+def by_rays(free, x: float, y: float, radius: float, count: int = 1200) -> float:
     """Area seen, from the first meeting of many rays with the border: a second way."""
     border = free.boundary
     total = 0.0
@@ -138,7 +138,7 @@ def test_generated_maps_agree_with_many_rays() -> None:
         rng = np.random.default_rng(1)
         places = rng.uniform(0.0, 500.0, (400, 2))
         inside = shapely.contains_xy(context.free.buffer(-1.0), places[:, 0], places[:, 1])
-        for x, y in places[inside][:4].tolist():
+        for x, y in places[inside][:3].tolist():
             expected = by_rays(context.free, x, y, 50.0)
             assert area(context, x, y, 50.0) == pytest.approx(expected, rel=5e-3)
 

@@ -72,7 +72,7 @@ def test_trees_on_grid_maps_are_within_the_stated_error(radius: float) -> None:
     errors = []
     fan = Level(branches=5, length_mm=90.0, fan_rad=2.0, growth=0.8)
     tree = Design(name="t", trunk_length_mm=200.0, levels=(fan, fan), build=Build.standard(3))
-    for seed in range(6):
+    for seed in range(3):
         site = PreparedMap.of(grid_map(seed))
         options = GrowthOptions.published(children_of_stuck="deploy")
         launches = Launches.of(TerrainSet([site.terrain]), [draw_poses(site.world, 4, seed)])
@@ -98,18 +98,6 @@ def test_the_worst_case_bound_holds_for_any_discs(pillar_room: Map) -> None:
             assert seen <= summed * (1.0 + 1e-12)
             bound = 0.08 * count * math.pi * radius**2
             assert abs(seen - exact_mm2(context, tips, radius)) < bound
-
-
-def test_sets_of_discs_do_not_depend_on_each_other(pillar_room: Map) -> None:
-    rng = np.random.default_rng(4)
-    raster = MapContext.of(pillar_room).raster(30.0)
-    sets = [rng.uniform((0, 0), (400, 300), (count, 2)) for count in (4, 0, 1, 25)]
-    first = np.cumsum([0, *map(len, sets)])
-    seen, summed = raster.covered_mm2(np.concatenate(sets), first)
-    assert seen[1] == summed[1] == 0.0
-    for index, tips in enumerate(sets):
-        alone = raster.covered_mm2(tips, np.array([0, len(tips)]))
-        assert (seen[index], summed[index]) == (alone[0][0], alone[1][0])
 
 
 def test_a_raster_that_would_be_too_large_is_not_made(room_context: MapContext) -> None:
@@ -256,7 +244,7 @@ def test_the_bound_holds_for_any_sensors_on_any_map(pillar_room: Map, radius: fl
         lines = context.sight_lines(radius)
         assert lines is not None
         hold_the_bound(context, lines, sensors)
-        for sensor in sensors:
+        for sensor in sensors[::3]:
             hold_the_bound(context, lines, sensor[None])
 
 
@@ -327,21 +315,6 @@ def test_where_two_obstacles_touch_one_side_is_seen_and_nothing_solid() -> None:
     quarter = 0.25 * math.pi * 30.0**2
     assert seen_areas(place, 30.0, context.edges_mm)[0][0] == pytest.approx(quarter, rel=1e-5)
     assert sight_covered(context.sight_lines(30.0), place)[0] == pytest.approx(quarter, rel=5e-3)
-
-
-def test_sets_of_sensors_do_not_depend_on_each_other(pillar_room: Map) -> None:
-    rng = np.random.default_rng(4)
-    lines = MapContext.of(pillar_room).sight_lines(30.0)
-    sets = [rng.uniform((0, 0), (150, 300), (count, 2)) for count in (4, 0, 1, 25)]
-    first = np.cumsum([0, *map(len, sets)])
-    before = np.concatenate(sets)
-    tips = before.copy()
-    seen, summed = lines.covered_mm2(tips, first)
-    assert np.array_equal(tips, before)
-    assert seen[1] == summed[1] == 0.0
-    for index, own in enumerate(sets):
-        alone = lines.covered_mm2(own, np.array([0, len(own)]))
-        assert (seen[index], summed[index]) == (alone[0][0], alone[1][0])
 
 
 def test_lines_keep_away_from_the_directions_of_walls() -> None:

@@ -16,10 +16,10 @@ from vinefab.tasks.task import one_by_one
 
 
 @pytest.mark.parametrize("task", [Reach(), Reach(buffer_mm=7.0), Coverage()])
-@pytest.mark.parametrize("kind", ["grid", "cave", "rubble", "corridors", "pegs"])
+@pytest.mark.parametrize("kind", ["grid", "cave", "rubble"])
 def test_a_block_has_the_areas_of_its_growths(kind: str, task: Reach | Coverage) -> None:
     place = PreparedMap.of(getattr(vf.maps, kind)(seed=3))
-    poses = poses_on([place], 24, [5])
+    poses = poses_on([place], 8, [5])
     options = GrowthOptions()
     plans = Plans.of([vf.Design.read("three_level_tree"), vf.Design.read("grid_explorer")], options)
     batch = Batch(plans, Launches.of(TerrainSet([place.terrain]), poses), options)

@@ -45,7 +45,7 @@ def test_free_cells_touching_at_a_corner_are_apart_and_solid_ones_joined() -> No
     assert len(boundary_loops(wall)) == 2
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(MASKS)
 def test_loops_are_simple_apart_and_enclose_what_the_cells_do(mask: np.ndarray) -> None:
     loops = boundary_loops(mask)
@@ -60,7 +60,7 @@ def test_loops_are_simple_apart_and_enclose_what_the_cells_do(mask: np.ndarray) 
     assert len(loops) - outer == solid - 1
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(MASKS)
 def test_midpoints_stay_near_the_exact_boundary(mask: np.ndarray) -> None:
     for loop in boundary_loops(mask):
@@ -156,7 +156,7 @@ def regions(draw: st.DrawFn) -> Mask:
     return largest_region(free)
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(regions(), st.sampled_from(TOLERANCES))
 def test_any_region_keeps_its_topology_and_the_deviation_its_bound(
     mask: Mask, tolerance: float

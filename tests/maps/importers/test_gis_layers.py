@@ -40,15 +40,14 @@ def written(path, shapes, crs=None, layer=None, **columns):
     return path
 
 
-@pytest.mark.parametrize("suffix", [".gpkg", ".shp", ".fgb"])
 @pytest.mark.parametrize(
-    ("crs", "mm"),
+    ("suffix", "crs", "mm"),
     [
-        (None, 1.0),
-        ("EPSG:32632", 1000.0),
-        ("EPSG:2225", US_FOOT_MM),
-        (LOCAL_FEET, US_FOOT_MM),
-        ("EPSG:2222", 304.8),
+        (".gpkg", None, 1.0),
+        (".gpkg", "EPSG:32632", 1000.0),
+        (".shp", "EPSG:2225", US_FOOT_MM),
+        (".shp", LOCAL_FEET, US_FOOT_MM),
+        (".fgb", "EPSG:2222", 304.8),
     ],
 )
 def test_the_unit_is_that_of_the_reference_system(tmp_path, suffix, crs, mm):

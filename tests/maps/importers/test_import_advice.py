@@ -111,7 +111,7 @@ def drawing(seed):
 
 
 @pytest.mark.parametrize(("write", "suffix"), [(svg, ".svg"), (geojson, ".geojson")])
-@settings(max_examples=60)
+@settings(max_examples=20)
 @given(st.integers(0, 10**6))
 def test_every_advice_leads_on(tmp_path_factory, write, suffix, seed):
     path = tmp_path_factory.getbasetemp() / f"advised{suffix}"

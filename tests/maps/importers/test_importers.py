@@ -137,7 +137,6 @@ def test_suffixes_are_lower_case_and_belong_to_one_format() -> None:
     assert all(suffix == suffix.lower() and suffix.startswith(".") for suffix in suffixes)
 
 
-@pytest.mark.usefixtures("limits")
 @pytest.mark.parametrize(("name", "suffix"), EVERY_SUFFIX)
 @pytest.mark.parametrize("case", [str.lower, str.upper])
 def test_the_smallest_valid_file_becomes_a_map(

@@ -275,13 +275,13 @@ def test_files_that_are_no_drawing(drawn, text, message):
 
 
 def test_uses_that_multiply_are_stopped(drawn, limits):
-    limits.setattr(bounded, "_CPU_S", 2)
+    limits.setattr(bounded, "_CPU_S", 1)
     levels = [
         f'<g id="g{k + 1}">{"".join(f"<use href={q}#g{k}{q}/>" for q in chr(34) * 10)}</g>'
         for k in range(8)
     ]
     body = f'<defs><rect id="g0" width="1" height="1"/>{"".join(levels)}</defs><use href="#g8"/>'
-    with pytest.raises(UnreadableFileError, match="cannot be read within 2 s"):
+    with pytest.raises(UnreadableFileError, match="cannot be read within 1 s"):
         drawn(body)
 
 

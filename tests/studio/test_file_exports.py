@@ -186,6 +186,7 @@ def test_rules_and_an_unconfirmed_recipe_refuse_a_package():
             {"copies": 10**6},
             "copies is 1000000; allowed: a whole number",
         ),
+        ("report", "p.html", {"poses": 1001}, "poses is 1001; allowed: a whole"),
         ("package", "p", {"force": True}, "package.force is True; allowed: one of"),
         ("poster", "p", {}, "no export is called 'poster'"),
         ("picture", "mine.svg", {}, "was not written by vinefab; choose another name"),

@@ -317,6 +317,7 @@ def test_scale_bar_cursor_measure_snap_and_legend(tab):
     tab.drag(".pose-layer .base", (23, -31))
     x, y, _ = pose_of(tab.state())
     assert (x % 10.0, y % 10.0) == (0.0, 0.0)
+    tab.rest()
     perpx = float(
         tab.page.evaluate(
             "document.querySelector('#map svg.plan').style.getPropertyValue('--mm-per-px')"
@@ -332,11 +333,19 @@ def test_scale_bar_cursor_measure_snap_and_legend(tab):
     assert float(words.split(" mm")[0]) == pytest.approx(80 * perpx, abs=10.0)
     assert words.endswith("0°")
     assert len(tab.state()["map"]["edits"]) == 0, "nothing is moved while a way is measured"
-    tab.rest()
     tab.page.mouse.move(*tab.middle(".pose-layer .base"))
     assert tab.page.inner_text(".cursor").startswith(f"{x:.0f}")
     tab.page.locator(".legend summary").click()
     assert tab.page.locator(".legend li:visible").count() >= 10
+
+
+def test_how_sure_scores_are_is_asked_for_once_the_hand_is_away(tab):
+    tab.rest()
+    tab.set(LENGTH, 71)
+    tab.grasp("#map svg.plan")
+    tab.page.wait_for_timeout(1000)  # longer than answers rest before it is asked for
+    tab.page.mouse.up()
+    tab.rest()
 
 
 SHOWN = """(kind) => [...document.querySelectorAll(`.sheet-drawing .job path${kind}`)]

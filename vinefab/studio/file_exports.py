@@ -40,7 +40,7 @@ from vinefab.core.front_door import front_door
 from vinefab.core.hashing import marked
 from vinefab.core.plain_text import GENERATOR, plain
 from vinefab.core.registry import with_parameters
-from vinefab.core.validation import check_plain
+from vinefab.core.validation import check_plain, whole
 from vinefab.core.verbs import SHELL, Call, Shell
 from vinefab.core.view import Notes, plain_blocks
 from vinefab.growth.options import GrowthChoice, GrowthOptions
@@ -71,6 +71,8 @@ from vinefab.studio.state import (
 
 DESIGN_FILE, MAP_FILE = "design.toml", "map.geojson"
 """Names of the inputs of an export, in the folder next to it."""
+
+_MOST_POSES = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,16 +233,12 @@ class PictureExport(Export):
             "pose": pose and (pose.x_mm, pose.y_mm, pose.heading_deg),
             "growth": source.growth_given,
         }
-        if self._moves(source):
-            return {**given, "animate": source.out, "frames": self.frames}
-        return {**given, "out": source.out, "label": self.label}
-
-    def _moves(self, source: ExportSource) -> bool:
-        """Tell whether it is a moving picture, which a GIF always is."""
         suffix = Path(source.out).suffix.lower()
         if self.animate and suffix == ".png":
             raise BadInputError("out", source.out, "a name ending in .svg or .gif, to move", PAGE)
-        return self.animate or suffix == ".gif"
+        if self.animate or suffix == ".gif":  # which always moves
+            return {**given, "animate": source.out, "frames": self.frames}
+        return {**given, "out": source.out, "label": self.label}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -264,7 +262,7 @@ class ReportExport(Export):
             "out": source.out,
             "maps": (source.map_name,) if source.map_name else (),
             **unseen,
-            "poses": self.poses,
+            "poses": whole("poses", self.poses, 1, _MOST_POSES),
             "seed": self.seed,
             "growth": source.growth_given,
         }

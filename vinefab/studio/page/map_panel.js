@@ -542,6 +542,7 @@ export function mount(root, app) {
     dragging = null;
     if (was.kind !== "tip" || !was.isBusy) app.store.endGroup();
     if (isShape(was) && was.moved) ask();
+    if (width.classList.contains("stale")) askWidth(); // its time may have come under the hand
     dispatchEvent(new CustomEvent("released"));
   }
   svg.addEventListener("pointerup", release);

@@ -330,7 +330,7 @@ def few_unseen_maps(monkeypatch):
 def test_a_run_is_the_same_in_memory_on_disk_and_from_a_file(tmp_path):
     settings, told = run_settings(), []
     result = vf.optimize(settings, progress=told.append)
-    kept = vf.optimize(settings, out=tmp_path / "run", workers=2)
+    kept = vf.optimize(settings, out=tmp_path / "run", workers=2, page=False)
     assert [one.stage for one in told] == ["", "", "choosing 2 finalists"]
     assert kept.best == result.best == vf.Design.read(tmp_path / "run" / "best.toml")
     again = vf.optimize(settings, out=str(tmp_path / "run"), resume=True, page=False)

@@ -186,6 +186,7 @@ LINES = {
     "new vine.toml": "for example: vinefab new design mine.toml",
     "rules VF-C01 VF-C02": "for example: vinefab rules VF-C01",
     "study contest run.toml": "--optimizer random --seeds 2",
+    "study reproduce --out out": "NAME is missing; allowed: transfer, ",
     "check plain_vine --colour red": "--colour",
     "check plain_vine --keep length": "there is no option --keep",
     # names that lead nowhere, with the nearest

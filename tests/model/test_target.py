@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import shapely
 
-import vinefab as vf
 from vinefab import Map
 from vinefab.core.errors import BadInputError
 from vinefab.core.view import document, lines
@@ -190,26 +189,3 @@ def test_a_run_says_that_a_task_leaves_targets_out_or_rewards_no_nearness():
     task = {"name": "reach", "parameters": {"targets": [[100, 200]]}}
     notes = Search.of(RunSettings(task=task, **made), [world]).evaluator.notes
     assert not any("target" in note for note in notes)
-
-
-def test_a_robot_is_asked_for_the_targets_of_its_run_on_the_maps_of_its_run(tmp_path):
-    world = ROOM.with_start((20, 200, 0))
-    path = world.write(tmp_path / "room.geojson")
-    settings = RunSettings(
-        maps={"files": [path]},
-        task={
-            "name": "reach",
-            "parameters": {"targets": [{"name": "valve", "point_mm": [100, 200]}]},
-        },
-        space={"levels": 2, "length_mm": [60.0, 120.0], "branches": 2},
-        search={"population": 8, "generations": 2},
-        evaluation={"fabricable": False},
-    )
-    best = vf.optimize(settings, progress=False).best
-    assert vf.grow(best, path).targets.outcomes[0].target.name == "valve"
-    assert vf.score(best, maps=path).targets.headline == "1 of 1 touched"
-    other = vf.grow(best, path, targets=(30, 380)).targets
-    assert other.headline.startswith("0 of 1 touched, A missed by")
-    assert vf.score(best, maps=path, targets=["B=30,380"]).targets.outcomes[0].target.name == "B"
-    elsewhere = replace(world, bounds=shapely.box(0, 0, 700, 400))
-    assert vf.grow(best, elsewhere).targets is None

@@ -120,7 +120,7 @@ def test_a_score_has_an_interval_over_maps_or_poses():
 def test_branches_that_cross_need_no_change_in_pieces(profile):
     levels = tuple(
         Level(branches=count, length_mm=length_mm, fan_rad=math.radians(angle_deg))
-        for count, length_mm, angle_deg in ((2, 34.0, 60.0), (2, 140.0, 120.0))
+        for count, length_mm, angle_deg in ((2, 34.0, 60.0), (2, 90.0, 120.0))
     )
     build = Build(
         widths_mm=(40.0, 24.0, 12.0),

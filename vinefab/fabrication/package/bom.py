@@ -25,7 +25,7 @@ from vinefab.model.laser import (
     Quantity,
     Standing,
 )
-from vinefab.model.outline import Contour, Segment
+from vinefab.model.outline import Contour
 from vinefab.model.tree import Partition
 
 _COLUMNS = ("item", "value", "unit", "standing", "basis")
@@ -297,17 +297,26 @@ CORNER_RAD = math.radians(5.0)
 """The head stops where a path turns by more than this at a point."""
 
 
-def move_time_s(length_mm: float, speed_mm_s: float, acceleration_mm_s2: float) -> float:
-    """Return the time of a straight move from rest to rest.
+def move_time_s(
+    length_mm: float,
+    speed_mm_s: float,
+    acceleration_mm_s2: float,
+    ends_mm_s: tuple[float, float] = (0.0, 0.0),
+) -> float:
+    """Return the time of a move between two speeds: up, along at full speed, down.
 
     >>> move_time_s(100.0, 50.0, 1000.0)
     2.05
     >>> move_time_s(0.4, 50.0, 1000.0)  # too short to reach full speed
     0.04
     """
-    if length_mm < speed_mm_s**2 / acceleration_mm_s2:
-        return 2.0 * math.sqrt(length_mm / acceleration_mm_s2)
-    return length_mm / speed_mm_s + speed_mm_s / acceleration_mm_s2
+    if length_mm == 0.0:
+        return 0.0
+    first, last = ends_mm_s
+    peak = min(speed_mm_s, math.sqrt((first**2 + last**2) / 2.0 + acceleration_mm_s2 * length_mm))
+    ramps_mm = (2.0 * peak**2 - first**2 - last**2) / (2.0 * acceleration_mm_s2)
+    along_s = max(0.0, length_mm - ramps_mm) / peak
+    return (2.0 * peak - first - last) / acceleration_mm_s2 + along_s
 
 
 def segment_times_s(
@@ -317,17 +326,7 @@ def segment_times_s(
     segments = list(contour.segments)
     lengths = [segment.length_mm for segment in segments]
     tops = [min(speed_mm_s, math.sqrt(acceleration_mm_s2 * s.radius_mm)) for s in segments]
-    speeds = _joint_speeds(segments, lengths, tops, acceleration_mm_s2)
-    return tuple(
-        _time_s(length, top, ends, acceleration_mm_s2)
-        for length, top, ends in zip(lengths, tops, pairwise(speeds), strict=True)
-    )
-
-
-def _joint_speeds(
-    segments: list[Segment], lengths: list[float], tops: list[float], acceleration: float
-) -> list[float]:
-    """Return the speed at the start, at every joint between segments and at the end."""
+    # At the start, at every joint between segments, and at the end.
     speeds = [0.0]
     speeds += [
         0.0 if abs(math.remainder(turn_rad, math.tau)) > CORNER_RAD else min(two)
@@ -336,24 +335,17 @@ def _joint_speeds(
     ]
     speeds.append(0.0)
     for at, length in enumerate(lengths):
-        speeds[at + 1] = min(speeds[at + 1], _reached(speeds[at], length, acceleration))
+        speeds[at + 1] = min(speeds[at + 1], _reached(speeds[at], length, acceleration_mm_s2))
     for at in range(len(lengths) - 1, -1, -1):
-        speeds[at] = min(speeds[at], _reached(speeds[at + 1], lengths[at], acceleration))
-    return speeds
+        speeds[at] = min(speeds[at], _reached(speeds[at + 1], lengths[at], acceleration_mm_s2))
+    return tuple(
+        move_time_s(length, top, acceleration_mm_s2, ends)
+        for length, top, ends in zip(lengths, tops, pairwise(speeds), strict=True)
+    )
 
 
 def _reached(speed: float, length: float, acceleration: float) -> float:
     return math.sqrt(speed**2 + 2.0 * acceleration * length)
-
-
-def _time_s(length: float, top: float, ends: tuple[float, float], acceleration: float) -> float:
-    """Return the time of one segment between two speeds: up, along at the top, down."""
-    if length == 0.0:
-        return 0.0
-    first, last = ends
-    peak = min(top, math.sqrt((first**2 + last**2) / 2.0 + acceleration * length))
-    ramps = (2.0 * peak**2 - first**2 - last**2) / (2.0 * acceleration)
-    return (2.0 * peak - first - last) / acceleration + max(0.0, length - ramps) / peak
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,7 +9,7 @@ import shapely
 
 from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.placement import SheetPlaces, fact_rows, piece_name
+from vinefab.fabrication.job.placement import SheetPlaces, box_around_mm, fact_rows, piece_name
 from vinefab.fabrication.outline.body_outline import FlatLayout, body_outline, flat_layout
 from vinefab.fabrication.package.bom import PathPass, schedule
 from vinefab.fabrication.rules.pressure_rules import deployed_capsules
@@ -60,7 +60,14 @@ def job_plan(job: Job, findings: tuple[Finding, ...] = ()) -> Page:
     Where the paths take a small part of the bed, that part is shown and the title says so. Marks
     come first and have neither arrows nor numbers: their order does not matter.
     """
-    box, cropped = _view(job)
+    box: Box = (0.0, 0.0, job.sheet_width_mm, job.sheet_height_mm)
+    cropped = False
+    if job.paths:
+        x0, y0, x1, y1 = box_around_mm(path.contour for path in job.paths)
+        used = x0 - _RIM_MM, y0 - _RIM_MM, x1 + _RIM_MM, y1 + _RIM_MM
+        cropped = (used[2] - used[0]) * (used[3] - used[1]) <= _CROPPED * box[2] * box[3]
+        whole = min(used[0], 0.0), min(used[1], 0.0), max(used[2], box[2]), max(used[3], box[3])
+        box = used if cropped else whole
     panel = plan_panel(box, 648.0)
     bed = shapely.box(0.0, 0.0, job.sheet_width_mm, job.sheet_height_mm)
     panel.polygons([bed.intersection(shapely.box(*box))], Ink(fill="#fbfcfd", line=SOFT))
@@ -92,21 +99,6 @@ def path_points_mm(path: LaserPath, tolerance_mm: float = 0.05) -> Floats:
     """Return a path as a polyline that ends where it ends, shape (n, 2)."""
     points = path.contour.flattened_mm(tolerance_mm)
     return np.vstack([points, points[:1]]) if path.contour.closed else points
-
-
-def _view(job: Job) -> tuple[Box, bool]:
-    """Return the part of the bed to show, and whether it is only a part."""
-    bed = (0.0, 0.0, job.sheet_width_mm, job.sheet_height_mm)
-    if not job.paths:
-        return bed, False
-    boxes = np.array([path.contour.box_mm for path in job.paths])
-    low, high = boxes[:, :2].min(axis=0) - _RIM_MM, boxes[:, 2:].max(axis=0) + _RIM_MM
-    used = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
-    if (used[2] - used[0]) * (used[3] - used[1]) > _CROPPED * bed[2] * bed[3]:
-        return (min(used[0], 0.0), min(used[1], 0.0), max(used[2], bed[2]), max(used[3], bed[3])), (
-            False
-        )
-    return used, True
 
 
 def _draw_operation(panel: Panel, paths: Sequence[LaserPath], spacing_mm: float) -> None:

@@ -25,7 +25,7 @@ from vinefab.fabrication.rules.rule import (
 )
 from vinefab.model.finding import Severity
 from vinefab.model.job import LaserPath, Operation
-from vinefab.model.laser import LaserProfile, Quantity
+from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour, Part
 from vinefab.physics.growth_pressure import planned_paths
 from vinefab.physics.tube import inflated_diameter_mm
@@ -142,27 +142,23 @@ def check_built_width(subject: Subject, limits: Limits) -> RuleApplied:
             )
             violations.append(broken.on(subject, [row], message))
     shrinkage = profile.material.shrinkage_percent
-    if shrinkage.value:
-        violations.append(_shrunk(subject, shrinkage, limits))
+    if share := shrinkage.value / 100.0:  # the paths are drawn as designed
+        widest_mm = float(subject.layout.width_mm.max())
+        longest_mm = max(path.length_mm for path in planned_paths(subject.layout.tree))
+        message = (
+            f"film shrinks by {shrinkage.value:.2g} % where it is welded ({shrinkage.standing}), "
+            f"which the paths leave out: {longest_mm:.0f} mm to the farthest tip come out as "
+            f"{longest_mm * (1.0 - share):.0f}, a width of {widest_mm:g} mm as "
+            f"{widest_mm * (1.0 - share):.1f} if it shrinks alike across"
+        )
+        lost_mm = abs(share) * widest_mm
+        found = Violation(message=message, measured=lost_mm, aspect="shrinkage")
+        if broken := limits.most(lost_mm):
+            found = replace(found, severity=Severity.WARNING, limit=broken.limit)
+        else:
+            found = replace(found, severity=Severity.INFO)
+        violations.append(found)
     return RuleApplied(checked=checked, violations=tuple(violations))
-
-
-def _shrunk(subject: Subject, shrinkage: Quantity, limits: Limits) -> Violation:
-    """Return the shortfall of sizes where film shrinks: the paths are drawn as designed."""
-    layout, share = subject.layout, shrinkage.value / 100.0
-    widest_mm = float(layout.width_mm.max())
-    longest_mm = max(path.length_mm for path in planned_paths(layout.tree))
-    broken = limits.most(abs(share) * widest_mm)
-    return Violation(
-        message=f"film shrinks by {shrinkage.value:.2g} % where it is welded "
-        f"({shrinkage.standing}), which the paths leave out: {longest_mm:.0f} mm to the farthest "
-        f"tip come out as {longest_mm * (1.0 - share):.0f}, a width of {widest_mm:g} mm as "
-        f"{widest_mm * (1.0 - share):.1f} if it shrinks alike across",
-        severity=Severity.WARNING if broken else Severity.INFO,
-        measured=abs(share) * widest_mm,
-        limit=broken.limit if broken else None,
-        aspect="shrinkage",
-    )
 
 
 def check_readback(subject: Subject, _: Limits) -> RuleApplied:

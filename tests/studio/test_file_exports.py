@@ -89,6 +89,8 @@ def test_the_command_shown_writes_the_same_bytes(what, out, options, more):
     answer = export(edited(opened(**more)), what, out, options=options)
     assert not answer["refused"]
     assert f"{out}.inputs/design.toml" in answer["inputs"]
+    assert (f"{out}.zip" in answer["written"]) == ("zip" in options)
+    assert ("101.3,12.1,97.3" in answer["command"]) == (what == "picture")
     first = everything()
     assert {Path(name) for name in answer["written"]} <= first.keys()
     assert run_again(answer) == first

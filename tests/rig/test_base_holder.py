@@ -2,6 +2,8 @@
 
 import json
 import math
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
@@ -204,3 +206,22 @@ def test_a_start_that_is_not_there_is_refused(make_map, make_printer):
         made_of(make_map(*WALLS), make_printer(), base_start=2)
     with pytest.raises(BadInputError, match=r"^collar_mm is 1"):
         RigOptions(collar_mm=1.0)
+
+
+@pytest.mark.skipif(not shutil.which("admesh"), reason="no admesh")
+def test_admesh_finds_closed_solids(make_map, make_printer, tmp_path):
+    world = make_map(*WALLS, starts=(spread(15.0, heading_deg=80.0),))
+    made = made_of(world, make_printer(), markers="print", entry_width_mm=60.0)
+    names = [name for name in made.files if name.startswith(("base_", "marker_"))]
+    assert len(names) == 7
+    for name in names:
+        (tmp_path / name).write_bytes(made.files[name])
+        said = subprocess.run(
+            ["admesh", "--exact", str(tmp_path / name)], check=True, capture_output=True, text=True
+        ).stdout
+        counts = [
+            line.split(":")[1].split() for line in said.splitlines() if "disconnected" in line
+        ]
+        assert counts
+        assert all(set(count) == {"0"} for count in counts), said
+        assert "Degenerate facets     :     0" in said

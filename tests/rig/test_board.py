@@ -92,6 +92,30 @@ def _on_plan(rig, world):
     return shapely.transform(rig.plate, lambda points: points - low)
 
 
+def test_every_peg_finds_its_hole(made):
+    world, rig, pieces = made
+    options = RigOptions(style="board", clearance_mm=0.15, kerf_mm=0.3)
+    (job,) = board_jobs("table", _on_plan(rig, world), pieces, options)
+    holes = [path.contour for path in job.along(Operation.CUT) if path.contour.arc_count]
+    pegs = [peg for piece in pieces for peg in piece.pegs]
+    assert len(holes) == len(pegs) > 20
+    # The sheet begins half a kerf and the margin left of the plan's lower left corner at (-4, -4).
+    shift = 4.0 + 5.0 + 0.15
+    for peg in pegs:
+        centre = np.array([peg.x_mm + shift, peg.y_mm + shift])
+        away = [np.abs(hole.points_mm.mean(axis=0) - centre).max() for hole in holes]
+        hole = holes[int(np.argmin(away))]
+        assert min(away) < 1e-6
+        radius_mm = next(iter(hole.segments)).radius_mm
+        # The beam takes half a kerf on each side: what is left is the peg and its gap.
+        assert radius_mm + 0.15 == pytest.approx(0.5 * peg.diameter_mm + 0.15)
+    order = [path.operation for path in job.paths]
+    assert order == sorted(order, key=list(Operation).index)
+    (outline,), _ = _beam(job)
+    board = outline.buffer(-0.15, join_style="mitre")
+    assert board.area == pytest.approx(_on_plan(rig, world).area, rel=1e-6)
+
+
 def test_a_board_larger_than_the_sheet_is_divided_beside_the_holes(made):
     world, rig, pieces = made
     options = RigOptions(style="board", sheet_width_mm=150.0, sheet_depth_mm=120.0, kerf_mm=0.0)
@@ -171,6 +195,14 @@ def test_the_board_is_a_kerf_larger_and_its_holes_a_kerf_smaller_than_the_beam_c
     for (x_mm, y_mm, radius_mm), peg in zip(sorted(holes), PIECE.pegs, strict=True):
         assert 2 * radius_mm + kerf_mm == pytest.approx(PEG_MM + 2 * FIT_MM)
         assert (x_mm, y_mm) == pytest.approx((peg.x_mm + low, peg.y_mm + low))
+
+
+@pytest.mark.parametrize("kerf_mm", KERFS_MM)
+def test_a_lid_is_as_large_as_the_plate_after_the_kerf(kerf_mm):
+    (job,) = lid_jobs("l", box(0, 0, 100, 80), RigOptions(kerf_mm=kerf_mm))
+    (outline,), holes = _beam(job)
+    assert _size(outline) == pytest.approx((100 + kerf_mm, 80 + kerf_mm))
+    assert holes == []
 
 
 @pytest.mark.parametrize("kerf_mm", KERFS_MM)

@@ -124,6 +124,13 @@ def test_no_width_no_entry(rig_of, up_start, faces_at):
     assert faces_at(rig, 30.0).contains(box(6.1, 16.1, 193.9, 19.9))
 
 
+def test_two_starts_two_openings(rig_of, up_start, faces_at):
+    rig = rig_of(up_start(60, 35), up_start(140, 35), entry_width_mm=30.0, border_mm=5.0)
+    below = faces_at(rig, 30.0).intersection(LineString([(5, 17.5), (195, 17.5)]))
+    assert 190.0 - below.length == pytest.approx(60.0)
+    assert len(below.geoms) == 3
+
+
 EVERYWHERE = box(-1000, -1000, 1000, 1000)
 
 
@@ -201,6 +208,18 @@ def test_a_straight_wall_gets_the_width_to_within_a_quarter():
         thick = shapely.union_all([wall, patches_for(polygon_parts(wall), 0.8)[1]])
         middle_mm = thick.intersection(box(20, -5, 30, 5)).area / 10.0
         assert 0.8 <= middle_mm <= 1.0 + 1e-6
+
+
+def test_what_is_thick_enough_stays():
+    thin, patches = patches_for(polygon_parts(box(0, 0, 10, 0.8), box(0, 5, 10, 15)), 0.8)
+    assert len(thin) == 0
+    assert patches.is_empty
+
+
+def test_tips_of_corners_stay_as_they_are():
+    tip = Polygon([(0, 0), (40, 0), (40, 12)])
+    assert len(thin_parts(polygon_parts(tip), 0.8)) == 0
+    assert patches_for(polygon_parts(tip), 0.8)[1].is_empty
 
 
 def _area(shape, heading_deg, x_mm, y_mm):

@@ -1,18 +1,23 @@
 import io
 import itertools
+import json
 import math
+import subprocess
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import ezdxf
 import numpy as np
 import pytest
+import shapely
 
 from vinefab.core.plain_text import OWN_MARK
 from vinefab.fabrication.formats import dxf_format as dxf
 from vinefab.fabrication.formats.dxf_format import DXF_R12, dxf_text, read_dxf
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec, drawing_differences
-from vinefab.model.job import Job
+from vinefab.model.job import Job, Operation
 from vinefab.model.outline import Contour, Segment
 
 
@@ -140,6 +145,30 @@ def test_the_polyline_variant_has_chords_within_a_hundredth_of_a_millimetre(
     sagitta = 37.0 - np.hypot(*(middles - (200.0, 300.0)).T)
     assert 0.002 < sagitta.max() <= 0.01 + 1e-9
     assert np.allclose(np.hypot(*(vertices[:, :2] - (200.0, 300.0)).T), 37.0, atol=1e-9)
+
+
+def test_ogr_sees_the_layers_lengths_and_boxes(
+    job: Job, tmp_path: Path, program: Callable[[str, str], str]
+) -> None:
+    ogr2ogr = program("ogr2ogr", "gdal-bin")
+    source, target = tmp_path / "job.dxf", tmp_path / "job.geojson"
+    source.write_text(dxf_text(job), "utf-8")
+    # OGR draws arcs as chords; this makes them a quarter of a degree long.
+    options = ["--config", "OGR_ARC_STEPSIZE", "0.25", "-lco", "COORDINATE_PRECISION=9"]
+    command = [ogr2ogr, "-f", "GeoJSON", *options, "-a_srs", "EPSG:3857", target, source]
+    done = subprocess.run(
+        command, capture_output=True, text=True, errors="replace", timeout=60, check=True
+    )
+    assert "ERROR" not in done.stderr
+    found = defaultdict(list)
+    for feature in json.loads(target.read_text("utf-8"))["features"]:
+        shape = shapely.from_geojson(json.dumps(feature["geometry"]))
+        found[feature["properties"]["Layer"]].append(shape)
+    for operation in Operation:
+        shapes = found[operation.layer]
+        boxes = np.array([path.contour.box_mm for path in job.along(operation)])
+        assert sum(s.length for s in shapes) == pytest.approx(job.length_mm(operation), rel=1e-5)
+        assert np.allclose(shapely.bounds(shapes), boxes, atol=1e-3)
 
 
 def test_release_12_has_the_same_paths_as_old_polylines(

@@ -305,6 +305,16 @@ def test_a_new_format_that_writes_a_path_elsewhere_never_ships(toy: Path, tmp_pa
     assert not (tmp_path / "package").exists()
 
 
+def test_a_new_format_without_a_reader_is_not_registered(toy: Path, tmp_path: Path) -> None:
+    source = toy / "their_toy.py"
+    source.write_text(source.read_text().replace("read=read", "read=None"))
+    out = tmp_path / "package"
+    done = fabricate(toy, out)
+    assert done.returncode == 0
+    assert "laser format toy not loaded: BadInputError: laser format toy: read" in done.stdout
+    assert not (out / "outline.toy").exists()
+
+
 def test_a_difference_is_an_error_with_the_files_name() -> None:
     ensure_read_back({"a.dxf": ()})
     with pytest.raises(ReadBackError, match=r"b\.svg"):

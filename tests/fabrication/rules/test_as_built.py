@@ -34,6 +34,15 @@ def test_paths_drawn_by_the_recipe_are_checked_in_full(make, profile, fans):
     assert seam_findings(subject) == (len(subject.layout.tree) + 2, [])
 
 
+def test_a_seam_narrower_than_the_recipes_is_measured(make, profile):
+    subject = Subject.of(make((2, 200.0, 60.0)), profile)
+    wider = asking(profile, "weldcut", seam_width_mm=0.1)
+    _, (found,) = seam_findings(replace(subject, profile=wider))
+    assert found.severity is Severity.WARNING
+    assert (found.measured, found.limit) == (pytest.approx(0.4), pytest.approx(0.5))
+    assert "3 branches" in found.message
+
+
 @pytest.mark.parametrize(("more_mm", "count"), [(0.004, 0), (0.006, 1)])
 def test_an_overcut_shorter_than_the_recipes_is_found(make, profile, more_mm, count):
     subject = Subject.of(make((2, 200.0, 60.0)), profile)

@@ -241,6 +241,7 @@ LINES = {
     # growth options and parameters
     "grow plain_vine --map grid.geojson --body round": "--body",
     "grow plain_vine --map grid.geojson --head-on-half-angle-deg 91": "--head-on-half-angle-deg",
+    "grow plain --map grid.geojson --head-on-half-angle-deg 1,2,3": "or a range LOW,HIGH",
     "grow plain --map grid.geojson --growth body": "--growth is 'body'; allowed: NAME=VALUE",
     "score plain --map grid.geojson --growth bodi=inflated": "did you mean 'body'",
     "grow plain --map grid.geojson --growth body=fat": "body is 'fat'",

@@ -122,6 +122,9 @@ def test_words_json_and_page_say_the_same(found):
     origin = origin_of("vinefab compare", comparison.designs, None, [family])
     comparison = replace(comparison, origin=origin)
     document, page, lines = comparison.numbers, comparison.page(), comparison.summary
+    best = comparison.ranked(REACH)[0][0]
+    own = [one for one in comparison.in_measure(REACH) if best in (one.first, one.second)]
+    assert ("not clearly ahead" in lines[0]) == (not all(one.is_clear for one in own))
     assert lines[1] == "one thing to know"
     assert document["schema"] == "vinefab/design-comparison-1"
     assert len(document["duels"]) == 3 * (len(MEASURES) - 2)

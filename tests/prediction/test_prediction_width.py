@@ -119,6 +119,24 @@ def test_pressure_is_used_up_sooner_off_a_spool_and_by_a_wider_fitted_tube(
     assert pressure_range(none, prepared, few_poses.options, measured) is None
 
 
+def test_page_and_json_say_the_same(explorer, prepared, few_poses):
+    measured = deploy_family(explorer, prepared, few_poses).outcomes
+    contacts = contact_range(explorer, prepared, few_poses.options)
+    pressure = pressure_range(explorer, prepared, few_poses.options, measured)
+    data, section = width_blocks(contacts, pressure)
+    content = document([data, section])["width"]
+    assert content["contacts"]["means"][COVERAGE.key] == [
+        float(str(cell).split(" [")[0]) for cell in section.tables[0].rows[0][1:]
+    ]
+    reaches = content["pressure"]["reaches"]
+    assert [f"{reach['grown_percent']:.1f} %" for reach in reaches] == [
+        str(row[2]) for row in section.tables[-1].rows
+    ]
+    data, section = width_blocks(contacts, None)
+    assert len(section.tables) == 3
+    assert document([data])["width"]["pressure"] is None
+
+
 def test_pressures_are_those_of_growth_to_every_tip(explorer, prepared, few_poses):
     """Where pressure stops tips, what they would need is still known."""
     thin = explorer.changed(build=explorer.build.changed(pressure_kpa=8.0))

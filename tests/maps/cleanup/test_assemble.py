@@ -72,7 +72,7 @@ def test_sizes_that_come_from_a_wrong_unit_are_refused(points):
         framed(np.array(points, dtype=float), SourceFrame())
 
 
-@settings(max_examples=10)
+@settings(max_examples=25)
 @given(st.integers(0, 10**6), st.booleans(), st.floats(0.0, 0.05))
 def test_a_grid_in_pieces_comes_back(seed, down, gap_mm):
     rng = np.random.default_rng(seed)

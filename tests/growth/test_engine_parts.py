@@ -11,7 +11,7 @@ from shapely import box
 
 from vinefab.core import compiling
 from vinefab.growth import batch
-from vinefab.growth.arrays import Growth, Launch, Rules
+from vinefab.growth.arrays import Growth, Rules
 from vinefab.growth.batch import KERNEL, MOST_EVENTS, TIE, TOLERANCE_RAD
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
@@ -59,7 +59,7 @@ def test_release_in_the_kernel():
 def _one_branch(engine, trunk_arrays, most_events, room=50):
     growth = Growth.empty(1, room)
     plan = trunk_arrays(1e5)
-    start = Launch(0.0, 0.0, math.cos(0.5), math.sin(0.5))
+    start = (0.0, 0.0, math.cos(0.5), math.sin(0.5))
     rules = RULES._replace(most_events=most_events)
     done = engine.branches(ROOM.walls(), plan, FITS, rules, start, growth, 0, 1)
     return growth, done
@@ -80,9 +80,7 @@ def test_the_event_guard_is_far_away(engine, random_map, random_pose, trunk_arra
         pose = random_pose(rng, ground)
         growth = Growth.empty(1, 200)
         plan = trunk_arrays(5e3)
-        start = Launch(
-            *ground.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-        )
+        start = (*ground.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
         rules = RULES._replace(tolerance_mm=ground.tolerance_mm)
         engine.branches(ground.walls(), plan, FITS, rules, start, growth, 0, 1)
         most = max(most, int(growth.events[0]))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from shapely import affinity, box
 
-from vinefab.growth.arrays import Growth, Launch, Rules
+from vinefab.growth.arrays import Growth, Rules
 from vinefab.growth.batch import TIE, TOLERANCE_RAD
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.terrain import Terrain
@@ -94,7 +94,7 @@ def _stopped_after(engine, trunk_arrays, terrain, pose, length_mm, most_events):
         friction=0.0,
         drag_kpa_mm=0.0,
     )
-    start = Launch(*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
+    start = (*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
     assert engine.branches(terrain.walls(), plan, FITS, rules, start, growth, 0, 1) == 1
     return growth, int(growth.events[0])
 

@@ -513,7 +513,7 @@ def _launched(
 ) -> GrowingBranch:
     """Return a branch at its base, with its launch heading."""
     parent = int(tree.parent[branch])
-    base, heading = complex(start.x, start.y), complex(start.ux, start.uy)
+    base, heading = complex(*start[:2]), complex(*start[2:])
     if parent >= 0:
         base = complex(*growth.points[growth.first_point[parent + 1] - 1].tolist())
         heading = complex(*growth.heading[parent].tolist())

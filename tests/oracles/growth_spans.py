@@ -35,7 +35,7 @@ GrowBranches = Callable[[WallArrays, TreesArrays, Fits, Rules, Launch, Growth, i
 
 def launch_of(terrain: Terrain, pose: Pose) -> Launch:
     """Return where a trunk starts, as kernels take it."""
-    return Launch(*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
+    return (*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
 
 
 def grow_spans(
@@ -55,7 +55,7 @@ def grow_spans(
     for first, last, radius_mm in zip(plan.edges, plan.edges[1:], plan.radii_mm, strict=False):
         # Only a body wider than the one that reached the place can lack room there.
         if radius_mm > reached_mm:
-            bases_mm = np.array([[start.x, start.y]])
+            bases_mm = np.array([start[:2]])
             if first > 0:
                 parent = arrays.parent[first:last]
                 bases_mm = growth.points[growth.first_point[parent + 1] - 1]

@@ -94,21 +94,8 @@ class Rules(NamedTuple):
     drag_kpa_mm: float
 
 
-class Launch(NamedTuple):
-    """The launch of a trunk.
-
-    Parameters
-    ----------
-    x, y
-        Its base, mm.
-    ux, uy
-        Its heading, a unit vector.
-    """
-
-    x: float
-    y: float
-    ux: float
-    uy: float
+Launch = tuple[float, float, float, float]
+"""The launch of a trunk: x and y of its base (mm), and its heading, a unit vector."""
 
 
 class Growth(NamedTuple):

@@ -652,7 +652,7 @@ def _film_at_base(tree, start, growth, branch):
         return base, (0.0, 0.0), 0.0, limit
     if parent < 0:
         growth.chain_gain[base], growth.chain_drawn[base] = 1.0, 0.0
-        return base, (start.ux, start.uy), tree.store[branch], limit
+        return base, (start[2], start[3]), tree.store[branch], limit
     growth.chain_gain[base] = growth.gain[parent]
     growth.chain_drawn[base] = growth.drawn[parent]
     before = (growth.heading[parent, 0], growth.heading[parent, 1])
@@ -694,27 +694,20 @@ def _record(growth, branch, tip, length):
 
 
 @inlined
-def _launch(tree, start, growth, branch):
-    """Return where a branch starts and its heading there."""
-    parent = tree.parent[branch]
-    if parent < 0:
-        x, y, hx, hy = start.x, start.y, start.ux, start.uy
-    else:
-        tip = growth.first_point[parent + 1] - 1
-        x, y = growth.points[tip, 0], growth.points[tip, 1]
-        hx, hy = growth.heading[parent, 0], growth.heading[parent, 1]
-    cosine, sine = tree.turn[branch, 0], tree.turn[branch, 1]
-    return x, y, hx * cosine - hy * sine, hx * sine + hy * cosine
-
-
-@inlined
 def _grow_branch(walls, tree, rules, start, growth, branch):
     """Grow and record one branch; return False if the chain points need more room."""
     base, length = growth.first_point[branch], tree.length[branch]
     room = len(growth.points)
     if base + 2 > room:
         return False
-    x, y, ux, uy = _launch(tree, start, growth, branch)
+    x, y, hx, hy = start
+    parent = tree.parent[branch]
+    if parent >= 0:
+        foot = growth.first_point[parent + 1] - 1
+        x, y = growth.points[foot, 0], growth.points[foot, 1]
+        hx, hy = growth.heading[parent, 0], growth.heading[parent, 1]
+    cosine, sine = tree.turn[branch, 0], tree.turn[branch, 1]
+    ux, uy = hx * cosine - hy * sine, hx * sine + hy * cosine
     growth.points[base, 0], growth.points[base, 1] = x, y
     growth.chain_length[base] = 0.0
     tip = TipState(x, y, ux, uy, base, NO_WALL, 0.0, 0.0, NO_POINT, GROWING)
@@ -795,7 +788,6 @@ _Rules = namedtuple(
     "head_on_half_angle_rad deploys_stuck tolerance_mm tolerance_rad tie most_events friction "
     "drag_kpa_mm",
 )
-_Start = namedtuple("_Start", "x y ux uy")
 _Growth = namedtuple(
     "_Growth",
     "points first_point stop grown turn heading events gain drawn chain_length chain_sense "
@@ -887,7 +879,7 @@ def grow_jobs(atlas, trees, rules, jobs, growth, first, last):
             _tree_of(trees, jobs, job),
             jobs.fits[jobs.branch[job] : jobs.branch[job + 1]],
             here,
-            _Start(start[0], start[1], start[2], start[3]),
+            (start[0], start[1], start[2], start[3]),
             _growth_of(jobs, growth, job),
             jobs.done[job],
             jobs.until[job],

@@ -199,7 +199,7 @@ class Replays:
         options = GrowthOptions(head_on_half_angle_rad=half_angle_rad, pressure_stop=False)
         rules = rules_of(options, terrain.tolerance_mm)
         x_mm, y_mm = base_mm.tolist()
-        start = Launch(x_mm, y_mm, math.cos(heading_rad), math.sin(heading_rad))
+        start = (x_mm, y_mm, math.cos(heading_rad), math.sin(heading_rad))
         growth, met = _grown_alone(terrain.walls(radius_mm), rules, start, length_mm)
         names, shapes = list(self.walls), np.array(list(self.walls.values()), dtype=np.object_)
         tips = [shapely.Point(one.chain_mm[-1]) for one in met]

@@ -22,7 +22,7 @@ from vinefab.core.rng import child
 from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import Block, Notes, Number, Rows, Value
 from vinefab.growth import kernel
-from vinefab.growth.arrays import Growth, Launch
+from vinefab.growth.arrays import Growth
 from vinefab.growth.batch import KERNEL, Batch, BlockMapper, Launches, TerrainSet, grow_on, rules_of
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
@@ -208,7 +208,7 @@ def _tests(terrain: Terrain, poses: tuple[Pose, ...]) -> _Tests:
     tree, fits = plan.arrays(), np.ones(len(plan), dtype=np.bool_)
     for start in batch.launches.start.tolist():
         growth = Growth.empty(len(plan), 20 * len(plan))
-        plain["grow_branches"](walls, tree, fits, rules, Launch(*start), growth, 0, len(plan))
+        plain["grow_branches"](walls, tree, fits, rules, tuple(start), growth, 0, len(plan))
         count += int(growth.events.sum())
     ray, sweep = np.array(rays, dtype=np.float64), np.array(sweeps, dtype=np.float64)
     return _Tests(

@@ -26,8 +26,13 @@ from vinefab.inflation.pattern import Pattern, pattern_of
 from vinefab.model.job import Operation
 from vinefab.model.laser import RecipeStatus
 from vinefab.model.outline import Part
-from vinefab.physics.seam import hoop_strain, lap_load_n_mm, line_load_n_mm, seam_load_n_mm
-from vinefab.physics.tube import inflated_diameter_mm
+from vinefab.physics.tube import (
+    hoop_strain,
+    inflated_diameter_mm,
+    lap_load_n_mm,
+    line_load_n_mm,
+    seam_load_n_mm,
+)
 from vinefab.rig.part import Mesh
 
 # --- What several rules show --------------------------------------------------------------------

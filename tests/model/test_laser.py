@@ -14,7 +14,7 @@ from vinefab.model.laser import (
     read_machine,
     read_profile,
 )
-from vinefab.physics.seam import seam_load_n_mm, spot_at_mm
+from vinefab.physics.tube import seam_load_n_mm, spot_at_mm
 
 SHIPPED = "co2_60w__stretchlon_200"
 MELT_J_CM2, CUT_J_CM2 = 2.8, 23.0

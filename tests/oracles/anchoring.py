@@ -3,7 +3,7 @@
 import math
 
 from vinefab.physics.growth_pressure import capstan_factor
-from vinefab.physics.seam import N_MM2_PER_KPA
+from vinefab.physics.tube import N_MM2_PER_KPA
 
 
 def pouch_contact_mm2(length_mm: float, width_mm: float, gap_mm: float) -> float:

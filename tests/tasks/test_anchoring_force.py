@@ -25,7 +25,7 @@ from vinefab.physics.anchoring import (
     amplification_interval,
     branch_limit_n,
 )
-from vinefab.physics.seam import seam_load_n_mm
+from vinefab.physics.tube import seam_load_n_mm
 from vinefab.tasks.anchoring_force import (
     FRICTION_STEPS,
     STEP_BACK_MM,

@@ -562,7 +562,7 @@ class FreeJoint:
         return 2.0 * self.planar.equilibrium.energy - self.energy
 
 
-def free_joint(joint: JointShape, *, across: int = ACROSS, tell: Tell | None = None) -> FreeJoint:
+def free_joint(joint: JointShape, *, across: int = ACROSS) -> FreeJoint:
     """Return a joint under pressure, free to bow out of its plane; for studies.
 
     Everything that is cut, and every table, takes the seam to stay in its plane, as it does between
@@ -574,8 +574,6 @@ def free_joint(joint: JointShape, *, across: int = ACROSS, tell: Tell | None = N
     ----------
     across
         Triangles across a tube, even.
-    tell
-        Called before every step of the solution.
 
     Raises
     ------
@@ -591,10 +589,10 @@ def free_joint(joint: JointShape, *, across: int = ACROSS, tell: Tell | None = N
     True
     """
     planar = inflated_joint(
-        joint, across=across, trunk_stub=_FREE_TRUNK_STUB, child_stub=CHILD_STUB, tell=tell
+        joint, across=across, trunk_stub=_FREE_TRUNK_STUB, child_stub=CHILD_STUB
     )
     membrane, start = both_sheets(planar.sheet, planar.equilibrium)
-    found = at_rest(membrane, start, tell=tell)
+    found = at_rest(membrane, start)
     trunk, *children = stub_axes(planar.sheet.mesh, found.positions)
     forward, side = trunk.heading, np.array([0.0, 1.0, 0.0])
     up = np.cross(forward, side)

@@ -36,7 +36,7 @@ from vinefab.model.design import Build, Design, Trunk, UnevenLevel
 from vinefab.model.files.run_context import ChosenRecipe
 from vinefab.model.laser import LaserProfile, Material, Standing
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
-from vinefab.physics.seam import hoop_strain
+from vinefab.physics.tube import hoop_strain
 
 LEAST_STRAIN = 0.002
 """Flat angles of stiffer film, and without pressure, are those at this hoop strain: they differ by

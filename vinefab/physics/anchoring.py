@@ -16,8 +16,7 @@ from vinefab.core.limits import STANDARD_GRAVITY_M_S2
 from vinefab.core.statistics import NumberRange
 from vinefab.core.validation import Floats
 from vinefab.physics.growth_pressure import capstan_factor
-from vinefab.physics.seam import line_load_n_mm
-from vinefab.physics.tube import inflated_diameter_mm
+from vinefab.physics.tube import inflated_diameter_mm, line_load_n_mm
 
 ASSUMED_FRICTION = NumberRange(low=0.2, value=0.3, high=0.8)
 """TPU film on printed plastic [assumed]; measure yours."""

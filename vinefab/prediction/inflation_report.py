@@ -54,7 +54,7 @@ from vinefab.pages.panel import (
     plan_panel,
 )
 from vinefab.pages.plan import page_bytes
-from vinefab.physics.seam import hoop_strain
+from vinefab.physics.tube import hoop_strain
 from vinefab.prediction.family_deployments import ProgressCallback, no_progress, part_of
 from vinefab.rig.part import RigPart
 from vinefab.rig.part_files import PartFileSpec, PartItem, stl_bytes, threemf_bytes

@@ -53,8 +53,7 @@ from vinefab.model.tree import branch_tree
 from vinefab.pages.page_files import page_svg
 from vinefab.physics.anchoring import ASSUMED_FRICTION, payload_over_mass
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, NO_TENSION
-from vinefab.physics.seam import seam_load_n_mm
-from vinefab.physics.tube import self_weight_span_mm
+from vinefab.physics.tube import seam_load_n_mm, self_weight_span_mm
 from vinefab.prediction.family_deployments import (
     FamilyDeployments,
     HeatMap,

@@ -30,8 +30,12 @@ from vinefab.pages.panel import (
     upright,
 )
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, FITTED_DIAMETER_RANGE_MM
-from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, seam_load_n_mm
-from vinefab.physics.tube import inflated_diameter_mm
+from vinefab.physics.tube import (
+    burst_pressure_kpa,
+    hoop_strain,
+    inflated_diameter_mm,
+    seam_load_n_mm,
+)
 from vinefab.prediction.family_deployments import PreparedFamily
 from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureTable
 

@@ -27,8 +27,7 @@ from vinefab.physics.anchoring import (
     branch_limit_n,
     pouch_contacts_mm2,
 )
-from vinefab.physics.seam import N_MM2_PER_KPA
-from vinefab.physics.tube import inflated_diameter_mm
+from vinefab.physics.tube import N_MM2_PER_KPA, inflated_diameter_mm
 from vinefab.tasks.areas import TOUCHING_MM, Chains
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome, TaskOutcomes

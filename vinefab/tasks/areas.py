@@ -42,24 +42,20 @@ polygon, equal in area, differ on less than 0.07 % of the disc's area, so the un
 than 0.07 % of the discs' summed area; errors of either sign make it about a thousand times less."""
 
 
-def disc_union(
-    centres_mm: Floats, radius_mm: float, segments: int = _QUARTER_SEGMENTS
-) -> BaseGeometry:
+def disc_union(centres_mm: Floats, radius_mm: float) -> BaseGeometry:
     """Return the union of equal discs as polygons.
 
     Every disc is a regular polygon of the same area, so that discs that do not meet give their
     exact area.
     """
-    return shapely.union_all(disc_polygons(centres_mm, radius_mm, segments))
+    return shapely.union_all(disc_polygons(centres_mm, radius_mm))
 
 
-def disc_polygons(
-    centres_mm: Floats, radius_mm: float, segments: int = _QUARTER_SEGMENTS
-) -> NDArray[np.object_]:
+def disc_polygons(centres_mm: Floats, radius_mm: float) -> NDArray[np.object_]:
     """Return equal discs as regular polygons of the same area."""
-    step = math.pi / (2 * segments)
+    step = math.pi / (2 * _QUARTER_SEGMENTS)
     circumradius_mm = radius_mm * math.sqrt(step / math.sin(step))
-    discs = shapely.buffer(shapely.points(centres_mm), circumradius_mm, quad_segs=segments)
+    discs = shapely.buffer(shapely.points(centres_mm), circumradius_mm, quad_segs=_QUARTER_SEGMENTS)
     return np.asarray(discs)
 
 

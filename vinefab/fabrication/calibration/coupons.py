@@ -34,7 +34,7 @@ from vinefab.model.laser import LapMethod, LaserProfile, OperationSettings, Quan
 from vinefab.model.map import Map
 from vinefab.model.outline import Contour
 from vinefab.model.start import Pose, Start
-from vinefab.physics.seam import spot_at_mm
+from vinefab.physics.tube import spot_at_mm
 
 LADDER_MM = (5.0, 8.0, 10.0, 16.0, 20.0, 30.0, 40.0)
 _LENGTH_WIDTH_MM = 10.0

@@ -25,7 +25,7 @@ from vinefab.inflation.mesh import tube_stretch
 from vinefab.inflation.robot import joints_of
 from vinefab.model.laser import CLOSING_GAIN, LaserProfile
 from vinefab.model.tree import fan_offsets_rad
-from vinefab.physics.seam import hoop_strain
+from vinefab.physics.tube import hoop_strain
 
 _LEAST_SINGULAR = 1e-9
 

@@ -54,8 +54,12 @@ from vinefab.model.laser import (
     quantities,
 )
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM
-from vinefab.physics.seam import allowed_line_load_n_mm, lap_load_n_mm, line_load_n_mm
-from vinefab.physics.tube import inflated_diameter_mm
+from vinefab.physics.tube import (
+    allowed_line_load_n_mm,
+    inflated_diameter_mm,
+    lap_load_n_mm,
+    line_load_n_mm,
+)
 
 _CUTTING = (Operation.WELDCUT, Operation.CUT)
 _SEALING = (Operation.WELDCUT, Operation.WELD)

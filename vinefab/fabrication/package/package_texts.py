@@ -51,7 +51,7 @@ from vinefab.model.laser import (
     quantities,
 )
 from vinefab.model.tree import Partition
-from vinefab.physics.seam import lap_load_n_mm
+from vinefab.physics.tube import lap_load_n_mm
 
 _WIDTH = 96
 

@@ -74,8 +74,12 @@ from vinefab.model.outline import Contour
 from vinefab.model.tree import Partition, branch_tree
 from vinefab.pages.html import page
 from vinefab.pages.page_files import page_png, page_svg
-from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, seam_load_n_mm
-from vinefab.physics.tube import inflated_diameter_mm
+from vinefab.physics.tube import (
+    burst_pressure_kpa,
+    hoop_strain,
+    inflated_diameter_mm,
+    seam_load_n_mm,
+)
 
 ANIMATION_NAME = "animation.svg"
 

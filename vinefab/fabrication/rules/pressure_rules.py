@@ -44,8 +44,14 @@ from vinefab.physics.growth_pressure import (
     planned_paths,
     riding_mm,
 )
-from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, line_load_n_mm, seam_load_n_mm
-from vinefab.physics.tube import inflated_diameter_mm, inflated_radius_mm
+from vinefab.physics.tube import (
+    burst_pressure_kpa,
+    hoop_strain,
+    inflated_diameter_mm,
+    inflated_radius_mm,
+    line_load_n_mm,
+    seam_load_n_mm,
+)
 
 _NO_RECIPE = "needs a recipe, for the film and its seam"
 

@@ -34,8 +34,7 @@ from vinefab.model.job import Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Part
 from vinefab.model.tree import Partition, Sleeve, branch_tree
-from vinefab.physics.seam import lap_load_n_mm
-from vinefab.physics.tube import lumen_area_mm2
+from vinefab.physics.tube import lap_load_n_mm, lumen_area_mm2
 
 _AT = re.compile(r"\[(\S+) (\S+)\]")
 """The place in Shapely's reason why a polygon is not valid."""

@@ -187,17 +187,16 @@ class TerrainSetArrays(NamedTuple):
         sizes = [(len(p.wall), len(p.vertex), len(p.wall_first), len(p.wall_item)) for p in pages]
         offset = np.zeros((len(pages) + 1, 4), dtype=np.int64)
         np.cumsum(sizes, axis=0, out=offset[1:])
-        joined = WallArrays(*(_joined(column) for column in zip(*pages, strict=True)))
+        joined = pages[0]
+        if len(pages) > 1:
+            columns = zip(*pages, strict=True)
+            joined = WallArrays(*(_fixed(np.concatenate(column)) for column in columns))
         walls = joined._replace(
             box=_fixed(np.stack([page.box for page in pages])),
             shape=_fixed(np.stack([page.shape for page in pages])),
         )
         tolerance = np.array(tolerances_mm, dtype=np.float64)
         return cls(walls=walls, tolerance=_fixed(tolerance), offset=_fixed(offset))
-
-
-def _joined(arrays: Sequence[NDArray[T]]) -> NDArray[T]:
-    return arrays[0] if len(arrays) == 1 else _fixed(np.concatenate(arrays))
 
 
 def _fixed(array: NDArray[T]) -> NDArray[T]:

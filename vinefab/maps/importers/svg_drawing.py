@@ -153,11 +153,11 @@ _OPERANDS = {
 IDENTITY = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
-def length_px(node: Node, name: str, default: float = 0.0) -> float:
-    """Return an attribute that is a length, in user units (px)."""
+def length_px(node: Node, name: str) -> float:
+    """Return an attribute that is a length, in user units (px); 0 where it is left out."""
     text = node.attributes.get(name)
     if text is None or text.strip() == "auto":
-        return default
+        return 0.0
     match = _LENGTH.fullmatch(text)
     if (
         match is None

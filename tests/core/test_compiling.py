@@ -1,11 +1,15 @@
 """The cache of compiled code notices edits to one file only."""
 
 import ast
+import importlib
 import math
+import pickle
 import platform
 import re
+import sys
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -44,6 +48,33 @@ def test_all_that_is_compiled_stands_in_such_files() -> None:
         "beside_prediction.py",
     ]
     assert not [path for path in users if re.search(r"\b(compiled|inlined)\(", texts[path])]
+
+
+@pytest.mark.parametrize(
+    "index",
+    [pickle.dumps(numba.__version__) + b"cvinefab.growth.kernel\n_Gone\n.", b"", b"\0 no pickle"],
+    ids=["a type of an earlier version", "empty", "damaged"],
+)
+def test_an_index_that_cannot_be_read_is_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, index: bytes
+) -> None:
+    """Here, numba raised what pickle did, at the first call of a user who had upgraded."""
+    path = tmp_path / "toy_kernel.py"
+    path.write_text("def doubled(x):\n    return 2.0 * x\n")
+
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def called() -> tuple[float, int]:
+        doubled = compiling.compiled(importlib.import_module("toy_kernel").doubled)
+        return doubled(4.0), sum(doubled.stats.cache_hits.values())
+
+    assert called() == (8.0, 0)
+    assert called() == (8.0, 1)
+    (kept,) = tmp_path.rglob("*.nbi")
+    kept.write_bytes(index)
+    assert called() == (8.0, 0)
+    assert called() == (8.0, 1)
+    del sys.modules["toy_kernel"]
 
 
 def _kept(points, ends):

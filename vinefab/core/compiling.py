@@ -8,6 +8,7 @@ cache on disk notices edits to a function's own file only. After a change here, 
 """
 
 import importlib.util
+import pickle
 from collections.abc import Callable
 from functools import cache
 from importlib.machinery import SourceFileLoader
@@ -19,6 +20,17 @@ from typing import Any
 _INTERPRETED = " (interpreted)"
 """Ends the names of modules whose functions are left to the interpreter."""
 
+_UNREADABLE = (
+    pickle.UnpicklingError,
+    EOFError,
+    ImportError,
+    AttributeError,
+    LookupError,
+    TypeError,
+    ValueError,
+)
+"""Errors that pickle raises where a name is gone or bytes are not its own."""
+
 
 def compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba dispatcher
     """Compile a function, without the interpreter lock, keeping the code on disk if possible.
@@ -29,9 +41,27 @@ def compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba disp
     if _is_interpreted(function):
         return function
     try:
-        return _jit(function, cache=True)
+        dispatcher = _jit(function, cache=True)
     except RuntimeError:
         return _jit(function)
+    index = dispatcher._cache._cache_file
+    index._load_index = _lenient(index._load_index)
+    return dispatcher
+
+
+def _lenient(load: Callable[[], dict[Any, str]]) -> Callable[[], dict[Any, str]]:
+    """Let an index that cannot be read count as empty: numba looks at its stamp only after it.
+
+    It names types of an earlier version of the file, or was damaged.
+    """
+
+    def load_index() -> dict[Any, str]:
+        try:
+            return load()
+        except _UNREADABLE:
+            return {}
+
+    return load_index
 
 
 def inlined(function: Callable[..., Any]) -> Any:  # noqa: ANN401  as above

@@ -119,6 +119,12 @@ def test_a_ratio_is_that_of_the_means(rng):
     assert beyond.held
 
 
+def test_rounding_puts_no_bound_beyond_a_ratio_of_scores_without_spread():
+    for one, other in np.random.default_rng(0).random((300, 2)):
+        found = ratio(np.full((2, 3, 2), one), np.full((2, 3, 2), other))
+        assert found.low <= found.value <= found.high
+
+
 def experiments(rng, groups, runs, maps):
     """Groups of designs of one kind on the same maps: runs, maps and both together differ."""
     ease = rng.normal(0.0, 0.1, (1, maps, 1))

@@ -1,10 +1,12 @@
 """Exports of the page: byte for byte what the command line shown beside the button writes."""
 
+import asyncio
 import math
 import shlex
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Event
 from types import MappingProxyType
 
 import pytest
@@ -16,6 +18,7 @@ from vinefab.core.view import Answer
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Design, design_content, design_text
 from vinefab.model.map import Pose, map_text
+from vinefab.studio.executors import ProcessExecutor, Question
 from vinefab.studio.file_exports import EXPORTS, _world, export_answer
 from vinefab.studio.server import LaunchOptions, StudioWorkspace
 from vinefab.studio.state import StudioState
@@ -155,6 +158,38 @@ def test_saved_files_are_called_by_their_names_and_not_written_again(here):
     answer = export(content, "picture", "other.svg", **files)
     assert answer["inputs"] == ["other.svg.inputs/design.toml"]
     assert " lab.geojson " in answer["command"]
+
+
+def test_an_error_in_an_input_names_it_as_the_command_does():
+    content = edited(opened())
+    content["design"]["origin"] = {"targets": [{"place": 1}]}
+    with pytest.raises(VinefabError, match=r"^a\.svg\.inputs/design\.toml: origin\.targets"):
+        export(content, "picture", "a.svg")
+    assert everything() == {}
+
+
+def test_an_export_that_is_stopped_leaves_nothing_in_the_folder_for_temporary_files(
+    here, monkeypatch
+):
+    monkeypatch.setattr("tempfile.tempdir", str(here / "scratch"))
+    (here / "scratch").mkdir()
+    begun = Event()
+    ask = {"what": "report", "out": "a.html", "roots": [str(here)]}
+    ask["options"] = {"environment": "grid", "count": 10_000}
+
+    async def stopped():
+        executor = ProcessExecutor("export")
+        question = Question(panel="export", state=edited(opened()), ask=ask)
+        answer = asyncio.create_task(executor.answer(question, lambda *_: begun.set()))
+        assert await asyncio.to_thread(begun.wait, 60.0)
+        assert list((here / "scratch").rglob("design.toml"))
+        answer.cancel()
+        await asyncio.gather(answer, return_exceptions=True)
+        assert answer.cancelled()
+
+    asyncio.run(stopped())
+    assert everything() == {}
+    assert list((here / "scratch").iterdir()) == []
 
 
 def test_rules_and_an_unconfirmed_recipe_refuse_a_package():

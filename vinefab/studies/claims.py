@@ -69,8 +69,9 @@ class ConfidenceInterval(NumberRange):
 
     def moved(self, value: float) -> "ConfidenceInterval":
         """Return another number that is known as well."""
-        by = value - self.value
-        return replace(self, value=value, low=self.low + by, high=self.high + by)
+        # Added to the number itself, so that rounding puts no bound beyond it.
+        below, above = self.value - self.low, self.high - self.value
+        return replace(self, value=value, low=value - below, high=value + above)
 
 
 class VarianceShare(NamedTuple):

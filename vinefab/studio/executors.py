@@ -7,6 +7,7 @@ stopped by killing it.
 
 import asyncio
 import multiprocessing
+import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -97,6 +98,7 @@ class ProcessExecutor:
         self._turn = asyncio.Lock()
         self._pipe: Pipe | None = None
         self._process: multiprocessing.process.BaseProcess | None = None
+        self._scratch: tempfile.TemporaryDirectory[str] | None = None
 
     async def answer(self, question: Question, progress: Progress) -> Any:  # noqa: ANN401  plain values
         """Return the answer; if the caller is cancelled the process is killed.
@@ -112,9 +114,13 @@ class ProcessExecutor:
                 # Not a fork: the server has threads.
                 context = multiprocessing.get_context("spawn")
                 self._pipe, theirs = context.Pipe()
+                # One that is killed takes none of its temporary files away.
+                self._scratch = tempfile.TemporaryDirectory(
+                    prefix="vinefab-", ignore_cleanup_errors=True
+                )
                 self._process = context.Process(
-                    target=answer_questions, args=(theirs,), name=f"vinefab {self._name}",
-                    daemon=True,
+                    target=answer_questions, args=(theirs, self._scratch.name),
+                    name=f"vinefab {self._name}", daemon=True,
                 )  # fmt: skip
                 self._process.start()
                 theirs.close()
@@ -147,10 +153,17 @@ class ProcessExecutor:
         if process is not None:
             process.kill()
             process.join()
+        scratch, self._scratch = self._scratch, None
+        if scratch is not None:
+            scratch.cleanup()
 
 
-def answer_questions(pipe: Pipe) -> None:
-    """Answer the questions of a pipe until the server is gone: the process of an executor."""
+def answer_questions(pipe: Pipe, scratch: str) -> None:
+    """Answer the questions of a pipe until the server is gone: the process of an executor.
+
+    Its temporary files lie in a folder of the server's.
+    """
+    tempfile.tempdir = scratch
 
     def progress(share: float, text: str) -> None:
         pipe.send(("progress", (share, text)))

@@ -12,8 +12,8 @@ import os
 import re
 import shlex
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
-from contextlib import nullcontext, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -368,7 +368,7 @@ def _export(kind: Export, source: ExportSource, progress: Progress) -> dict[str,
     )
     token = SHELL.set(shell)
     try:
-        with TemporaryDirectory() as folder:
+        with TemporaryDirectory() as folder, _named(source, Path(folder)):
             found = verb(**kind.given(source.read_from(Path(folder))))
     except ExportRefusedError as error:
         findings = cast("CheckReport", error.report).findings
@@ -396,6 +396,18 @@ def _export(kind: Export, source: ExportSource, progress: Progress) -> dict[str,
         "view": plain_blocks(view),
         "findings": [one.content for one in findings],
     }
+
+
+@contextmanager
+def _named(source: ExportSource, folder: Path) -> Iterator[None]:
+    """Let errors about inputs that are read from a folder name them as the command does."""
+    names = {str(folder / name): source.folder / name for name in source.inputs}
+    try:
+        yield
+    except (BadInputError, UnknownNameError) as error:
+        if error.source not in names:
+            raise
+        raise error.at(names[error.source]) from error
 
 
 def _kind(name: object, given: Mapping[str, Any]) -> Export:

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from vinefab.core.errors import (
     CannotWriteError,
@@ -24,6 +25,7 @@ from vinefab.core.errors import (
     KeptAsideWarning,
     VinefabError,
 )
+from vinefab.core.front_door import imported_later
 from vinefab.core.hashing import (
     MANIFEST_NAME,
     Authorship,
@@ -39,8 +41,10 @@ from vinefab.core.hashing import (
 )
 from vinefab.core.plain_text import GENERATOR, OWN_MARK
 
-if sys.platform != "win32":
+if TYPE_CHECKING:
     import fcntl
+else:  # POSIX systems only
+    fcntl = imported_later("fcntl")
 
 _LOOK_BYTES = 8192
 _MOST_BYTES = 1 << 28

@@ -3,10 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import ReadBackError
+from vinefab.core.front_door import imported_later
 from vinefab.core.plain_text import counted
 from vinefab.fabrication.findings_picture import annotated_job, findings_picture
 from vinefab.fabrication.job.laser_job import laser_job
@@ -29,6 +31,12 @@ from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
 from vinefab.pages.plan import page_bytes
 from vinefab.physics.tube import inflated_diameter_mm
+
+if TYPE_CHECKING:
+    from vinefab.fabrication.formats import dxf_format, laser_drawing
+else:  # ezdxf takes long to load
+    dxf_format = imported_later("vinefab.fabrication.formats.dxf_format")
+    laser_drawing = imported_later("vinefab.fabrication.formats.laser_drawing")
 
 MANY_BRANCHES = 1500
 """The paths of larger designs take long: they are made only where nothing else forbids cutting."""
@@ -191,16 +199,9 @@ def findings_drawing(design: Design, profile: LaserProfile, report: CheckReport)
 def findings_file(design: Design, profile: LaserProfile, report: CheckReport, path: Path) -> bytes:
     """Return the findings in place, as the DXF, SVG or PNG that a path's name asks for."""
     if path.suffix.lower() == ".dxf":
-        # ezdxf takes long to load too.
-        from vinefab.fabrication.formats.dxf_format import DXF  # noqa: PLC0415
-        from vinefab.fabrication.formats.laser_drawing import (  # noqa: PLC0415
-            LaserFileSpec,
-            file_problems,
-        )
-
-        spec = LaserFileSpec(job=findings_drawing(design, profile, report))
-        text = DXF.write(spec)
-        problems = file_problems(DXF, text.encode(), spec)
+        spec = laser_drawing.LaserFileSpec(job=findings_drawing(design, profile, report))
+        text = dxf_format.DXF.write(spec)
+        problems = laser_drawing.file_problems(dxf_format.DXF, text.encode(), spec)
         if problems:
             raise ReadBackError(path, problems[0])
         return text.encode()

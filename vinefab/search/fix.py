@@ -14,11 +14,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import imported_later
 from vinefab.core.limits import deg
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import bare_sheet_mm, taken_mm
@@ -53,6 +55,11 @@ from vinefab.model.tree import child_lengths_mm, widest_turn_rad
 from vinefab.physics.growth_pressure import GrowthPath
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.search.penalty_batch import PenaltyRules
+
+if TYPE_CHECKING:
+    import cmaes
+else:  # it takes long to load, and most fixes do without
+    cmaes = imported_later("cmaes")
 
 WEIGHTS = {
     "branches": 2.0,
@@ -664,12 +671,11 @@ def _evolved(space: FixSpace, progress: Callable[[float], None] | None) -> Float
 
     It ends when the worth of the best vector hardly rises any more.
     """
-    # It takes long to load, and most fixes do without.
-    from cmaes import CMA  # noqa: PLC0415
-
     # Large designs take longer: they get fewer generations.
     most = max(1, min(MOST_GENERATIONS, MOST_GENERATIONS * _LARGE // space.design.branch_count))
-    search = CMA(mean=np.zeros(len(space)), sigma=_SPREAD, seed=_SEED, population_size=_POPULATION)
+    search = cmaes.CMA(
+        mean=np.zeros(len(space)), sigma=_SPREAD, seed=_SEED, population_size=_POPULATION
+    )
     best, best_cost, least, since = None, math.inf, math.inf, 0
     for generation in range(most):
         if progress:

@@ -7,12 +7,14 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from textwrap import wrap
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.front_door import imported_later
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.outline.body_outline import FlatLayout, body_outline, flat_layout
@@ -49,6 +51,11 @@ from vinefab.pages.panel import (
     spots_around,
     text_width,
 )
+
+if TYPE_CHECKING:
+    from vinefab.pages import page_pdf
+else:  # loads reportlab
+    page_pdf = imported_later("vinefab.pages.page_pdf")
 
 ASSEMBLY_NAME = "assembly"
 """Name of the drawing's files, without ending."""
@@ -108,9 +115,7 @@ def assembly_files(
         page = mounting_drawing(design)
     else:
         page = assembly_drawing(design, partition, outlines, profile)
-    from vinefab.pages.page_pdf import page_pdf  # noqa: PLC0415  loads reportlab
-
-    return {f"{ASSEMBLY_NAME}.svg": page_svg(page), f"{ASSEMBLY_NAME}.pdf": page_pdf(page)}
+    return {f"{ASSEMBLY_NAME}.svg": page_svg(page), f"{ASSEMBLY_NAME}.pdf": page_pdf.page_pdf(page)}
 
 
 def assembly_drawing(

@@ -13,6 +13,7 @@ from PIL.PngImagePlugin import PngInfo
 from vinefab.core.atomic import (
     ensure_own_folder,
     ensure_writable,
+    is_filled_in,
     is_ours,
     lock_folder,
     new_folder,
@@ -215,6 +216,21 @@ def test_a_folder_of_another_kind_is_refused_and_kept_when_forced(tmp_path):
     with pytest.raises(ForeignFileError):
         fill(out, "a package")
     assert (out / "rig.json").read_text() == OURS + "a rig"
+
+
+def test_a_file_that_the_user_replaced_by_a_link_is_kept(tmp_path):
+    out = tmp_path / "out"
+    fill(out, "1")
+    (out / "job.json").rename(tmp_path / "moved.json")
+    (out / "job.json").symlink_to("../moved.json")
+    with pytest.raises(ForeignFileError, match="was changed"):
+        fill(out, "2")
+    assert (out / "job.json").is_symlink()
+
+
+def test_a_table_that_nobody_filled_in_may_be_replaced(tmp_path):
+    fill(tmp_path / "out", "1")
+    assert not is_filled_in(tmp_path / "out" / "job.json", {"job.json": b"of another recipe"})
 
 
 def test_the_current_folder_is_refused_even_when_forced(tmp_path, monkeypatch):

@@ -10,6 +10,14 @@ def level(**changes) -> Level:
     return Level(**({"branches": 3, "length_mm": 90.0, "fan_rad": 1.0} | changes))
 
 
+@pytest.mark.parametrize(
+    "changes", [{"branches": 0}, {"length_mm": 0.0}, {"fan_rad": -0.1}, {"growth": 0.0}]
+)
+def test_a_level_refuses_what_cannot_be_built(changes):
+    with pytest.raises(BadInputError):
+        level(**changes)
+
+
 def test_standard_build_scales_widths_and_keeps_the_documented_ratio():
     build = Build.standard(3)
     assert build.widths_mm == pytest.approx((40.0, 24.0, 14.4))

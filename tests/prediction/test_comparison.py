@@ -200,6 +200,10 @@ def test_rows_and_chart_show_a_known_difference():
     assert clear.words.endswith("4.0 [1.5, 6.0; 8 maps] %, p = 0.03000")
 
 
+def test_a_difference_is_clear_below_five_percent():
+    assert [known_difference(p_adjusted=p).is_clear for p in (0.0499, 0.05)] == [True, False]
+
+
 def test_designs_side_by_side_have_means_over_maps():
     maps = ["a", "a", "a", "b"]
     values = {m.key: np.full(4, np.nan) for m in MEASURES}

@@ -1,8 +1,10 @@
+import math
+
 import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.model.files.shipped import locate, names
-from vinefab.rig.part import read_printer
+from vinefab.rig.part import RigOptions, read_printer
 
 
 @pytest.fixture
@@ -59,3 +61,16 @@ def test_unknown_name_and_missing_file(tmp_path):
     broken.write_text("schema = ")
     with pytest.raises(UnreadableFileError, match="not TOML"):
         read_printer(broken)
+
+
+@pytest.mark.parametrize(
+    ("value", "fields"),
+    [
+        *((value, RigOptions.model_fields) for value in (1e300, -1e300, math.nan)),
+        (0.0, ("plate_mm", "height_mm", "border_mm", "scale", "peg_mm", "most_parts")),
+    ],
+)
+def test_no_size_of_a_rig_may_be_anything(value, fields):
+    for name in fields:
+        with pytest.raises(BadInputError, match=f"^{name} is"):
+            RigOptions(**{name: value})

@@ -267,6 +267,7 @@ def test_a_knee_is_above_the_line_between_the_ends_in_any_units(values, scale, s
     else:
         here = float(cost[found]), float(worth[found])
         assert here in front[1:-1]
+        assert _height(front, here) > 0.05 - 1e-9
         assert _height(front, here) == pytest.approx(max(_height(front, p) for p in front))
 
 

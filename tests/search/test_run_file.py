@@ -241,6 +241,8 @@ def test_limits_and_symmetry_of_a_space(tmp_path):
         ),
         ("[space]\nangle_deg = [0, 361]", "space.angle_deg", "0 to 360"),
         ('[build]\npouch = {shape = "round"}', "build.pouch.radius_mm", "a length"),
+        (f"[build]\nwidths_mm = {[9] * 11}", "build.widths_mm", "at most 10"),
+        ("[build]\nwidths_mm = [9, 0]", "build.widths_mm[2]", "greater than or equal to 0.000001"),
         ("[evaluation]\nfabricable = 1", "evaluation.fabricable", "boolean"),
         ('name = "a b"', "name", "letters"),
         ('schema2 = "x"', "schema2", "did you mean 'schema'"),

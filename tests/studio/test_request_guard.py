@@ -1,5 +1,6 @@
 """The studio attacked over the network, and ended: it refuses, lives on, and leaves nothing."""
 
+import asyncio
 import http.client
 import json
 import os
@@ -17,7 +18,14 @@ from websockets.sync.client import connect
 
 from vinefab.core.errors import BadInputError
 from vinefab.studio.server import SUBPROTOCOL, Endpoint, bound_socket
-from vinefab.studio.sessions import DROP, MOST_PENDING, MOST_TABS, PATIENCE_S, TabSession
+from vinefab.studio.sessions import (
+    DROP,
+    MOST_PENDING,
+    MOST_TABS,
+    PATIENCE_S,
+    Connections,
+    TabSession,
+)
 
 MOST_MB = 600  # of the server with the simulator loaded; one such message is a sixth of it
 
@@ -231,6 +239,29 @@ def test_crowds_without_the_token_do_not_lock_the_owner_out(studio):
             assert left_open(held, 0) == []
             assert "answer" in answer(owner, state)
     assert studio.said() == ""
+
+
+def test_one_more_than_may_wait_takes_the_place_of_the_oldest_that_never_asked():
+    class Client:
+        def __init__(self, name):
+            self.name, self.ended = name, False
+
+        def get_extra_info(self, _):
+            return self.name
+
+        def abort(self):
+            self.ended = True
+
+    async def crowd():
+        connections, clients = Connections(), [Client(n) for n in range(MOST_PENDING + 1)]
+        for client in clients:
+            connections.add(client)
+            if client.name == 0:
+                with connections.answering({"client": 0}):
+                    pass
+        return [client.name for client in clients if client.ended]
+
+    assert asyncio.run(crowd()) == [1]
 
 
 def left_open(links, most):

@@ -26,8 +26,8 @@ from vinefab.model.laser import (
 from vinefab.rig.part import PrinterForm, read_printer
 from vinefab.search.settings import RunFile, read_run
 
-HUGE = 1e300
-"""What no number may be: each field declares a limit."""
+HUGE = (1e300, -1e300)
+"""What no number may be: each field declares its limits."""
 NEVER = (math.nan, math.inf, 10**30, 10**400, True)
 """What no field has to refuse: all tables do."""
 TINY = (1e-300, -0.0)
@@ -111,7 +111,7 @@ def test_numbers_that_nobody_means_are_refused_with_file_and_key(name: str, tmp_
     places = list(dict.fromkeys(declared.numbers(declared.schema)))
     assert len(places) >= 8
     for count, place in enumerate(places):
-        for value in (HUGE, NEVER[count % len(NEVER)], TINY[count % len(TINY)]):
+        for value in (*HUGE, NEVER[count % len(NEVER)], TINY[count % len(TINY)]):
             path.write_text(tomli_w.dumps(declared.put(content, declared.schema, place, value)))
             try:
                 read(path)

@@ -27,6 +27,18 @@ def test_whole_numbers_keep_moving_after_the_rest_has_converged():
     assert np.median(search.ask()[:, 0]) == 0.875
 
 
+def test_what_never_matters_is_not_pulled_anywhere():
+    """It is learned as it was sampled, whatever stands there in the point that was evaluated."""
+    search, other = started(3), started(3)
+    for _ in range(5):
+        x = search.ask()
+        np.testing.assert_array_equal(other.ask(), x)
+        fitness = -np.abs(x[:, 1] - 0.8) - x[:, 0]
+        search.tell(x, fitness)
+        x[:, 3:] = 0.5
+        other.tell(x, fitness)
+
+
 def test_too_few_points_are_refused():
     with pytest.raises(BadInputError, match=r"optimizer\.population is 3; allowed: at least 4"):
         CmaConfig().start(MIXED, population=3, seed=1)

@@ -100,6 +100,16 @@ def test_reports_say_measured_on_their_page_and_in_their_numbers(
     assert "growth.body_width_ratio" in text
 
 
+def test_comparisons_and_poses_are_of_the_measured_interval(vinefab, grid, plain, measured):
+    more = ("--map", grid, "--contacts", measured, "--json", "-")
+    _, words, _ = vinefab("compare", plain, "plain_vine", *more, "--poses", 1)
+    assert json.loads(words)["growth"]["contacts"]["head_on_half_angle_deg"]["value"] == 4.5
+    _, words, _ = vinefab("aim", plain, *more, "--deployments", 5000, "--alone")
+    found = json.loads(words)
+    assert found["growth"]["head_on_half_angle_deg"] == [3.0, 6.0]
+    assert f"--contacts {measured}" in found["reproduce"]["command"]
+
+
 def test_a_given_half_angle_is_assumed_again(vinefab, grid, plain, measured):
     more = ("--contacts", measured, "--head-on-half-angle-deg", 10)
     _, words, _ = vinefab("grow", plain, "--map", grid, *more)

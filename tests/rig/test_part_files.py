@@ -32,6 +32,7 @@ from vinefab.rig.part_files import (
     PartItem,
     packed_on_beds,
     print_estimate,
+    printing_of,
     read_back_problems,
     read_rig,
     read_threemf,
@@ -259,6 +260,29 @@ def test_the_files_put_together_by_rig_json_are_the_map(made):
     assert len(hollow) >= len(world.obstacles)
     printed = shapely.union_all([printed, *hollow]).intersection(world.bounds)
     assert shapely.symmetric_difference(printed, walls).area < 1e-3 * walls.area
+
+
+def test_rig_json_says_what_was_made(made):
+    world, rig, files = made
+    content = json.loads(files["rig.json"])
+    assert (content["schema"], content["units"]) == ("vinefab/rig-1", "mm")
+    assert (content["map"]["name"], content["map"]["walls"]) == ("table", world.wall_count)
+    assert content["printer"]["bed_depth_mm"] == 120
+    assert content["options"]["height_mm"] == 30.0
+    assert content["counts"]["joints"] == rig.counts["joints"] > 0
+    assert content["against_map"]["share"] < 1e-3
+    assert content["notes"] == list(rig.notes)
+    assert content["volume_mm3"] == pytest.approx(sum(p["volume_mm3"] for p in content["parts"]))
+
+
+def test_every_part_lies_on_one_bed(made):
+    _, rig, _ = made
+    places = [at for bed in printing_of(rig).beds for at in bed.places]
+    assert sorted(at.index for at in places) == list(range(len(rig.printed)))
+    for at in places:
+        wide_mm, deep_mm, _ = rig.printed[at.index].size_mm
+        assert 5.0 <= at.x_mm <= 150.0 - 5.0 - wide_mm + 0.01
+        assert 5.0 <= at.y_mm <= 120.0 - 5.0 - deep_mm + 0.01
 
 
 ADMESH_ZEROS = (

@@ -321,6 +321,13 @@ def test_a_search_grows_designs_as_scores_do(small, maps, rule):
         assert (usual.score[known] != found.score[known]).any()
 
 
+def test_the_work_of_all_workers_is_added_up():
+    ledger = Ledger(1)
+    ledger.add(Work(making_s=1.0, scoring_s=0.5))
+    ledger.add(Work(growth_s=0.25))
+    assert ledger.worked_s == 1.75
+
+
 def test_every_part_counts_once():
     ledger = Ledger(2)
     with ledger.spending("evaluating"):

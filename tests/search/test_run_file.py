@@ -243,6 +243,7 @@ def test_limits_and_symmetry_of_a_space(tmp_path):
         ('[build]\npouch = {shape = "round"}', "build.pouch.radius_mm", "a length"),
         (f"[build]\nwidths_mm = {[9] * 11}", "build.widths_mm", "at most 10"),
         ("[build]\nwidths_mm = [9, 0]", "build.widths_mm[2]", "greater than or equal to 0.000001"),
+        ('[evaluation]\nfinalists_by = "range"', "evaluation.finalists_by", "'contact_range'"),
         ("[evaluation]\nfabricable = 1", "evaluation.fabricable", "boolean"),
         ('name = "a b"', "name", "letters"),
         ('schema2 = "x"', "schema2", "did you mean 'schema'"),

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vinefab.core.errors import BadInputError
 from vinefab.fabrication.package.bom import machine_time, move_time_s, segment_times_s
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Sealer
@@ -58,6 +59,14 @@ def test_passes_travel_and_order_count(profile: LaserProfile) -> None:
     hops = (50.0, 100.0, 300.0, 300.0)
     assert time.travel_s == pytest.approx(sum(move_time_s(hop, 500, 1000) for hop in hops))
     assert time.total_s == pytest.approx(sum(time.work_s.values()) + time.travel_s)
+
+
+def test_an_operation_that_the_recipe_lacks_is_an_error(job: Job, profile: LaserProfile) -> None:
+    without = dict(profile.recipe.by_operation)
+    del without["weld"]
+    poorer = replace(profile, recipe=profile.recipe.changed(operations=without))
+    with pytest.raises(BadInputError, match="weld"):
+        machine_time(job, poorer)
 
 
 def test_times_agree_with_a_step_by_step_integration(segment_of: Callable[..., Segment]) -> None:

@@ -251,6 +251,10 @@ def test_the_readme_warns_of_a_robot_larger_than_the_bed(prepared: Prepared) -> 
     assert "beyond the bed" in words(replace(prepared, job=small))
 
 
+def test_the_readme_says_how_often_paths_are_run(prepared: Prepared) -> None:
+    assert "2 passes, air" in words(prepared)  # the fixture's recipe, for everything
+
+
 def test_the_readme_says_where_the_film_of_tiles_lies(prepared: Prepared) -> None:
     facts = [
         {"tile": 1, "window_x_mm": -190.2, "window_y_mm": -100.4, "aligned_to_tile": None},

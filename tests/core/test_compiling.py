@@ -77,6 +77,11 @@ def test_an_index_that_cannot_be_read_is_made_anew(
     del sys.modules["toy_kernel"]
 
 
+def test_where_numba_is_told_to_compile_nothing_functions_stay(monkeypatch) -> None:
+    monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
+    assert compiling.compiled(_kept) is _kept
+
+
 def _kept(points, ends):
     count = 0
     for k in range(len(points)):

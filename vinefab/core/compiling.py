@@ -44,6 +44,8 @@ def compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba disp
         dispatcher = _jit(function, cache=True)
     except RuntimeError:
         return _jit(function)
+    if dispatcher is function:  # the user's NUMBA_DISABLE_JIT
+        return function
     index = dispatcher._cache._cache_file
     index._load_index = _lenient(index._load_index)
     return dispatcher

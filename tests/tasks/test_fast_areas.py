@@ -100,6 +100,23 @@ def test_the_worst_case_bound_holds_for_any_discs(pillar_room: Map) -> None:
             assert abs(seen - exact_mm2(context, tips, radius)) < bound
 
 
+@pytest.mark.parametrize(("kind", "right_mm"), [("raster", 400), ("sight_lines", 150)])
+def test_sets_of_places_do_not_depend_on_each_other(
+    pillar_room: Map, kind: str, right_mm: float
+) -> None:
+    rng = np.random.default_rng(4)
+    areas = getattr(MapContext.of(pillar_room), kind)(30.0)
+    sets = [rng.uniform((0, 0), (right_mm, 300), (count, 2)) for count in (4, 0, 1, 25)]
+    before = np.concatenate(sets)
+    tips = before.copy()
+    seen, summed = areas.covered_mm2(tips, np.cumsum([0, *map(len, sets)]))
+    assert np.array_equal(tips, before)
+    assert seen[1] == summed[1] == 0.0
+    for index, own in enumerate(sets):
+        alone = areas.covered_mm2(own, np.array([0, len(own)]))
+        assert (seen[index], summed[index]) == (alone[0][0], alone[1][0])
+
+
 def test_a_raster_that_would_be_too_large_is_not_made(room_context: MapContext) -> None:
     assert FreeArea.of(room_context.edges_mm, 0.5) is None
     assert room_context.raster(50.0) is room_context.raster(50.0)

@@ -100,6 +100,9 @@ def test_spread_and_peak_are_those_of_each_run(rng):
     flat = values.reshape(3, -1)
     assert interval(values, spread).value == pytest.approx(flat.std(axis=1).mean())
     assert interval(values, peak).value == pytest.approx(np.percentile(flat, 95, axis=1).mean())
+    # The standard error of the spread of 400 normal numbers, known in closed form.
+    error = interval(rng.normal(size=(1, 400, 1)), spread).error
+    assert error == pytest.approx(1.0 / np.sqrt(2 * 400), rel=0.2)
 
 
 def test_intervals_of_shares_end_at_0_and_1():

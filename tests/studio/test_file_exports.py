@@ -192,6 +192,21 @@ def test_an_export_that_is_stopped_leaves_nothing_in_the_folder_for_temporary_fi
     assert list((here / "scratch").iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("what", "options", "last"),
+    [
+        ("package", {"allow_uncalibrated": True}, "answer"),
+        ("rig", {"fit_mm": 120.0, "pictures": False}, "remark"),
+    ],
+)
+def test_findings_of_what_was_written_are_told_once_and_as_findings(what, options, last):
+    view = export(opened(), what, what, options=options)["view"]
+    assert "warning" in {block.get("weight") for block in view}
+    assert view[-1]["kind"] == last
+    assert not [block for block in view if block["text"].startswith(("warn ", "skipped ", " "))]
+    assert any("parts for" in block["text"] for block in view) == (what == "rig")
+
+
 def test_rules_and_an_unconfirmed_recipe_refuse_a_package():
     answer = export(opened(), "package", "package")
     assert "--allow-uncalibrated" in answer["refused"]

@@ -12,7 +12,7 @@ import os
 import re
 import shlex
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -42,7 +42,7 @@ from vinefab.core.plain_text import GENERATOR, plain
 from vinefab.core.registry import with_parameters
 from vinefab.core.validation import check_plain, whole
 from vinefab.core.verbs import SHELL, Call, Shell
-from vinefab.core.view import Notes, plain_blocks
+from vinefab.core.view import Block, Notes, lines, plain_blocks
 from vinefab.growth.options import GrowthChoice, GrowthOptions
 from vinefab.model.design import Design, design_text
 from vinefab.model.files.shipped import (
@@ -384,7 +384,7 @@ def _export(kind: Export, source: ExportSource, progress: Progress) -> dict[str,
         write_folder(source.folder, source.inputs, DESIGN_FILE)
     written, view, findings = [out], found.view(), ()
     if kind.mark:
-        written, view = [out / name for name in found.files], (Notes(found.summary),)
+        written, view = [out / name for name in found.files], _told(found.summary, found.report)
         findings = found.report.findings
     archive = out.with_name(f"{out.name}.zip")
     if isinstance(kind, PackageExport) and kind.zip:
@@ -396,6 +396,15 @@ def _export(kind: Export, source: ExportSource, progress: Progress) -> dict[str,
         "view": plain_blocks(view),
         "findings": [one.content for one in findings],
     }
+
+
+def _told(summary: Sequence[str], report: CheckReport) -> Iterator[Block]:
+    """Yield the summary of a folder, with the blocks of its report in place of their lines."""
+    every = [(block, set(lines([block]))) for block in report.view()]
+    shown = [block for block, said in every if said and said <= set(summary)]
+    told = set(lines(shown))
+    yield Notes(tuple(line for line in summary if line not in told))
+    yield from shown
 
 
 @contextmanager

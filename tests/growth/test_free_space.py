@@ -74,6 +74,7 @@ def test_a_free_space_shrunk_piece_by_piece_is_that_shrunk_at_once(monkeypatch, 
     monkeypatch.setattr(freespace, "MOST_AT_ONCE", 10)
     piecewise = Terrain.of(world).free_space(radius_mm)
     assert piecewise.is_valid
+    assert not shapely.equals_exact(piecewise, at_once), "large maps take hours at once"
     # Both draw arcs as polygons, within 0.0012 radii of the true ones.
     assert shapely.hausdorff_distance(piecewise, at_once) < 0.005 * radius_mm
     assert shapely.symmetric_difference(piecewise, at_once).area < 2e-4 * at_once.area
@@ -84,6 +85,7 @@ def test_what_is_beside_a_ring_is_found_piece_by_piece_too(monkeypatch):
     at_once = freespace.beside_walls(np.array([ring]), 12.0)
     monkeypatch.setattr(freespace, "MOST_AT_ONCE", 10)
     piecewise = freespace.beside_walls(np.array([ring]), 12.0)
+    assert not shapely.equals_exact(piecewise, at_once), "long rings take hours at once"
     assert shapely.hausdorff_distance(piecewise, at_once) < 0.01 * 12.0
 
 

@@ -97,6 +97,7 @@ def test_the_same_job_gives_the_same_bytes_and_is_known_as_ours(
     data = lightburn_text(job, profile).encode()
     assert OWN_MARK in data[:8192] or OWN_MARK in data[-8192:]
     assert lightburn_text(job, profile) == lightburn_text(job, profile)
+    assert b"| offset_mm: 0.65 |" in data
 
 
 def test_variants_have_layers_and_settings_of_their_own(job: Job, profile: LaserProfile) -> None:

@@ -67,6 +67,14 @@ def test_a_branch_that_ends_in_the_open_is_unclear():
     assert seen_meetings(Replays(WORLD), seen) == ((), "unclear")
 
 
+def test_what_is_met_within_the_error_of_the_length_is_unclear():
+    replays = Replays(WORLD)
+    short = replays.grown(BASE, math.radians(80.0), 57.5, RADIUS)  # 56.9 mm to the wall
+    assert len(short.meetings) == 1
+    contacts, _ = seen_meetings(replays, seen_of(short.chain_mm, 57.5, 80.0, early=False))
+    assert [contact.outcome for contact in contacts] == ["unclear"]
+
+
 def test_a_slide_counts_only_where_the_replay_lies_within_millimetres_of_the_line():
     replays = Replays(WORLD)
     slid = replays.grown(BASE, math.radians(80.0), 90.0, RADIUS)

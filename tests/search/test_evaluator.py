@@ -382,6 +382,12 @@ def test_a_serial_executor_works_in_order_when_finished():
     assert done == [0, 1, 2, 3]
 
 
+def test_an_executor_of_one_needs_no_helper(helper):
+    units = [WorkUnit(threading.get_ident) for _ in range(3)]
+    Executor(helper, 1).begin(units)()
+    assert {unit.result for unit in units} == {threading.get_ident()}
+
+
 @pytest.mark.parametrize("place", [0, 3])
 def test_an_error_is_raised_and_stops_the_rest(helper, place):
     """In the helper's unit, which is the first, and in another one."""

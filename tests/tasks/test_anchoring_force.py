@@ -474,6 +474,15 @@ def test_every_branch_the_trunk_included_holds_at_most_what_it_stands(
         assert robots.ideal(0.3)[0] == pytest.approx(whole)
 
 
+def test_where_film_and_seam_are_unknown_nothing_is_limited(fork: Design, ended: Ended) -> None:
+    end = ended(fork, [wrapped(turn) for turn in (0.5, 1.0, 2.0)])
+    robots = anchored(end, [10.0, 10.0], None, [True, True])
+    free_n, held_n, count = robots.pulls_n(0.3)
+    assert (held_n[0], count[0]) == (free_n[0], 0.0)
+    assert held_n[0] > 0.0
+    assert robots.amplification(0.3)[0] == robots.ideal(0.3)[0]
+
+
 def test_shipped_film_and_seam_are_the_limits_unless_told_otherwise() -> None:
     film = read_profile(DEFAULT_RECIPE).material
     assert Anchoring().film_n_mm == pytest.approx(film.strength_mpa.value * film.ply_mm.value)

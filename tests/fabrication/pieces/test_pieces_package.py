@@ -27,10 +27,11 @@ POUCHED = design(
     taper=(0.95, 0.9, 0.85),
     pouch=Pouch(shape="round", radius_mm=8.0),
 )
+LONG = design(fan(2, 500.0, 40.0), fan(2, 420.0, 40.0), trunk=400.0)
 
 
 POUCHED_TURNED = POUCHED.changed(build=POUCHED.build.changed(mounting="turned"))
-ROBOTS = {"TREE": TREE, "POUCHED_TURNED": POUCHED_TURNED}
+ROBOTS = {"TREE": TREE, "LONG": LONG, "POUCHED_TURNED": POUCHED_TURNED}
 
 
 @pytest.fixture(scope="module", params=ROBOTS)

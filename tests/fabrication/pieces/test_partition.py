@@ -55,6 +55,18 @@ def test_one_cut_parts_one_crossing():
     assert set(found.pieces[1].branches) == {sleeve.branch}
 
 
+def test_a_tree_that_is_far_beyond_its_pieces_is_given_up_with_a_lower_bound():
+    fans = (2, 120.5, 129.5, 1.461), (2, 159.2, 89.2, 0.721), (4, 78.9, 112.7, 0.57)
+    levels = [fan(*one) for one in (*fans, (2, 192.0, 115.8, 1.115))]
+    large = design(*levels, widths=(40.0, 26.0, 16.9, 11.0, 7.1), trunk=168.3)
+    partition = partition_of(large, PROFILE)
+    assert partition.unfinished
+    subject = replace(Subject.of(large), profile=PROFILE)
+    (found,) = run_checks(in_pieces(subject, partition), only={"VF-J02"}).findings
+    assert found.measured > found.limit == 6
+    assert found.message.startswith(f"at least {found.measured:.0f} pieces")
+
+
 def built(one=CROSSED, **build):
     return one.changed(build=one.build.changed(**build))
 

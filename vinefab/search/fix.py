@@ -604,7 +604,8 @@ def fix_in_stage(
         if best is not None and pruning_cost(design, space.branches) >= best.cost:
             continue
         most_cost = best.cost if best else np.inf
-        if stage == FILLETS or not len(space):  # little clears more than the smallest fillets do
+        # Nothing clears more than the smallest fillets do; of no values there is one vector alone.
+        if stage == FILLETS or not len(space):
             smallest = np.full(len(space), -_SMALLEST)
             x = smallest if space.penalty(smallest) == 0.0 else None
         else:

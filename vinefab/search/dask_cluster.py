@@ -50,10 +50,8 @@ from vinefab.search.record.generations import plugin_packages
 from vinefab.tasks.evaluate import Conditions
 
 if TYPE_CHECKING:
-    import dask
     import distributed
 else:
-    dask = imported_later("dask")
     distributed = imported_later("distributed")
 
 
@@ -542,8 +540,10 @@ class DaskEvaluator:
                 # Private, because workers import from it: dask's own is shared by all users.
                 folder = TemporaryDirectory(prefix="vinefab-", ignore_cleanup_errors=True)
                 private = stack.enter_context(folder)
-                stack.enter_context(dask.config.set(_without_http()))  # also for later workers
-                stack.enter_context(dask.config.set({"temporary-directory": private}))
+                stack.enter_context(
+                    distributed.dask.config.set(_without_http())
+                )  # also for later workers
+                stack.enter_context(distributed.dask.config.set({"temporary-directory": private}))
                 try:
                     local = distributed.LocalCluster(  # type: ignore[no-untyped-call]
                         n_workers=self.count,
@@ -675,10 +675,12 @@ def _check_tls_files(address: str) -> None:
 def _without_http() -> dict[str, list[str]]:
     """Return settings of dask with which its servers answer only to TLS certificates."""
     settings: dict[str, list[str]] = {}
+    # Not dask's own: settings of its servers are there once distributed is loaded.
+    present = distributed.dask.config
     for server in ("scheduler", "worker"):
         preload = f"distributed.{server}.preload"
         # Modules whose `dask_setup` is called with every server: the user's and this one.
-        settings[preload] = [*dask.config.get(preload), __name__]
+        settings[preload] = [*present.get(preload), __name__]
         settings[f"distributed.{server}.http.routes"] = []
     return settings
 

@@ -5,9 +5,13 @@ import os
 import shutil
 import signal
 import tempfile
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from vinefab.core.user_cache import cache_root
 
 # Programs that import their neighbours, as they can where they lie; they hold no tests.
 collect_ignore = [
@@ -29,10 +33,16 @@ for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SI
     if number is not None and signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, usual)
 
-# Simulated joints are kept for the other workers of this run, not for a user's.
+# Simulated joints are kept for the other workers of this run, not for a user's. Compiled code is
+# the user's: its content is part of its name.
 if "PYTEST_XDIST_WORKER" not in os.environ:
-    os.environ["VINEFAB_CACHE"] = tempfile.mkdtemp(prefix="vinefab-cache-")
-    atexit.register(shutil.rmtree, os.environ["VINEFAB_CACHE"], ignore_errors=True)
+    folder = Path(tempfile.mkdtemp(prefix="vinefab-cache-"))
+    code = cache_root() / "code"
+    code.mkdir(parents=True, exist_ok=True)
+    with suppress(OSError):  # Windows lets few users link
+        (folder / "code").symlink_to(code, target_is_directory=True)
+    os.environ["VINEFAB_CACHE_DIR"] = str(folder)
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
 
 
 @pytest.fixture

@@ -28,6 +28,8 @@ from golden_cases import BESIDE, CASES, inputs
 from golden_compare import compare
 from golden_values import plain
 
+from vinefab.core.user_cache import cache_root
+
 SAID, EXITS = "said.txt", "exits.json"
 SETTINGS = {
     "SOURCE_DATE_EPOCH": "0",
@@ -36,7 +38,6 @@ SETTINGS = {
     "TZ": "UTC",
     "VINEFAB_PROFILES": os.devnull,  # no designs and recipes of the user's own
     "XDG_STATE_HOME": os.devnull,
-    "VINEFAB_CACHE": os.devnull,  # no joints simulated before
     "OPENBLAS_NUM_THREADS": "1",
 }
 LOADED_ONCE = (  # takes most of a command's start; nothing of vinefab's
@@ -137,8 +138,12 @@ def _newer(old: Path, new: Path | None, names: list[str]) -> Iterator[Path]:
 def _in_fresh_process(words: list[str]) -> None:
     """Run this program with the settings of a recording, which are read when Python starts."""
     path = os.environ.get("PYTHONPATH") or str(Path(__file__).resolve().parents[1])
-    settings = os.environ | SETTINGS | {"PYTHONPATH": path}
-    subprocess.run([sys.executable, __file__, *words], env=settings, check=True)
+    with tempfile.TemporaryDirectory() as cache:  # no joints simulated before
+        code = cache_root() / "code"
+        code.mkdir(parents=True, exist_ok=True)
+        (Path(cache) / "code").symlink_to(code, target_is_directory=True)
+        settings = os.environ | SETTINGS | {"PYTHONPATH": path, "VINEFAB_CACHE_DIR": cache}
+        subprocess.run([sys.executable, __file__, *words], env=settings, check=True)
 
 
 def _names(patterns: list[str]) -> list[str]:

@@ -1,13 +1,16 @@
-"""The cache of compiled code notices edits to one file only."""
+"""Compiled code: what it is made from, the cache of it, and compiling it beforehand."""
 
 import ast
 import importlib
 import math
-import pickle
+import os
 import platform
 import re
+import shutil
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numba
 import numpy as np
@@ -15,6 +18,7 @@ import pytest
 
 import vinefab
 from vinefab.core import compiling
+from vinefab.core.user_cache import KeptFiles
 
 KERNELS = sorted(Path(vinefab.__file__).parent.rglob("*kernel.py"))
 ALLOWED = {"math", "collections", "typing", "numpy", "vinefab.core.compiling"}
@@ -50,31 +54,74 @@ def test_all_that_is_compiled_stands_in_such_files() -> None:
     assert not [path for path in users if re.search(r"\b(compiled|inlined)\(", texts[path])]
 
 
-@pytest.mark.parametrize(
-    "index",
-    [pickle.dumps(numba.__version__) + b"cvinefab.growth.kernel\n_Gone\n.", b"", b"\0 no pickle"],
-    ids=["a type of an earlier version", "empty", "damaged"],
-)
-def test_an_index_that_cannot_be_read_is_made_anew(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, index: bytes
-) -> None:
-    """Here, numba raised what pickle did, at the first call of a user who had upgraded."""
-    path = tmp_path / "toy_kernel.py"
-    path.write_text("def doubled(x):\n    return 2.0 * x\n")
+DAMAGE = {
+    "empty": lambda _: b"",
+    "cut": lambda data: data[: len(data) // 2],
+    "flipped": lambda data: data[:-9] + bytes([data[-9] ^ 1]) + data[-8:],
+}
 
+
+@pytest.fixture
+def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], Any]]:
+    """A module of one kernel with some text, loaded anew, and a cache of its own."""
     monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("VINEFAB_CACHE_DIR", str(tmp_path / "cache"))
+    path = tmp_path / "toy_kernel.py"
 
-    def called() -> tuple[float, int]:
-        doubled = compiling.compiled(importlib.import_module("toy_kernel").doubled)
-        return doubled(4.0), sum(doubled.stats.cache_hits.values())
+    def doubled(text: str = "def doubled(x):\n    return 2.0 * x\n") -> Any:
+        path.write_text(text)
+        compiling._source.cache_clear()
+        sys.modules.pop("toy_kernel", None)
+        importlib.invalidate_caches()
+        shutil.rmtree(tmp_path / "__pycache__", ignore_errors=True)
+        return compiling.compiled(importlib.import_module("toy_kernel").doubled)
 
-    assert called() == (8.0, 0)
-    assert called() == (8.0, 1)
-    (kept,) = tmp_path.rglob("*.nbi")
-    kept.write_bytes(index)
-    assert called() == (8.0, 0)
-    assert called() == (8.0, 1)
-    del sys.modules["toy_kernel"]
+    yield doubled
+    sys.modules.pop("toy_kernel", None)
+    compiling._source.cache_clear()
+
+
+def called(doubled: Any) -> tuple[float, int]:
+    return doubled(4.0), sum(doubled.stats.cache_hits.values())
+
+
+@pytest.mark.parametrize("damaged", DAMAGE.values(), ids=DAMAGE)
+def test_a_damaged_file_of_code_is_replaced(toy, tmp_path: Path, damaged) -> None:
+    assert [called(toy()), called(toy())] == [(8.0, 0), (8.0, 1)]
+    (kept,) = (tmp_path / "cache" / "code").iterdir()
+    whole = kept.read_bytes()
+    kept.write_bytes(damaged(whole))
+    assert [called(toy()), called(toy())] == [(8.0, 0), (8.0, 1)]
+    assert [path.name for path in kept.parent.iterdir()] == [kept.name]
+    assert len(kept.read_bytes()) == len(whole)
+
+
+def test_code_that_names_a_type_of_an_earlier_version_is_compiled_anew(toy, tmp_path: Path) -> None:
+    called(toy())
+    (kept,) = (tmp_path / "cache" / "code").iterdir()
+    gone = b"cvinefab.growth.kernel\n_Gone\n."
+    KeptFiles(kept.parent, ".code", 1 << 20).write(kept.name.removesuffix(".code"), gone)
+    assert [called(toy()), called(toy())] == [(8.0, 0), (8.0, 1)]
+
+
+def test_code_is_found_by_the_content_of_its_source(toy, tmp_path: Path) -> None:
+    other = "def doubled(x):\n    return 3.0 * x\n"
+    assert [called(toy()), called(toy(other))] == [(8.0, 0), (12.0, 0)]
+    assert [called(toy()), called(toy(other))] == [(8.0, 1), (12.0, 1)]
+    assert not [path for path in tmp_path.rglob("*.nb?") if path.is_file()]
+
+
+def test_the_files_that_were_used_longest_ago_are_pruned(tmp_path: Path) -> None:
+    kept = KeptFiles(tmp_path / "code", ".code", 1200)
+    for age, name in ((3, "old"), (2, "older"), (1, "new")):
+        kept.write(name, b"x" * 300)
+        os.utime(kept.folder / f"{name}.code", (1e9 - 1e6 * age,) * 2)
+    (kept.folder / "killed.unfinished").touch()
+    os.utime(kept.folder / "killed.unfinished", (1e9, 1e9))
+    assert kept.read("old") == b"x" * 300  # which counts as used now
+    kept.write("newest", b"y" * 300)
+    names = sorted(path.stem for path in kept.folder.iterdir())
+    assert names == ["new", "newest", "old"]
 
 
 def test_where_numba_is_told_to_compile_nothing_functions_stay(monkeypatch) -> None:

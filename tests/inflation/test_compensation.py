@@ -25,7 +25,7 @@ UNEVEN = JointShape(angles_deg=(-30.0, 50.0), widths=(0.6, 0.5), fillets=(0.1, 0
 @pytest.fixture
 def cache(monkeypatch, tmp_path):
     """An empty cache, on disk and in memory."""
-    monkeypatch.setenv("VINEFAB_CACHE", str(tmp_path))
+    monkeypatch.setenv("VINEFAB_CACHE_DIR", str(tmp_path))
     flat_joint.cache_clear()
     deployed_joint.cache_clear()
     yield cache_folder()
@@ -152,7 +152,7 @@ def test_a_broken_cache_is_rebuilt(cache, monkeypatch):
 def test_an_unwritable_cache_is_left_out(monkeypatch, tmp_path):
     place = tmp_path / "file"
     place.write_text("no folder")
-    monkeypatch.setenv("VINEFAB_CACHE", str(place))
+    monkeypatch.setenv("VINEFAB_CACHE_DIR", str(place))
     deployed_joint.cache_clear()
     assert deployed_joint(replace(UNEVEN, hoop_strain=0.02)).source == "simulated"
     assert place.read_text() == "no folder"

@@ -119,7 +119,7 @@ def first_pictures_s(browser, folder, runs, cache):
     """Return the times from the command to the address and to the first picture."""
     times = []
     for _ in range(runs):
-        extra = {"NUMBA_CACHE_DIR": tempfile.mkdtemp(dir=folder)} if cache == "empty" else {}
+        extra = {"VINEFAB_CACHE_DIR": tempfile.mkdtemp(dir=folder)} if cache == "empty" else {}
         began = time.time()
         with running_studio(folder, extra=extra) as studio:
             said = time.time() - began

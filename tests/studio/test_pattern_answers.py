@@ -45,7 +45,7 @@ def nothing_simulated(monkeypatch, tmp_path):
     def never(joint):
         pytest.fail(f"simulates {joint}")
 
-    monkeypatch.setenv("VINEFAB_CACHE", str(tmp_path))
+    monkeypatch.setenv("VINEFAB_CACHE_DIR", str(tmp_path))
     for name in ("simulated_flat_joint", "simulated_deployed_joint"):
         monkeypatch.setattr(compensation, name, never)
     pattern._joint.cache_clear()

@@ -22,6 +22,7 @@ from vinefab.core.errors import (
     ExportRefusedError,
     InterruptedRunError,
     KeptAsideWarning,
+    NotCachedWarning,
     VinefabError,
     shortened,
 )
@@ -119,7 +120,8 @@ def run() -> None:
     with warnings.catch_warnings():
         if not sys.warnoptions:
             warnings.simplefilter("ignore")
-            warnings.simplefilter("always", KeptAsideWarning)
+            for kind in (KeptAsideWarning, NotCachedWarning):
+                warnings.simplefilter("always", kind)
             warnings.formatwarning = lambda message, *_: f"note: {message}\n"
         code = main(sys.argv[1:])
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:

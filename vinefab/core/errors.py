@@ -133,6 +133,10 @@ class KeptAsideWarning(UserWarning):
     """A file that may have been changed by hand was replaced, and kept under another name."""
 
 
+class NotCachedWarning(UserWarning):
+    """The user's cache cannot be written to."""
+
+
 class WorkersLostError(VinefabError, ConnectionError):
     """All workers are lost; finished work is kept."""
 

@@ -4,7 +4,7 @@ Like `vinefab.growth.kernel` it imports no module of vinefab but `core.compiling
 compiled file does not notice changes of another.
 """
 
-from vinefab.core.compiling import compiled, inlined
+from vinefab.core.compiling import compiled, inlined, takes
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 # ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of compiled functions
@@ -12,6 +12,7 @@ from vinefab.core.compiling import compiled, inlined
 
 
 @compiled
+@takes("i1 f1 i2 f2 f2 f2 i1 i1 i1 f1 f1", seconds=0.3)
 def plan_trees(depth, trunk, branches, fan, size, growth, first, parent, level, offset, length):
     """Write the branches of trees that branch alike on each level, parents first.
 
@@ -52,6 +53,7 @@ def plan_trees(depth, trunk, branches, fan, size, growth, first, parent, level, 
 
 
 @compiled
+@takes("i1 i1 i1 f1 f1 f1", seconds=0.1)
 def riding_film(first, parent, level, length, width, riding):
     """Write the film that rides inside each branch, as `growth_pressure.riding_mm` for one tree.
 
@@ -82,6 +84,7 @@ def _evenly(first, last, index, count):
 
 
 @compiled
+@takes("i1 i1 f2 i1 i1 i f2 i1", seconds=0.1)
 def gather_tips(branch, room, points, first_point, stop, hidden, tips, first):
     """Write the tips of all branches that emerged, growth by growth; return their number.
 

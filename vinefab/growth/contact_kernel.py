@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from vinefab.core.compiling import called, compiled, inlined
+from vinefab.core.compiling import called, compiled, inlined, takes
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 # ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of compiled functions
@@ -463,7 +463,14 @@ def _write(tree_parent, tree_turn, growth, first_branch, room, job, work, tolera
             growth.heading[row, 0], growth.heading[row, 1] = ux, uy
 
 
+# Types of arguments, see `takes`.
+_TREES = "vinefab.growth.arrays:TreesArrays(i1r f2r f1r f1r f1r i1r)"
+_JOBS = "vinefab.growth.arrays:JobArrays(i1 i1 f2 f1 b1 i1 i1 i1 i1)"
+_GROWTH = "vinefab.growth.arrays:Growth(f2 i1 i1 f1 f1 f2 i1 f1 f1 f1 i1 f1 f1)"
+
+
 @compiled
+@takes(f"{_TREES} f1 {_JOBS} f1 f i1 b {_GROWTH} f2", seconds=4.7)
 def settle_jobs(trees, radius, jobs, tolerance, emergence, seeds, stops, growth, work):
     """Let children fail to come out, and branches stop at each other, in finished growths.
 

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vinefab.core.compiling import compiled, inlined
+from vinefab.core.compiling import compiled, inlined, takes
 
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code=arg-type
 # ruff: noqa: ANN001, ANN202, ANN201, FBT003  numba infers the types of compiled functions
@@ -848,7 +848,19 @@ def _growth_of(jobs, growth, job):
     )
 
 
+# Types of arguments, see `takes`.
+_ATLAS = (
+    "vinefab.growth.arrays:TerrainSetArrays("
+    "vinefab.growth.arrays:WallArrays(f2r j2r f2r f2r j1r f2r i2r j1r j1r j1r) f1r i2r)"
+)
+_TREES = "vinefab.growth.arrays:TreesArrays(i1r f2r f1r f1r f1r i1r)"
+_RULES = "vinefab.growth.arrays:Rules(f b f f f i f f)"
+_JOBS = "vinefab.growth.arrays:JobArrays(i1 i1 f2 f1 b1 i1 i1 i1 i1)"
+_GROWTH = "vinefab.growth.arrays:Growth(f2 i1 i1 f1 f1 f2 i1 f1 f1 f1 i1 f1 f1)"
+
+
 @compiled
+@takes(f"{_ATLAS} {_TREES} {_RULES} {_JOBS} {_GROWTH} i i", seconds=7.1)
 def grow_jobs(atlas, trees, rules, jobs, growth, first, last):
     """Grow one span of branches of each of the jobs ``first .. last - 1``.
 

@@ -1,7 +1,6 @@
 """Flat angles that deploy as designed: the inverse of one simulated joint."""
 
 import json
-import os
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, replace
@@ -16,6 +15,7 @@ from pydantic import TypeAdapter
 from vinefab.core.atomic import write_bytes
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.hashing import fingerprint
+from vinefab.core.user_cache import cache_root
 from vinefab.core.validation import Floats
 from vinefab.inflation.joint import InflatedJoint, JointShape, inflated_joint, turned_joint
 from vinefab.inflation.membrane import NotConvergedError
@@ -26,18 +26,12 @@ from vinefab.inflation.table import (
     table_file,
 )
 
-CACHE_VARIABLE = "VINEFAB_CACHE"
-"""Environment variable that names the folder of vinefab's cache."""
-
 _MOST_BYTES = 1 << 16
 
 
 def cache_folder() -> Path:
     """Return the folder of joints simulated as now, whether it exists or not."""
-    named, home = os.environ.get(CACHE_VARIABLE), os.environ.get("XDG_CACHE_HOME")
-    root = Path(home) if home else Path("~/.cache").expanduser()
-    cache = Path(named).expanduser() if named else root / "vinefab"
-    return cache / "joints" / simulation_fingerprint()
+    return cache_root() / "joints" / simulation_fingerprint()
 
 
 def cached(way: str, joint: JointShape) -> dict[str, Any] | None:

@@ -8,14 +8,33 @@ imports no module of vinefab but `core.compiling`.
 
 import math
 
-from vinefab.core.compiling import called, compiled, inlined
+from vinefab.core.compiling import called, compiled, inlined, takes
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 # ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of compiled functions
 # ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
 
 
+# Types of arguments, see `takes`.
+_DESIGNS = "vinefab.search.penalty_batch:DesignArrays(i1 i1 f1 i2 f2 f2 f2 i1 i1 i1 f1 f1)"
+_TABLES = (
+    "vinefab.search.penalty_batch:LevelTables("
+    "f2 f2 f2 f2 f2 f2 f1 f1 f1 f1 f1 f1 f1 f1 f1 i1 f2 i1 f2 i3 f3 f1 f3 f f)"
+)
+_LIMITS = (
+    "vinefab.search.penalty_batch:PenaltyLimits("
+    "f f f f f f f f f f f f f f b f f f f f f i f i i f f f f f f f f b f f)"
+)
+_SCRATCH = "vinefab.search.penalty_batch:Scratch(f2 f2 f2 f1 f1 f1 f1 f1 f1 f2 f2 i1 i1 f2 f1 f1)"
+_CUTTING = (
+    "vinefab.search.penalty_batch:CutScratch("
+    "i1 i1 f1 i1 i1 i2 i1 i1 i1 i1 i1 i1 i1 i1 f1 i1 f1 f1 f2 f1 f3 f3 i2 i1 i1 i1 i1 i1 f1 "
+    "f2 i1 f1)"
+)
+
+
 @compiled
+@takes(f"{_DESIGNS} {_TABLES} {_LIMITS} {_SCRATCH} f1", seconds=7.4)
 def penalize(designs, tables, limits, scratch, penalty):
     """Write the penalty of every design: of growth and of the cheap geometric rules.
 
@@ -43,6 +62,7 @@ def penalize(designs, tables, limits, scratch, penalty):
 
 
 @compiled
+@takes(f"{_DESIGNS} {_TABLES} {_LIMITS} {_SCRATCH} {_CUTTING} f1 i1", seconds=23.3)
 def penalize_pieces(designs, tables, limits, scratch, cutting, penalty, joints):
     """Write the penalty of every design that may be cut in pieces, and how often it is cut."""
     for d in range(len(designs.depth)):
@@ -67,6 +87,7 @@ def penalize_pieces(designs, tables, limits, scratch, cutting, penalty, joints):
 
 
 @compiled
+@takes(f"{_DESIGNS} {_TABLES} {_LIMITS} {_SCRATCH} f1", seconds=1.0)
 def add_path_excess(designs, tables, limits, scratch, excess):
     """Add every design's distance from paths fit for the laser: side lengths and drawn fillets."""
     for d in range(len(designs.depth)):

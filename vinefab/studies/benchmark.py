@@ -340,7 +340,7 @@ def first_growth_s(world: Map, before: str) -> float:
         write_text(path, map_text(world))
         done = subprocess.run(  # noqa: S603  this interpreter, on our own code
             [sys.executable, "-c", before + _FIRST_GROWTH, str(path)],
-            env=os.environ | {"NUMBA_CACHE_DIR": folder},
+            env=os.environ | {"VINEFAB_CACHE_DIR": folder},
             stdout=subprocess.PIPE,
             check=True,
         )

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from vinefab.core.compiling import compiled, inlined
+from vinefab.core.compiling import compiled, inlined, takes
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 # ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of compiled functions
@@ -22,6 +22,7 @@ NOTHING = -1
 
 
 @compiled
+@takes("f3r f1 f2 f2", seconds=0.5)
 def fill_strips(edges, box, free, slope):
     """Compute how much free area each strip has to the left of each abscissa.
 
@@ -111,6 +112,7 @@ def _between(table, cell, along):
 
 
 @compiled
+@takes("f2 i1 f f1 f2 f1 i2 i2 f2 f2 f1 f1", seconds=1.1)
 def cover_areas(tips, first, radius, half, free, box, disc, row, place, piece, seen, summed):
     """Compute the free area that equal discs cover together, and the sum of each one's free area.
 
@@ -267,6 +269,7 @@ SLACK = 1e-6
 
 
 @compiled
+@takes("f2 i1 i1 i1 f f2 f1 f2 i2 f1", seconds=0.7)
 def reach_areas(points, first_point, branch, room, radius, weight, box, level, mark, out):
     """Compute the free area within a distance of each of several bodies.
 
@@ -384,6 +387,7 @@ def _nearness(x, y, dx, dy, radius):
 
 
 @compiled
+@takes("f2r f1 f i1", seconds=0.6)
 def count_walls(walls, grid, reach, number):
     """Add up how many walls come within a distance of each cell.
 
@@ -405,6 +409,7 @@ def count_walls(walls, grid, reach, number):
 
 
 @compiled
+@takes("f2r f1 f i1 i1", seconds=0.1)
 def place_walls(walls, grid, reach, free, item):
     """List the walls within a distance of each cell.
 

@@ -2,7 +2,7 @@
 
 import math
 
-from vinefab.core.compiling import compiled, inlined
+from vinefab.core.compiling import compiled, inlined, takes
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 # ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of compiled functions
@@ -13,6 +13,7 @@ from vinefab.core.compiling import compiled, inlined
 
 
 @compiled
+@takes("i1r i1r i1 i1 i1 f2r i1r f1 f1 b1", seconds=0.3)
 def turns(parent, tree_first, tree, branch, room, points, first_point, own, total, leaf):
     """Add up the turns at contacts of each branch and from the base to each tip, and mark leaves.
 
@@ -64,6 +65,7 @@ def _contact_turns(points, one, two):
 
 
 @compiled
+@takes("i1r i1r i1 i1 f1 f1 f1 f1 f1", seconds=0.4)
 def tensions(parent, tree_first, tree, branch, factor, limit, free, held, capped):
     """Compute the pull at the base end of every branch: all that holds beyond it.
 
@@ -101,6 +103,7 @@ def tensions(parent, tree_first, tree, branch, factor, limit, free, held, capped
 
 
 @compiled
+@takes("f2 f2 f2r f1 i1 i1 f f1", seconds=0.9)
 def gaps(tips, across, walls, grid, cell_first, item, tolerance, out):
     """Compute the width of free space at some points, each across some direction.
 

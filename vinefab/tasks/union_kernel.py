@@ -6,7 +6,7 @@ compiled file does not notice changes of another. `vinefab.tasks.map_context` ca
 
 import math
 
-from vinefab.core.compiling import compiled, inlined
+from vinefab.core.compiling import compiled, inlined, takes
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 # ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of compiled functions
@@ -24,6 +24,7 @@ FREE = 1 << 30
 
 
 @compiled
+@takes("f2 i1 i1 f2 i1 f f2 i1 f1 f2 i1 f2 f2 f2 f2", seconds=3.1)
 def union_areas(
     corner,
     ring,

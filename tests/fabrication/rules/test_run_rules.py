@@ -1,11 +1,15 @@
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.fabrication import checking
 from vinefab.fabrication.checking import check_design
+from vinefab.fabrication.job.laser_job import laser_job
+from vinefab.fabrication.job.placement import SheetOptions
+from vinefab.fabrication.rules.as_built import RIG_RULES
 from vinefab.fabrication.rules.catalog import (
     RULES,
     SLEEVE_RULES,
@@ -13,10 +17,12 @@ from vinefab.fabrication.rules.catalog import (
     merged_reports,
     run_checks,
 )
-from vinefab.fabrication.rules.rule import Subject
+from vinefab.fabrication.rules.rule import RigSubject, RuleApplied, RuleNotApplicable, Subject
 from vinefab.model.design import Design, PieceSettings, Waiver
 from vinefab.model.files.shipped import names
 from vinefab.model.finding import Severity
+from vinefab.model.job import LaserPath, Operation
+from vinefab.model.outline import Contour
 from vinefab.model.tree import Partition, Piece
 
 
@@ -187,3 +193,48 @@ def test_no_title_can_be_read_as_its_contrary(rule):
 def test_a_rule_of_another_package_needs_no_second_title():
     mine = replace(RULES["VF-B01"], id="MY-1", title="few branches", broken="")
     assert mine.broken == "not kept: few branches"
+
+
+def along(points_mm, *, closed=False):
+    return Contour.polyline(np.array(points_mm, dtype=float), closed=closed)
+
+
+def bare_jobs(design, profile):
+    """Yield jobs with as little on them as can be: nothing, one contour, or no room for copies."""
+    job = laser_job(design, profile)
+    yield "nothing", replace(job, paths=())
+    yield "empty sheets", replace(job, paths=(), sheets=(replace(job, paths=()), job))
+    yield "empty tiles", replace(job, paths=(), tiles=(replace(job, paths=()),))
+    yield "facts alone", replace(job, paths=(), facts={})
+    stroke, square = (
+        along([(9, 9), (60, 9)]),
+        along([(9, 9), (60, 9), (60, 60), (9, 60)], closed=True),
+    )
+    for operation in Operation:
+        for kind, contour in (("stroke", stroke), ("square", square)):
+            for of in ("", design.name):
+                path = LaserPath(operation=operation, contour=contour, label="alone", of=of)
+                yield f"{kind} to {operation}, of {of or 'none'}", replace(job, paths=(path,))
+    small = profile.machine.bed_width_mm.changed(value=60.0)
+    machine = profile.machine.changed(bed_width_mm=small, bed_height_mm=small)
+    for copies in (1, 2):
+        crowded = laser_job(design, replace(profile, machine=machine), SheetOptions(copies=copies))
+        yield f"{copies} on a bed of 60 mm", crowded
+
+
+@pytest.mark.parametrize("fans", [[], [(2, 150.0, 70.0)]], ids=["vine", "fork"])
+def test_every_rule_has_an_outcome_on_next_to_nothing(make, profile, fans):
+    """Without a recipe, without paths, with one, and where nothing finds room."""
+    design = make(*fans)
+    assert run_checks(Subject.of(design)).run
+    for case, job in bare_jobs(design, profile):
+        subject = Subject.on_sheet(design, profile, job)
+        for rule in RULES.values():
+            try:
+                outcome = rule.apply(subject, rule.limits_with({}))
+            except Exception as error:
+                error.add_note(f"{rule.id} on {case}")
+                raise
+            assert isinstance(outcome, RuleApplied | RuleNotApplicable), (rule.id, case)
+    for rule in RIG_RULES:
+        rule.apply(RigSubject(), rule.limits_with({}))

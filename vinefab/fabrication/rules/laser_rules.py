@@ -566,7 +566,10 @@ def _over_mm(job: Job, machine: Machine) -> float:
     margin_mm = machine.margin_mm.value
     right_mm = machine.bed_width_mm.value - margin_mm
     top_mm = machine.bed_height_mm.value - margin_mm
-    x0, y0, x1, y1 = box_around_mm(p.contour for p in job.paths if p.operation.is_machined)
+    contours = [path.contour for path in job.paths if path.operation.is_machined]
+    if not contours:
+        return 0.0
+    x0, y0, x1, y1 = box_around_mm(contours)
     return max(margin_mm - x0, margin_mm - y0, x1 - right_mm, y1 - top_mm)
 
 
@@ -587,6 +590,7 @@ def check_film(subject: Subject, _: Limits) -> RuleApplied:
             for number, sheet in enumerate(sheets, start=1)
         }
     violations = []
+    cut = {name: contours for name, contours in cut.items() if contours}  # none find room: VF-S01
     for name, contours in cut.items():
         width_mm = least_width_mm(np.concatenate([c.flattened_mm(0.05) for c in contours]))
         if width_mm > roll_mm:
@@ -606,6 +610,8 @@ def least_width_mm(points_mm: Floats) -> float:
     2.4
     """
     hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(points_mm)))
+    if len(hull) < 3:  # points of one straight line lie in a strip without width
+        return 0.0
     along_x, along_y = np.diff(hull, axis=0).T
     across = np.array([-along_y, along_x]) / np.hypot(along_x, along_y)
     return float(np.ptp(hull @ across, axis=0).min())

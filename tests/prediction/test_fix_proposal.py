@@ -56,6 +56,17 @@ def test_an_error_that_no_change_clears_is_reported(profile):
     assert "VF-B01" not in found.lines()[0]
 
 
+@pytest.mark.parametrize("keep", [[], ["branches"], ["branches", "length", "width"]])
+def test_one_fan_that_is_too_narrow_is_opened_and_nothing_else_changes(profile, keep):
+    """What clears the quick rules at the lowest cost does not pass the full check here."""
+    design = Design.read("three_level_tree").with_level(2, angle_deg=8.0)
+    found = propose_fix(design, profile, keep=frozenset(keep))
+    (change,) = found.changes
+    assert change.text.startswith("level 2 fan: 8 -> 28.5")
+    assert change.cost < 0.36
+    assert check_design(found.design, profile).blocking == ()
+
+
 def test_waived_errors_need_no_fix(profile):
     design = fork((40.0, 24.0), tail_mm=120.0)
     (error,) = check_design(design, profile).blocking

@@ -3,7 +3,7 @@
 import functools
 import math
 from collections.abc import Callable
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ from vinefab.search.fix import (
     change_cost,
     design_changes,
     fix_design,
-    fix_in_stage,
+    fix_in_step,
     fix_stages,
     kept_branches,
     parsed_keeps,
@@ -160,13 +160,17 @@ def test_random_designs_of_table_1_are_fixed(profile):
         assert 0.0 < case.size < 6.0
 
 
+def only_fillets(design, targets):
+    return fix_in_step(design, targets, (FILLETS,)).get(FILLETS)
+
+
 def test_a_smaller_fillet_is_tried_before_anything_else(make, profile):
     design = make((2, 45.0, 150.0), (2, 80.0, 200.0), trunk_mm=250.0, fillet_mm=(6.0, 14.0))
     found = run_checks(Subject.of(design, profile)).blocking
     assert "VF-C03" in {finding.rule for finding in found}
     targets = FixTargets.of(design, profile, margin=0.005)
     fixed = fix_design(design, targets)
-    assert fixed == fix_in_stage(design, targets, FILLETS)
+    assert fixed == only_fillets(design, targets)
     assert fixed.design.build.changed(fillet_mm=design.build.fillet_mm) == design.build
     assert all(radius > 1.0 for radius in fixed.design.build.fillet_mm)
     assert run_checks(Subject.of(fixed.design, profile)).blocking == ()
@@ -175,9 +179,9 @@ def test_a_smaller_fillet_is_tried_before_anything_else(make, profile):
 def test_fillets_stop_at_the_limit_of_the_recipe(make, profile):
     design = make((2, 45.0, 150.0), (2, 80.0, 200.0), trunk_mm=250.0, fillet_mm=(6.0, 14.0))
     targets = FixTargets.of(design, profile, {"VF-C04": {"error": 5.9}})
-    assert min(fix_in_stage(design, targets, FILLETS).design.build.fillet_mm) >= 5.9
+    assert min(only_fillets(design, targets).design.build.fillet_mm) >= 5.9
     strict = FixTargets.of(design, profile, {"VF-C04": {"error": 13.0}})
-    assert fix_in_stage(design, strict, FILLETS) is None
+    assert only_fillets(design, strict) is None
 
 
 def short(make):
@@ -217,8 +221,50 @@ def test_branches_go_only_if_nothing_else_helps(make: Make, profile: LaserProfil
     assert found.design.branch_count == design.branch_count
     everything = frozenset(KEEPS)
     assert fix_design(short(make), FixTargets.of(design, profile), keep=everything) is None
-    assert [stage.prunes for stage in fix_stages()] == [False, False, True]
-    assert fix_stages(everything) == (FILLETS,)
+    assert [{stage.prunes for stage in step} for step in fix_stages()] == [{False}, {False}, {True}]
+    assert fix_stages(everything) == ((FILLETS,),)
+
+
+WORDS = ("length", "angle", "width")
+
+
+def kept_with_branches():
+    """Return what may be kept besides the branches, the most first."""
+    sizes = range(len(WORDS), -1, -1)
+    return [frozenset(words) for size in sizes for words in combinations(WORDS, size)]
+
+
+def worst_of_narrower(costs):
+    """Yield what was kept, its cost and the least cost where more was kept."""
+    for words, cost in costs.items():
+        narrower = [other for more, other in costs.items() if more > words]
+        yield words, cost, min(narrower, default=math.inf)
+
+
+CROWDED = [
+    [(3, 90.0, 40.0), (2, 70.0, 110.0)],
+    [(2, 110.0, 30.0), (2, 70.0, 110.0)],
+    [(4, 60.0, 60.0)],
+]
+
+
+@pytest.mark.parametrize("fans", CROWDED)
+def test_what_is_found_while_more_is_kept_is_no_smaller_change(make, profile, fans):
+    design = make(*fans)
+    targets, costs = FixTargets.of(design, profile), {}
+    for words in kept_with_branches():
+        found = fix_design(design, targets, keep=words | {"branches"})
+        costs[words] = found.cost if found else math.inf
+    assert min(costs.values()) < math.inf
+    for words, cost, narrower in worst_of_narrower(costs):
+        assert cost <= narrower, (words, costs)
+
+
+def test_stages_with_less_to_change_are_among_those_with_more():
+    stages = {words: set(fix_stages(words | {"branches"})[-1]) for words in kept_with_branches()}
+    for words, some in stages.items():
+        for more in (other for other in stages if other > words):
+            assert stages[more] - {FILLETS} <= some
 
 
 def test_a_tapered_design_loses_whole_levels_too(make, profile):

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import PAIRED_TAILS, group_means, mean_interval
@@ -28,7 +28,7 @@ from vinefab.search.fix import (
     FixTargets,
     design_changes,
     fix_design,
-    fix_in_stage,
+    fix_in_step,
     fix_stages,
 )
 
@@ -148,8 +148,13 @@ def propose_fix(  # noqa: PLR0913  options by keyword
     if not before.blocking or design.branch_count > MOST_CUT_BRANCHES:
         return ProposedFix(before=before, design=None, after=None)
     after: CheckReport | None = None
-    for stage in fix_stages(keep):
-        for found, report in _rounds(design, profile, limits, grown, progress, stage):
+
+    def check(changed: Design) -> CheckReport:
+        return run_checks(subject_of(changed, profile, grown(changed), limits), limits)
+
+    rounds = _Rounds(design=design, profile=profile, limits=limits, check=check)
+    for step in fix_stages(keep):
+        for found, report in rounds.of_step(step, progress):
             after = report
             if not report.blocking:
                 changes = design_changes(design, found.design)
@@ -191,37 +196,71 @@ def _in_the_way(
     return (tuple(words) if fix_design(design, targets) is not None else ()), False
 
 
-def _rounds(
-    design: Design,
-    profile: LaserProfile,
-    limits: LimitChanges | None,
-    grown: Callable[[Design], Deployed],
-    progress: Callable[[float], None] | None,
-    stage: FixStage,
-) -> Iterator[tuple[FixedDesign, CheckReport]]:
-    """Yield designs without trouble and their full checks, the search stricter every time."""
-    margins, window_share = iter(MARGINS), 1.0
-    margin = next(margins)
-    for _ in range(_MOST_ROUNDS):
-        targets = FixTargets.of(design, profile, limits, margin=margin, window_share=window_share)
-        found = fix_in_stage(design, targets, stage, progress)
-        if found is None:
-            return
-        report = run_checks(subject_of(found.design, profile, grown(found.design), limits), limits)
-        yield found, report
-        # The share of the need of growth on maps that is allowed, 1 where that is not an error.
-        shares = (
-            finding.limit / finding.measured
-            for finding in report.blocking
-            if finding.rule == _WINDOW_RULE and finding.measured and finding.limit
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Rounds:
+    """Searches for changes of one design, stricter where the full check does not pass."""
+
+    design: Design
+    profile: LaserProfile
+    limits: LimitChanges | None
+    check: Callable[[Design], CheckReport]  # of all rules
+    _checked: list[tuple[Design, CheckReport]] = field(default_factory=list)
+
+    def targets(self, margin: float, window_share: float) -> FixTargets:
+        """Return the targets of one round."""
+        return FixTargets.of(
+            self.design, self.profile, self.limits, margin=margin, window_share=window_share
         )
-        share = next(shares, 1.0)
-        if share < 1.0:
-            window_share *= 0.98 * share
-        else:
-            margin = next(margins, 0.0)
-            if margin == 0.0:
+
+    def report(self, changed: Design) -> CheckReport:
+        """Return the full check of a design; several stages may find the same one."""
+        for known, report in self._checked:
+            if known == changed:
+                return report
+        self._checked.append((changed, self.check(changed)))
+        return self._checked[-1][1]
+
+    def of_step(
+        self, step: Sequence[FixStage], progress: Callable[[float], None] | None
+    ) -> Iterator[tuple[FixedDesign, CheckReport]]:
+        """Yield designs without trouble and their full checks, over all stages by rising cost.
+
+        A stage whose design does not pass is searched again, under stricter targets.
+        """
+        first = fix_in_step(self.design, self.targets(MARGINS[0], 1.0), step, progress)
+        again = {stage: self.of_stage(stage, found) for stage, found in first.items()}
+        waiting = {stage: next(one) for stage, one in again.items()}
+        while waiting:
+            stage = min(waiting, key=lambda one: waiting[one].cost)
+            found = waiting.pop(stage)
+            yield found, self.report(found.design)
+            if stricter := next(again[stage], None):
+                waiting[stage] = stricter
+
+    def of_stage(self, stage: FixStage, found: FixedDesign | None) -> Iterator[FixedDesign]:
+        """Yield the designs of a stage, from the first one found, each for stricter targets."""
+        margins, window_share = iter(MARGINS), 1.0
+        margin = next(margins)
+        for number in range(_MOST_ROUNDS):
+            if number:
+                targets = self.targets(margin, window_share)
+                found = fix_in_step(self.design, targets, (stage,)).get(stage)
+            if found is None:
                 return
+            yield found
+            # The share of the need of growth on maps that is allowed, 1 where that is no error.
+            shares = (
+                finding.limit / finding.measured
+                for finding in self.report(found.design).blocking
+                if finding.rule == _WINDOW_RULE and finding.measured and finding.limit
+            )
+            share = next(shares, 1.0)
+            if share < 1.0:
+                window_share *= 0.98 * share
+            else:
+                margin = next(margins, 0.0)
+                if margin == 0.0:
+                    return
 
 
 def _rules(report: CheckReport) -> str:

@@ -1,18 +1,18 @@
 """``check --fix``: the smallest change of a design that clears its errors.
 
 The search is deterministic and follows the order of a maker's attempts: smaller fillets alone; then
-widths, tapers, lengths and angles together; then fewer branches. What comes later is tried only if
-all before it found nothing. At first one value, or a group of them, is moved at a time: what lowers
-the penalty most for its cost, in steps that grow and shrink, until no penalty is left. Where that
-gets stuck and no branch is to go, CMA-ES moves all values together. Then every value moves back
-towards the original as far as the rules allow. The cheapest result counts. It is the best that this
-search finds, not proven to be the smallest there is.
+widths, lengths and angles, alone and together; then fewer branches. What comes later is tried only
+if all before it found nothing. At first one value, or a group of them, is moved at a time: what
+lowers the penalty most for its cost, in steps that grow and shrink, until no penalty is left. Where
+that gets stuck and no branch is to go, CMA-ES moves all values together. Then every value moves
+back towards the original as far as the rules allow. The cheapest result counts. It is the best that
+this search finds, not proven to be the smallest there is.
 """
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations, product
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -333,9 +333,6 @@ Variable = tuple[str, int]
 FIX_KINDS = frozenset({"length", "growth", "fan", "width", "taper", "pouch", "fillet"})
 """What a fix can change, besides the number of branches."""
 
-MAKING = frozenset({"width", "taper", "pouch", "fillet"})
-"""How a robot is made; the others are where it goes."""
-
 BRANCHES = "branches"
 KEEPS: Mapping[str, frozenset[str]] = MappingProxyType(
     {
@@ -372,16 +369,31 @@ class FixStage:
     kinds: frozenset[str]  # of `KINDS`
     prunes: bool = False  # whether branches may be removed
 
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Words of `KEEPS` whose values may change."""
+        return tuple(word for word, kinds in KEEPS.items() if kinds and kinds <= self.kinds)
+
 
 FILLETS = FixStage(kinds=frozenset({"fillet"}))
 
 
-def fix_stages(keep: frozenset[str] = frozenset()) -> tuple[FixStage, ...]:
-    """Return the steps of a fix in their order, less what is to be kept."""
-    kinds = FIX_KINDS.difference(*(KEEPS[word] for word in keep))
-    stages = [FILLETS, FixStage(kinds=kinds)]
-    stages += [] if BRANCHES in keep else [FixStage(kinds=kinds, prunes=True)]
-    return tuple(dict.fromkeys(stages))
+def fix_stages(keep: frozenset[str] = frozenset()) -> tuple[tuple[FixStage, ...], ...]:
+    """Return the stages of a fix: those of one step compete, a later step is a last resort.
+
+    A step has a stage for all kinds that may change, and one for every choice of them. So what is
+    found while more is kept is found while less is kept, too.
+    """
+    free = [kinds for word, kinds in KEEPS.items() if kinds and word not in keep]
+    chosen = [
+        FILLETS.kinds.union(*some)
+        for size in range(1 + len(free))
+        for some in combinations(free, size)
+    ]
+    steps = [(FILLETS,), tuple(FixStage(kinds=kinds) for kinds in chosen[1:])]
+    if BRANCHES not in keep:
+        steps.append(tuple(FixStage(kinds=kinds, prunes=True) for kinds in chosen))
+    return tuple(filter(None, steps))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -576,7 +588,7 @@ def fix_design(
     progress: Callable[[float], None] | None = None,
     keep: frozenset[str] = frozenset(),
 ) -> FixedDesign | None:
-    """Return the cheapest change found in the first stage that finds any, or None.
+    """Return the cheapest change found in the first step that finds any, or None.
 
     Parameters
     ----------
@@ -585,53 +597,106 @@ def fix_design(
     keep
         Words of `KEEPS`: what must not change.
     """
-    found = (fix_in_stage(design, targets, stage, progress) for stage in fix_stages(keep))
-    return next(filter(None, found), None)
+    for step in fix_stages(keep):
+        if found := fix_in_step(design, targets, step, progress):
+            return min(found.values(), key=lambda one: one.cost)
+    return None
+
+
+def fix_in_step(
+    design: Design,
+    targets: FixTargets,
+    step: Sequence[FixStage],
+    progress: Callable[[float], None] | None = None,
+) -> dict[FixStage, FixedDesign]:
+    """Return the cheapest change found that meets the targets in each stage that finds one.
+
+    CMA-ES moves all values of a stage together where single steps find nothing in it, nor in any
+    stage with less to change, but do with everything to change. Fewer branches take its place.
+    """
+    found: dict[FixStage, FixedDesign] = {}
+
+    def tell(done: int) -> None:
+        if progress:
+            progress(done / (2 * len(step)))
+
+    for number, stage in enumerate(step):
+        tell(number)
+        most_cost = min((one.cost for one in found.values()), default=np.inf)
+        one = fix_in_stage(design, targets, stage, most_cost if stage.prunes else np.inf)
+        found |= {stage: one} if one else {}
+    if any(stage.prunes for stage in step):
+        return found
+    lacks = [
+        stage
+        for stage in step
+        if len(stage.groups) > 1 and not any(one.kinds <= stage.kinds for one in found)
+    ]
+    if not lacks or not (found or _has_change(design, targets, known=step)):
+        return found
+    for number, stage in enumerate(lacks, start=len(step)):
+        tell(number)
+        one = _evolved_in_stage(design, targets, stage)
+        found |= {stage: one} if one else {}
+    return found
+
+
+def _has_change(design: Design, targets: FixTargets, known: Sequence[FixStage]) -> bool:
+    """Return whether any change is found with every branch, some stages being known to fail."""
+    step = [stage for stage in fix_stages(frozenset({BRANCHES}))[-1] if stage not in known]
+    if any(fix_in_stage(design, targets, stage) for stage in step):
+        return True
+    return _evolved_in_stage(design, targets, FixStage(kinds=FIX_KINDS)) is not None
 
 
 def fix_in_stage(
-    design: Design,
-    targets: FixTargets,
-    stage: FixStage,
-    progress: Callable[[float], None] | None = None,
+    design: Design, targets: FixTargets, stage: FixStage, most_cost: float = np.inf
 ) -> FixedDesign | None:
-    """Return the cheapest change found that meets the targets in one stage, or None."""
+    """Return the cheapest change that steps of values find in one stage, or None.
+
+    Parameters
+    ----------
+    most_cost
+        Of a change that is worth looking for.
+    """
     best: FixedDesign | None = None
-    spaces = _spaces(design, targets, stage)
-    for number, space in enumerate(spaces):
-        if progress:
-            progress(number / len(spaces))
-        if best is not None and pruning_cost(design, space.branches) >= best.cost:
+    for space in _spaces(design, targets, stage):
+        if pruning_cost(design, space.branches) >= most_cost:
             continue
-        most_cost = best.cost if best else np.inf
         # Nothing clears more than the smallest fillets do; of no values there is one vector alone.
-        if stage == FILLETS or not len(space):
-            smallest = np.full(len(space), -_SMALLEST)
-            x = smallest if space.penalty(smallest) == 0.0 else None
+        if stage.kinds <= FILLETS.kinds or not len(space):
+            x = np.zeros(len(space))
+            if space.penalty(x) > 0.0 and space.penalty(x := x - _SMALLEST) > 0.0:
+                continue
         else:
-            x = _descended(space, _MOST_STEPS if stage.prunes else FIRST_STEPS, most_cost)
-        is_last = number == len(spaces) - 1
-        if x is None and best is None and not stage.prunes and is_last and len(space):
-            x = _evolved(space, progress)
-        if x is None:
-            continue
-        changed = space.at(_retracted(space, x))
-        cost = change_cost(design, changed)
-        if best is None or cost < best.cost:
-            best = FixedDesign(design=changed, cost=cost)
+            descended = _descended(space, _MOST_STEPS if stage.prunes else FIRST_STEPS, most_cost)
+            if descended is None:
+                continue
+            x = descended
+        changed = _settled(space, x)
+        if changed.cost < most_cost:
+            best, most_cost = changed, changed.cost
     return best
 
 
-def _spaces(design: Design, targets: FixTargets, stage: FixStage) -> list[FixSpace]:
-    """Return the spaces that a stage searches, the most promising first: little lost or left.
+def _evolved_in_stage(design: Design, targets: FixTargets, stage: FixStage) -> FixedDesign | None:
+    """Return the cheapest change that CMA-ES finds in a stage that keeps every branch, or None."""
+    (space,) = _spaces(design, targets, stage)
+    x = _evolved(space)
+    return None if x is None else _settled(space, x)
 
-    With all branches these are how the robot is made, which leaves where it goes as it is, and
-    then everything.
-    """
+
+def _settled(space: FixSpace, x: Floats) -> FixedDesign:
+    """Return the design at a vector without penalty, with its values moved back towards zero."""
+    changed = space.at(_retracted(space, x))
+    return FixedDesign(design=changed, cost=change_cost(space.design, changed))
+
+
+def _spaces(design: Design, targets: FixTargets, stage: FixStage) -> list[FixSpace]:
+    """Return the spaces that a stage searches, the most promising first: little lost or left."""
     whole = tuple(level.branches for level in design.levels)
     if not stage.prunes:
-        each = dict.fromkeys((stage.kinds & MAKING, stage.kinds))
-        return [FixSpace.of(design, whole, targets, kinds) for kinds in each]
+        return [FixSpace.of(design, whole, targets, stage.kinds)]
     fewer = [pruning for pruning in kept_branches(design) if pruning != whole]
 
     def estimated_cost(pruning: tuple[int, ...]) -> float:
@@ -643,9 +708,18 @@ def _spaces(design: Design, targets: FixTargets, stage: FixStage) -> list[FixSpa
     return [FixSpace.of(design, pruning, targets, stage.kinds) for pruning in prunings]
 
 
-def _descended(space: FixSpace, steps: int, most_cost: float) -> Floats | None:
-    """Return a vector without penalty, by steps that lower it most for their cost, or None."""
-    directions, x = space.directions(), np.zeros(len(space))
+def _descended(
+    space: FixSpace, steps: int, most_cost: float, x: Floats | None = None
+) -> Floats | None:
+    """Return a vector without penalty, by steps that lower it most for their cost, or None.
+
+    From a vector ``x`` on, its zeros stay as they are.
+    """
+    directions = space.directions()
+    if x is None:
+        x = np.zeros(len(space))
+    else:
+        directions = directions[~directions[:, x == 0.0].any(axis=1)]
     left, cost, step = space.penalty(x), space.cost(x), _FIRST_STEP
     for _ in range(steps):
         if left == 0.0:
@@ -667,7 +741,7 @@ def _descended(space: FixSpace, steps: int, most_cost: float) -> Floats | None:
     return x if left == 0.0 else None
 
 
-def _evolved(space: FixSpace, progress: Callable[[float], None] | None) -> Floats | None:
+def _evolved(space: FixSpace) -> Floats | None:
     """Return the cheapest vector without penalty that CMA-ES meets from zero on, or None.
 
     It ends when the worth of the best vector hardly rises any more.
@@ -678,9 +752,7 @@ def _evolved(space: FixSpace, progress: Callable[[float], None] | None) -> Float
         mean=np.zeros(len(space)), sigma=_SPREAD, seed=_SEED, population_size=_POPULATION
     )
     best, best_cost, least, since = None, math.inf, math.inf, 0
-    for generation in range(most):
-        if progress:
-            progress(generation / most)
+    for _ in range(most):
         told = []
         for x, penalty, cost in space.assessed([search.ask() for _ in range(_POPULATION)]):
             told.append((x, _PENALTY_WORTH * penalty + cost))
@@ -695,7 +767,35 @@ def _evolved(space: FixSpace, progress: Callable[[float], None] | None) -> Float
 
 
 def _retracted(space: FixSpace, x: Floats) -> Floats:
-    """Return a vector with its values moved back towards zero as far as no penalty arises."""
+    """Return a vector with its values moved back towards zero as far as no penalty arises.
+
+    Either all shrink together first, or those that matter least are left out first. Then each is
+    left out while the others go farther. The cheapest counts.
+    """
+    ways = (_without_needless(space, x), x)
+    best = min((_moved_back(space, way) for way in ways), key=space.cost)
+    # A single large change often costs less than that and a second one.
+    for entry in np.flatnonzero(best):
+        if not best[entry] or np.count_nonzero(best) == 1:
+            continue
+        without = np.where(np.arange(len(best)) == entry, 0.0, best)
+        farther = _descended(space, FIRST_STEPS, space.cost(best), without)
+        if farther is not None:
+            best = min(best, _moved_back(space, farther), key=space.cost)
+    return best
+
+
+def _without_needless(space: FixSpace, x: Floats) -> Floats:
+    """Return a vector without the entries that it can do without, the smallest first."""
+    for entry in np.argsort(np.abs(x), kind="stable"):
+        trial = np.where(np.arange(len(x)) == entry, 0.0, x)
+        if x[entry] and space.penalty(trial) == 0.0:
+            x = trial
+    return x
+
+
+def _moved_back(space: FixSpace, x: Floats) -> Floats:
+    """Return a vector with all values shrunk together, then each as far as the targets allow."""
     x = _shrunk(space, x, np.ones(len(x), dtype=np.bool_))
     for _ in range(3):
         before = space.cost(x)

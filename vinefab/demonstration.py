@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from vinefab.core.atomic import fill_folder
+from vinefab.core.compiling import precompile
 from vinefab.core.plain_text import counted, json_text
 from vinefab.core.verbs import this_call
 from vinefab.core.view import Number, Rows, Section
@@ -27,6 +28,7 @@ from vinefab.prediction.measures import REACH, MeanValue
 from vinefab.prediction.predict import Predicted, predict
 from vinefab.rig.make import RigFiles, make_rig
 from vinefab.rig.part import RigOptions, read_printer
+from vinefab.search.needed_code import PREDICTION, needed_code
 from vinefab.search.record.generations import Progress
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import progress_line, run_search, training_maps
@@ -169,6 +171,7 @@ def run_demo(
             progress_line(done, checked=run.evaluation.fabricable),
         )
 
+    precompile((*needed_code(run, training_maps(run)), *PREDICTION))
     result = run_search(run, folder / "run", workers=settings.workers, progress=report_generation)
     progress(0.6, "testing the winner on unseen maps")
     announce(f"testing the winner on {counted(len(unseen), 'map')} that it never saw")

@@ -7,6 +7,7 @@ import os
 import platform
 import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -148,3 +149,74 @@ def test_joined_conditions_take_one_jump():
     if platform.machine() not in {"x86_64", "AMD64"}:
         pytest.skip("jumps are counted in x86 code")
     assert len(re.findall(r"\n\tj(?!mp)\w+", code.split(".size")[0])) < 12
+
+
+# --- Compiling beforehand: in fresh processes, where nothing is compiled yet ----------------------
+
+SMALL = ("growth.batch_kernel.plan_trees", "growth.batch_kernel.gather_tips")
+
+PRECOMPILE = f"""
+import sys
+from vinefab.core import compiling
+heard = []
+compiling._WORTH_S = 0.0
+compiling._processors = lambda: 2
+exec(sys.argv[1])
+with compiling.listening(heard.append):
+    compiling.precompile({SMALL!r})
+assert compiling.lacking({SMALL!r}) == (), "lacking"
+assert compiling.current() is None
+here = [name for name in {SMALL!r} if compiling._function(name).overloads]
+print(len(here), *[f"{{one.number}}/{{one.total}}{{'.' * one.is_done}}" for one in heard])
+"""
+
+
+def precompiled(cache: Path, before: str = "") -> list[str]:
+    (done,) = run_together(cache, before)
+    return done
+
+
+def run_together(cache: Path, *each: str) -> list[list[str]]:
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-c", PRECOMPILE, before],
+            env=os.environ | {"VINEFAB_CACHE_DIR": str(cache)},
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for before in each
+    ]
+    words = [process.communicate()[0].split() for process in started]
+    assert [process.returncode for process in started] == [0] * len(each)
+    return words
+
+
+def test_two_processes_compile_what_is_lacking_and_listeners_hear_of_it(tmp_path: Path) -> None:
+    here, *heard = precompiled(tmp_path)
+    assert (here, heard[-1], set(heard)) == ("1", "2/2.", {"1/2", "2/2", "1/2.", "2/2."})
+    assert precompiled(tmp_path) == ["0"]
+    for path in (tmp_path / "code").iterdir():
+        path.write_bytes(path.read_bytes()[:-1])
+    assert precompiled(tmp_path)[-1] == "2/2."
+
+
+@pytest.mark.parametrize(
+    "without",
+    [
+        "sys.executable = ''",
+        "compiling._processors = lambda: 1",
+        "compiling._HELPER = 'raise SystemExit(3)'",
+        "compiling._HELPER = 'input(); print(0)'",
+    ],
+    ids=["no interpreter", "one processor", "the helper ends", "the helper answers wrongly"],
+)
+def test_without_another_process_this_one_compiles_all(tmp_path: Path, without) -> None:
+    assert precompiled(tmp_path, without)[0] == "2"
+    assert precompiled(tmp_path) == ["0"]
+
+
+def test_two_commands_that_compile_at_once_lose_nothing(tmp_path: Path) -> None:
+    alone = "compiling._processors = lambda: 1"
+    assert [words[-1] for words in run_together(tmp_path, alone, alone)] == ["2/2."] * 2
+    assert precompiled(tmp_path) == ["0"]
+    assert len(list((tmp_path / "code").iterdir())) == len(SMALL)

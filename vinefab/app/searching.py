@@ -324,10 +324,13 @@ def _searched(
     """Return the result of a search that is not recorded."""
     from dataclasses import replace
 
+    from vinefab.core.compiling import precompile
     from vinefab.prediction.run_winner import predict_winner
+    from vinefab.search.needed_code import needed_code
     from vinefab.search.run import Search, fresh_maps, penalty_of, recipe_of, training_maps
 
     maps, fresh = training_maps(settings), fresh_maps(settings)
+    precompile(needed_code(settings, maps) if task is None else ())
     search = Search.of(settings, maps, penalty_of(settings), task=task, fresh_maps=fresh)
     result, recipe = search.run(progress=progress, workers=workers), recipe_of(settings)
     if recipe is not None:

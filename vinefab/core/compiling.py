@@ -538,9 +538,8 @@ def _helper(waiting: deque[str]) -> Iterator[None]:
     if alone or not sys.executable or not _own_code().is_writable():
         yield
         return
-    code = "import sys; sys.path.append(sys.argv[1]); import vinefab.core.compiling as c; c._help()"
     with subprocess.Popen(  # noqa: S603  this interpreter, on our own code
-        [sys.executable, "-P", "-c", code, str(_PACKAGE.parent)],
+        [sys.executable, "-P", "-c", _HELPER, str(_PACKAGE.parent)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -560,6 +559,7 @@ def _helper(waiting: deque[str]) -> Iterator[None]:
 
 
 _PATIENCE_S = 0.2
+_HELPER = "import sys; sys.path.append(sys.argv[1]); import vinefab.core.compiling as c; c._help()"
 
 
 def _ask(process: subprocess.Popen[bytes], waiting: deque[str]) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 
 from vinefab.core.atomic import folder_to_fill
+from vinefab.core.compiling import precompile
 from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.front_door import imported_later
 from vinefab.core.plain_text import counted
@@ -45,6 +46,7 @@ from vinefab.search.manufacturability import (
     run_profile,
     without_rules,
 )
+from vinefab.search.needed_code import needed_code
 from vinefab.search.optimizers.optimizer import (
     FrontOptimizer,
     Optimizer,
@@ -527,6 +529,7 @@ def run_search(  # noqa: PLR0913  options by keyword
         settings = _raised(resumed_limits(folder, settings), limits or {}, folder)
     with located(source) if source else nullcontext():
         maps = training_maps(settings)
+        precompile(needed_code(settings, maps) if task is None else ())
         penalty = penalty_of(settings)
         search = Search.of(settings, maps, penalty, task=task, fresh_maps=fresh_maps(settings))
     identity = RunIdentity.of(search.settings, maps, penalty)

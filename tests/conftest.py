@@ -44,6 +44,9 @@ if "PYTEST_XDIST_WORKER" not in os.environ:
     os.environ["VINEFAB_CACHE_DIR"] = str(folder)
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
 
+# Wheels of tests are pure ones: compiling takes a minute. `test_wheel` makes one that is not.
+os.environ.setdefault("VINEFAB_PURE_WHEEL", "1")
+
 
 @pytest.fixture
 def program():

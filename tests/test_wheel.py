@@ -74,6 +74,49 @@ def test_a_design_is_checked_and_cut_from_another_folder(installed, tmp_path):
     assert "<html" in (tmp_path / "package" / "report.html").read_text()
 
 
+GROWN = """
+import sys
+import vinefab
+from vinefab.app.searching import optimize
+from vinefab.core.hashing import fingerprint
+from vinefab.search.settings import read_run
+
+settings = read_run(sys.argv[1])
+settings = settings.changed(search=settings.search.changed(population=16, generations=2))
+result = optimize(settings, progress=False)
+print(vinefab.__file__)
+print(fingerprint([[repr(one.fitness), repr(one.score)] for one in result.finalists]))
+"""
+
+
+@pytest.mark.thorough
+def test_a_wheel_brings_code_with_the_same_results_to_the_bit(tmp_path):
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(tmp_path)]
+    environment = os.environ | {"VINEFAB_PURE_WHEEL": ""}
+    subprocess.run([*build, str(ROOT)], check=True, capture_output=True, env=environment)
+    (wheel,) = tmp_path.glob("*.whl")
+    assert not wheel.name.endswith("-none-any.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(tmp_path / "site")  # noqa: S202  it is ours
+    run = ROOT / "examples" / "grid_coverage.toml"
+    digests = []
+    for place, compiled_here in ((tmp_path / "site", False), (ROOT, True)):
+        cache = tmp_path / f"cache_of_{place.name}"
+        done = subprocess.run(
+            [sys.executable, "-c", GROWN, str(run)],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(place), "VINEFAB_CACHE_DIR": str(cache)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        where, digest = done.stdout.splitlines()[-2:]
+        assert where.startswith(str(place))
+        assert bool(list(cache.rglob("*.code"))) == compiled_here
+        digests.append(digest)
+    assert digests[0] == digests[1]
+
+
 @pytest.mark.thorough
 def test_the_source_archive_makes_the_same_wheel(tmp_path):
     def built(kind, source, out):

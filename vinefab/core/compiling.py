@@ -29,7 +29,7 @@ from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
-from vinefab.core.errors import NotCachedWarning
+from vinefab.core.errors import MissingPackageError, NotCachedWarning
 from vinefab.core.hashing import sha256_of
 from vinefab.core.user_cache import KeptFiles, cache_root
 
@@ -144,11 +144,19 @@ def _join_conditions() -> None:
     binding.set_option("", "--jump-is-expensive")
 
 
+@cache
+def is_compiler_installed() -> bool:
+    """Tell whether functions can be compiled: few branches are grown without, and all rules run."""
+    return importlib.util.find_spec("numba") is not None
+
+
 def _is_interpreted(function: Callable[..., Any]) -> bool:
     return function.__module__.endswith(_INTERPRETED)
 
 
 def _jit(function: Callable[..., Any], **options: bool) -> Any:  # noqa: ANN401  a numba dispatcher
+    if not is_compiler_installed():
+        raise MissingPackageError("numba", "this command grows many branches, which")
     import numba  # noqa: PLC0415  not loaded where code is interpreted
 
     _join_conditions()
@@ -165,7 +173,7 @@ _MOST_BYTES = 1 << 26
 
 
 def _own_code() -> KeptFiles:
-    """Return the code that this computer compiled."""
+    """Return the code that this computer compiled, for its processor alone."""
     return KeptFiles(cache_root() / "code", ".code", _MOST_BYTES)
 
 
@@ -487,6 +495,17 @@ def _hear_numba() -> None:
 _UNKNOWN_S = 1.0
 
 # --- Compiling beforehand ------------------------------------------------------------------------
+
+
+def all_compiled() -> tuple[str, ...]:
+    """Return the names of all functions that can be compiled beforehand."""
+    return tuple(
+        f"{module}.{name}"
+        for path in sorted(_PACKAGE.rglob("*kernel.py"))
+        for module in [".".join(path.relative_to(_PACKAGE).with_suffix("").parts)]
+        for name, function in vars(importlib.import_module(f"vinefab.{module}")).items()
+        if _TAKES in vars(getattr(function, "py_func", object))
+    )
 
 
 def lacking(functions: Iterable[str]) -> tuple[str, ...]:

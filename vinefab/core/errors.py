@@ -133,6 +133,18 @@ class KeptAsideWarning(UserWarning):
     """A file that may have been changed by hand was replaced, and kept under another name."""
 
 
+class MissingPackageError(VinefabError, ImportError):
+    """A package that vinefab needs for something is not installed."""
+
+    def __init__(self, package: str, needed_for: str) -> None:
+        self.package = package
+        self.needed_for = needed_for
+        super().__init__(package, needed_for)
+
+    def __str__(self) -> str:
+        return f"{self.needed_for} needs {self.package}: pip install {self.package}"
+
+
 class NotCachedWarning(UserWarning):
     """The user's cache cannot be written to."""
 

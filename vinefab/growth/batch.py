@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, get_args, ove
 
 import numpy as np
 
-from vinefab.core.compiling import interpreted
+from vinefab.core.compiling import interpreted, is_compiler_installed
 from vinefab.core.errors import UnknownNameError
 from vinefab.core.front_door import imported_later
 from vinefab.core.validation import Floats, Ints
@@ -130,7 +130,8 @@ def chosen_engine(engine: Engine, branches: int, corners: int) -> Engine:
     """Return the engine that grows so many branches; of ``auto``, the one that is done first.
 
     That is compiled code once it is loaded. Until then it is the interpreter, up to
-    `INTERPRETED_BRANCHES` in all, on maps of up to `INTERPRETED_CORNERS`.
+    `INTERPRETED_BRANCHES` in all, on maps of up to `INTERPRETED_CORNERS`; without a compiler it
+    grows all.
 
     Raises
     ------
@@ -141,6 +142,8 @@ def chosen_engine(engine: Engine, branches: int, corners: int) -> Engine:
         raise UnknownNameError("growth engine", engine, get_args(Engine))
     if engine != "auto":
         return engine
+    if not is_compiler_installed():
+        return "interpreted"  # slow, with the same results
     jagged = corners > INTERPRETED_CORNERS
     if KERNEL in sys.modules or jagged or branches > _ALLOWANCE.branches:
         return "kernel"

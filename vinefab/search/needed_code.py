@@ -23,7 +23,7 @@ _HELD = ("tasks.tips_kernel.gaps", "tasks.tips_kernel.tensions", "tasks.tips_ker
 _EXACT = "tasks.union_kernel.union_areas"
 
 PREDICTION = ("tasks.tips_kernel.tensions", "tasks.tips_kernel.turns", *_REACHED)
-"""Of a report on many deployments, beside those of growth and of the task."""
+"""Of a report on many deployments, together with those of growth and of the task."""
 
 
 def needed_code(settings: RunSettings, maps: Sequence[Map]) -> tuple[str, ...]:

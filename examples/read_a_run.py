@@ -17,7 +17,7 @@ def main(folder: Path) -> None:
         search=vf.SearchSettings(population=10, generations=4, seed=1),
         evaluation=vf.EvaluationSettings(fabricable=False),
     )
-    vf.optimize(settings, out=folder, resume=any(folder.glob("*.sqlite")))
+    vf.optimize(settings, out=folder, resume=any(folder.glob("*.sqlite")), page=False)
     for path in records_in(folder):
         archive = RunArchive.read(path)
         print(f"{path.name}: {archive.settings.task.name} on {len(archive.maps)} maps")

@@ -4,18 +4,7 @@ from pathlib import Path
 
 import pytest
 
-NARROW = """schema = "vinefab/design-1"
-name = "narrow"
-[trunk]
-length = 200.0
-[[level]]
-branches = 3
-length = 120.0
-angle_deg = 30.0
-[build]
-widths_mm = [40.0, 24.0]
-tail_mm = 90.0
-"""
+from tests.cli.conftest import PLAIN
 
 COMMANDS = {
     "map": ("map grid --columns 3 --rows 3 --size 300 --out", "out.geojson"),
@@ -23,7 +12,7 @@ COMMANDS = {
     "gif": ("grow plain.toml --map grid.geojson --frames 2 --animate", "out.gif"),
     "json": ("grow plain.toml --map grid.geojson --json", "out.json"),
     "report": ("report plain.toml --maps grid.geojson --poses 1 --out", "out.html"),
-    "fix": ("check narrow.toml --fix", "out.toml"),
+    "fix": ("check short.toml --fix", "out.toml"),
     "zip": ("fabricate plain.toml --allow-uncalibrated --zip --out", "out"),
     "resume": ("optimize tiny.toml --no-page --resume --out", "run"),
     "best": ("runs run --best", "out.toml"),
@@ -34,7 +23,7 @@ WRITTEN = {"zip": "out.zip", "resume": "run/best.toml"}
 @pytest.fixture
 def work(request, tmp_path, monkeypatch, vinefab, grid, plain, run_file):  # noqa: ARG001  make files
     monkeypatch.chdir(tmp_path)
-    Path("narrow.toml").write_text(NARROW)
+    Path("short.toml").write_text(PLAIN + "[build]\ntail_mm = 100.0\n")
     if any(word in request.node.name for word in ("resume", "best", "runs_write")):
         assert vinefab("optimize", "tiny.toml", "--no-page", "--out", "run", "-q")[0] == 0
 

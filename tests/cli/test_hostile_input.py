@@ -190,7 +190,7 @@ def refusals(tmp_path_factory):
         import contextlib, io, json, resource, sys, time
         from vinefab.cli.main import main
         from vinefab.core import bounded
-        bounded._CPU_S = 2  # what takes for ever takes longer
+        bounded._CPU_S = 1  # what takes for ever takes longer
         resource.setrlimit(resource.RLIMIT_DATA, (int(sys.argv[1]),) * 2)
         for case, command in json.loads(sys.stdin.read()).items():
             words, begin = io.StringIO(), time.process_time()

@@ -67,6 +67,11 @@ count = 1
 options = { size_mm = 250.0, columns = 3, rows = 3 }
 [task]
 name = "depth"
+[space]
+levels = [2, 2]
+branches = [2, 4]
+[build]
+trunk_width_mm = 20.0
 [optimizer]
 name = "dice"
 population = 6

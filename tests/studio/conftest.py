@@ -290,7 +290,7 @@ class TabSession:
         while (now := found()) != wanted:
             line = self.page.text_content("#status")
             assert time.monotonic() < end, (about, now, wanted, line, self.problems)
-            self.page.wait_for_timeout(20)
+            self.page.wait_for_timeout(50)
 
     def rest(self):
         """Wait until every panel has answered, so that nothing moves any more."""

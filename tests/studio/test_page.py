@@ -67,7 +67,7 @@ def shows(tab, world, pose=None):
         if time.monotonic() > end:
             assert found == (wanted["robot"], wanted["outline"])
             assert tab.score() == score
-        tab.page.wait_for_timeout(20)
+        tab.page.wait_for_timeout(50)
 
 
 LAST_EDIT = "studio.store.get().map.edits.at(-1)"

@@ -28,6 +28,7 @@ TESTS = {
         "growth/test_tree_growth.py",
         "growth/test_pressure_stop.py",
         "growth/test_engine_parts.py",
+        "growth/test_metamorphic.py",
         "growth/test_batch.py",
         "growth/test_twins.py",
     ),

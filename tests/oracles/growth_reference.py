@@ -320,15 +320,13 @@ class GrowingBranch:
 
         def at(share: float) -> tuple[complex, complex]:
             tip = start + share * (self.tip - start)
-            body = tip - pivots[-1]
-            if from_pivot:  # the body lies along the way from the beginning
-                return tip, along
-            return tip, body / abs(body) if abs(body) > near else u
+            # a body that begins at its pivot lies along the way from the beginning
+            return tip, along if from_pivot else self.heading_to(tip, pivots[-1], along, u)
 
         def excess(share: float) -> float:
             return film.excess(pivots, *at(share))
 
-        tip, heading = at(1.0) if abs(self.tip - pivots[-1]) > near else (self.tip, u)
+        tip, heading = self.tip, self.heading_to(self.tip, pivots[-1], along, u)
         if film.used_up(pivots, tip, heading):
             share = float(brentq(excess, 0.0, 1.0, xtol=1e-15)) if excess(0.0) < 0.0 else 0.0
             stays = from_pivot and share * abs(self.tip - start) <= near
@@ -359,29 +357,23 @@ class GrowingBranch:
         """Rule 2: along the wall to the first event; the body turns about the pivot."""
         along = self.sense * self.world.walls[wall].tangent
         ends = self.world.walls[wall].ends
-        self.turn_to(self.tip)
+        self.turn_to(self.tip, wall)
         to_end = self.world.walls[wall].length - self.place if self.sense > 0 else self.place
         to_length = self.distance_to_length(along, to_end)
         met = self.world.wall_ahead(self.tip, along, ends, min(to_length, to_end))
         reach = min(to_length, to_end) if met is None else met.distance
         to_release = self.distance_to_release(along)
-        # Where something else happens as the length is used up, it does not happen any more.
-        last = to_length - 8.0 * self.world.rules.tolerance_mm
-        vertex, to_vertex = self.first_vertex(along, ends, min(reach, to_release, last))
-        if to_release <= min(reach, to_vertex):
-            self.move(wall, to_release)
+        vertex, to_vertex = self.first_vertex(along, ends, min(reach, to_release))
+        self.move(wall, min(reach, to_release, to_vertex))
+        if self.is_used_up():
+            self.stop = Stop.FULL_LENGTH
+        elif to_release <= min(reach, to_vertex):
             self.release()
         elif vertex is not None:
-            self.move(wall, to_vertex)
             self.wrap(vertex)
-        elif reach >= last:
-            self.move(wall, reach)
-            self.stop = Stop.FULL_LENGTH
         elif met is not None:
-            self.move(wall, reach)
             self.meet(met.wall, met.place)
         else:
-            self.move(wall, reach)
             self.reach_end(wall)
 
     def move(self, wall: int, distance: float) -> None:
@@ -389,14 +381,24 @@ class GrowingBranch:
         track = self.world.walls[wall]
         self.place = min(max(self.place + self.sense * distance, 0.0), track.length)
         self.tip = track.at(self.place)
-        self.turn_to(self.tip)
+        self.turn_to(self.tip, wall)
 
-    def turn_to(self, point: complex) -> None:
-        """Point from the pivot to a point, unless they coincide."""
-        span = point - self.pivots[-1]
+    def turn_to(self, point: complex, wall: int) -> None:
+        """Point from the pivot to a point of the wall that the tip slides on."""
+        along = self.sense * self.world.walls[wall].tangent
+        self.u = self.heading_to(point, self.pivots[-1], along, self.u)
+
+    def heading_to(self, point: complex, pivot: complex, along: complex, u: complex) -> complex:
+        """Return the heading from a pivot to a point that the tip reached along some direction.
+
+        A body as short as rounding keeps its heading u, and one on its tip's wall lies along it.
+        """
+        span, near = point - pivot, 8.0 * self.world.rules.tolerance_mm
         reach = math.sqrt(_dot(span, span))
-        if reach > self.world.rules.tolerance_mm:
-            self.u = complex(span.real / reach, span.imag / reach)
+        if reach <= near:
+            return u
+        is_flush = abs(_cross(along, span)) <= near
+        return along if is_flush else complex(span.real / reach, span.imag / reach)
 
     def meet(self, wall: int, place: float) -> None:
         """Stop at a wall, or slide on along it."""
@@ -425,11 +427,16 @@ class GrowingBranch:
         else:
             self.wall, self.place = following, place
 
+    def is_used_up(self, way: complex = 0j) -> bool:
+        """Tell whether the length is used up once the tip has gone some way; ties count."""
+        body = self.tip + way - self.pivots[-1]
+        room = self.length - self.lengths[-1] - 8.0 * self.world.rules.tolerance_mm
+        return room <= 0.0 or _dot(body, body) >= room * room
+
     def distance_to_length(self, along: complex, reach: float) -> float:
         """Return how far the tip slides until the length is used up; infinity if not in reach."""
         q, room = self.tip - self.pivots[-1], self.length - self.lengths[-1]
-        at_end = q + reach * along
-        if room > 0.0 and _dot(at_end, at_end) < room * room:
+        if not self.is_used_up(reach * along):
             return math.inf
         short = room * room - q.real * q.real - q.imag * q.imag
         if short <= 0.0:

@@ -363,14 +363,15 @@ def _length(dx, dy):
 
 
 @inlined
-def _length_distance(qx, qy, sx, sy, room, reach):
-    """Return the distance that the tip slides until the body from the pivot is ``room`` long.
+def _is_as_long(qx, qy, sx, sy, distance, room):
+    """Tell whether the body from the pivot is ``room`` long once its tip has slid some way."""
+    zx, zy = qx + distance * sx, qy + distance * sy
+    return (room <= 0.0) | (zx * zx + zy * zy >= room * room)
 
-    Infinity if it is shorter after ``reach``: most slides need no square root.
-    """
-    zx, zy = qx + reach * sx, qy + reach * sy
-    if (room > 0.0) & (zx * zx + zy * zy < room * room):
-        return math.inf
+
+@inlined
+def _length_distance(qx, qy, sx, sy, room):
+    """Return the distance that the tip slides until the body from the pivot is ``room`` long."""
     along = qx * sx + qy * sy
     short = room * room - qx * qx - qy * qy
     if short <= 0.0:
@@ -402,17 +403,24 @@ def _moved(walls, rules, growth, tip, distance):
     place = min(max(tip.place + tip.sense * distance, 0.0), walls.wall[wall, 4])
     x = walls.wall[wall, 0] + place * walls.wall[wall, 2]
     y = walls.wall[wall, 1] + place * walls.wall[wall, 3]
-    ux, uy = _heading(rules, growth, tip, x, y)
+    ux, uy = _heading(walls, rules, growth, tip, x, y)
     return TipState(x, y, ux, uy, tip.pivot, wall, place, tip.sense, NO_POINT, GROWING)
 
 
 @inlined
-def _heading(rules, growth, tip, x, y):
-    """Return the unit vector from pivot to (x, y); the heading so far if they coincide."""
+def _heading(walls, rules, growth, tip, x, y):
+    """Return the heading of a body whose tip has slid to (x, y): from pivot to tip.
+
+    Rounding would turn a short body. Hence one no longer than `TIE_STEPS` tolerances keeps its
+    heading, and one that begins on its tip's wall lies along it.
+    """
     qx, qy = x - growth.points[tip.pivot, 0], y - growth.points[tip.pivot, 1]
-    reach = _length(qx, qy)
-    if reach <= rules.tolerance_mm:
+    reach, near = _length(qx, qy), TIE_STEPS * rules.tolerance_mm
+    if reach <= near:
         return tip.ux, tip.uy
+    tx, ty = walls.wall[tip.wall, 2], walls.wall[tip.wall, 3]
+    if abs(qx * ty - qy * tx) <= near:
+        return tip.sense * tx, tip.sense * ty
     return qx / reach, qy / reach
 
 
@@ -509,10 +517,14 @@ def _slide(walls, rules, growth, tip, base, length):
     sx, sy = sense * walls.wall[wall, 2], sense * walls.wall[wall, 3]
     px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
     qx, qy = tip.x - px, tip.y - py
-    ux, uy = _heading(rules, growth, tip, tip.x, tip.y)
+    ux, uy = _heading(walls, rules, growth, tip, tip.x, tip.y)
     to_end = walls.wall[wall, 4] - tip.place if sense > 0.0 else tip.place
-    room = length - growth.chain_length[tip.pivot]
-    to_length = _length_distance(qx, qy, sx, sy, room, to_end)
+    room_left = length - growth.chain_length[tip.pivot]
+    # What happens just as the length is used up does not happen any more (`TIE_STEPS`).
+    room = room_left - TIE_STEPS * rules.tolerance_mm
+    to_length = math.inf
+    if _is_as_long(qx, qy, sx, sy, to_end, room):
+        to_length = _length_distance(qx, qy, sx, sy, room_left)
     reach = min(to_length, to_end)
     ends = (np.int64(walls.link[wall, 2]), np.int64(walls.link[wall, 3]))
     hit, to_hit = NO_WALL, reach
@@ -520,18 +532,16 @@ def _slide(walls, rules, growth, tip, base, length):
     if walls.link[wall, 4] != 0:
         hit, to_hit, _ = _wall_ahead(walls, rules, (tip.x, tip.y, sx, sy), ends, reach)
     to_release = _release_distance(growth, tip, base, qx, qy, sx, sy)
-    reach = min(reach, to_hit)
     sweep = (px, py, qx, qy, sx, sy, ux, uy, sense)
-    # Where something else happens as the length is used up, it does not happen any more.
-    last = to_length - TIE_STEPS * rules.tolerance_mm
-    vertex, to_vertex = _vertex_swept(walls, rules, sweep, ends, min(reach, to_release, last))
-    if to_release <= reach and (vertex == NO_POINT or to_release <= to_vertex):
-        return _with_pivot(_moved(walls, rules, growth, tip, to_release), tip.pivot - 1)
-    if vertex != NO_POINT:
-        return _wrapped(walls, growth, _moved(walls, rules, growth, tip, to_vertex), vertex)
+    reach = min(reach, to_hit, to_release)
+    vertex, reach = _vertex_swept(walls, rules, sweep, ends, reach)
     tip = _moved(walls, rules, growth, tip, reach)
-    if reach >= last:
+    if (to_length < math.inf) and _is_as_long(qx, qy, sx, sy, reach, room):
         return _stopped(tip, FULL_LENGTH)
+    if to_release <= reach:
+        return _with_pivot(tip, tip.pivot - 1)
+    if vertex != NO_POINT:
+        return _wrapped(walls, growth, tip, vertex)
     if hit != NO_WALL:
         rx, ry = tip.x - walls.wall[hit, 0], tip.y - walls.wall[hit, 1]
         along = rx * walls.wall[hit, 2] + ry * walls.wall[hit, 3]
@@ -592,7 +602,7 @@ def _straight_to_limit(growth, rules, film, tip, x, y, ux, uy):
 
 
 @inlined
-def _slid_to_limit(growth, rules, film, tip, x, y):
+def _slid_to_limit(walls, growth, rules, film, tip, x, y):
     """Return the tip where a slide to (x, y) has used up the pressure.
 
     The tension is convex in the way slid while the body turns back towards the heading before the
@@ -602,13 +612,13 @@ def _slid_to_limit(growth, rules, film, tip, x, y):
     for _ in range(_HALVINGS):
         share = 0.5 * (low + high)
         at_x, at_y = tip.x + share * (x - tip.x), tip.y + share * (y - tip.y)
-        ux, uy = _heading(rules, growth, tip, at_x, at_y)
+        ux, uy = _heading(walls, rules, growth, tip, at_x, at_y)
         if _tension(growth, rules, film, tip, at_x, at_y, ux, uy) <= film[3]:
             low = share
         else:
             high = share
     at_x, at_y = tip.x + low * (x - tip.x), tip.y + low * (y - tip.y)
-    ux, uy = _heading(rules, growth, tip, at_x, at_y)
+    ux, uy = _heading(walls, rules, growth, tip, at_x, at_y)
     return _held_at(tip, at_x, at_y, ux, uy)
 
 
@@ -625,7 +635,7 @@ def _within_pressure(walls, growth, rules, film, tip, after):
         return after
     ux, uy = tip.ux, tip.uy
     if tip.wall != NO_WALL:
-        ux, uy = _heading(rules, growth, tip, after.x, after.y)
+        ux, uy = _heading(walls, rules, growth, tip, after.x, after.y)
     tension = _tension(growth, rules, film, tip, after.x, after.y, ux, uy)
     if _is_used_up(rules, film, tension):
         px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
@@ -635,7 +645,7 @@ def _within_pressure(walls, growth, rules, film, tip, after):
             # A body that slides from its pivot on lies along the wall from the beginning.
             sx, sy = tip.sense * walls.wall[tip.wall, 2], tip.sense * walls.wall[tip.wall, 3]
             return _straight_to_limit(growth, rules, film, tip, after.x, after.y, sx, sy)
-        return _slid_to_limit(growth, rules, film, tip, after.x, after.y)
+        return _slid_to_limit(walls, growth, rules, film, tip, after.x, after.y)
     if after.pivot > tip.pivot:
         turned = _capstan(growth, rules, film[0], film[1], tip.pivot, ux, uy)
         step = growth.chain_length[after.pivot] - growth.chain_length[tip.pivot]

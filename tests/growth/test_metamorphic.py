@@ -39,7 +39,9 @@ class Motion(NamedTuple):
     @property
     def matrix(self) -> np.ndarray:
         c, s = math.cos(self.turn_rad), math.sin(self.turn_rad)
-        return self.scale * np.array([[c, -s], [s, c]]) @ np.diag([-1.0 if self.mirrors else 1.0, 1])
+        return (
+            self.scale * np.array([[c, -s], [s, c]]) @ np.diag([-1.0 if self.mirrors else 1.0, 1])
+        )
 
     def of_points(self, points_mm: np.ndarray) -> np.ndarray:
         return points_mm @ self.matrix.T + self.shift_mm

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from vinefab.core.compiling import precompile
 from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted, rounded
 from vinefab.core.validation import Floats
@@ -109,6 +110,7 @@ from vinefab.prediction.pressure_window import (
     window_blocks,
     window_of,
 )
+from vinefab.search.needed_code import PREDICTION
 from vinefab.tasks.anchoring_force import IDLE_SHARE, Anchoring
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.reach import Reach, touched_targets
@@ -563,6 +565,7 @@ def predict(
     plan = replace(plan or PredictionPlan(), anchoring=anchoring_on(profile.material))
     progress(0.0, "preparing maps")
     prepared_families = [PreparedFamily.of(family, plan) for family in families]
+    precompile(PREDICTION)
     sizes = np.array([len(prepared.maps) for prepared in prepared_families]) / sum(
         len(p.maps) for p in prepared_families
     )

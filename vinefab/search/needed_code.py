@@ -22,8 +22,15 @@ _REACHED = ("tasks.areas_kernel.fill_strips", "tasks.areas_kernel.reach_areas")
 _HELD = ("tasks.tips_kernel.gaps", "tasks.tips_kernel.tensions", "tasks.tips_kernel.turns")
 _EXACT = "tasks.union_kernel.union_areas"
 
-PREDICTION = ("tasks.tips_kernel.tensions", "tasks.tips_kernel.turns", *_REACHED)
-"""Of a report on many deployments, together with those of growth and of the task."""
+PREDICTION = (
+    *_GROWTH[2:],
+    *_SEEN,
+    "tasks.areas_kernel.cover_areas",
+    "tasks.areas_kernel.reach_areas",
+    "tasks.tips_kernel.tensions",
+    "tasks.tips_kernel.turns",
+)
+"""Functions of a report on many deployments."""
 
 
 def needed_code(settings: RunSettings, maps: Sequence[Map]) -> tuple[str, ...]:

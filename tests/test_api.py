@@ -34,6 +34,7 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import read_profile
 from vinefab.pages.panel import INK, LEVEL_COLOURS, ROCK
 from vinefab.rig.part import read_printer
+from vinefab.search.manufacturability import with_build_for_film
 
 SNAPSHOT = Path(__file__).with_name("public_api.txt")
 HEAVY = {
@@ -495,7 +496,7 @@ def test_a_shipped_run_is_found_by_its_name(monkeypatch):
         "vinefab.app.searching._searched", lambda settings, *_: seen.append(settings)
     )
     vf.optimize("grid_coverage", seed=9)
-    shipped = vf.RunSettings.read("grid_coverage")
+    shipped = with_build_for_film(vf.RunSettings.read("grid_coverage"))
     assert seen[0] == shipped.changed(search=shipped.search.changed(seed=9))
 
 

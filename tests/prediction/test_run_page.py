@@ -108,7 +108,8 @@ def test_a_winner_in_pieces_says_how_many(tmp_path: Path, monkeypatch: pytest.Mo
     count = len(partition.pieces)
     words = f"{count} piece{'s' * (count > 1)}, no fewer possible"
     assert (result.pieces_words, result.best.origin["pieces"]) == (words, count)
-    assert EndedRun.read(tmp_path).result.answer.text.endswith(f"levels; {words}; manufacturable")
+    made = f"levels; {words}; manufacturable, and deployable at "
+    assert made in EndedRun.read(tmp_path).result.answer.text
     assert f"cut in: {words} (computed)" in result.summary
     # The rest of the page is tried elsewhere, and takes long.
     monkeypatch.setattr(run_winner, "_shown", lambda *_: ((), ()))
@@ -154,7 +155,8 @@ def test_the_outcome_in_one_line(folder: Path, few_unseen: int) -> None:
     assert re.match(
         rf"found few: coverage \d\.\d{{3}} \[\d\.\d{{3}}, \d\.\d{{3}}; {few_unseen} maps\] "
         rf"on {few_unseen} unseen grid maps "
-        r"\(simulated\); \d+ branches on 2 levels; manufacturable$",
+        r"\(simulated\); \d+ branches on 2 levels; manufacturable, and deployable at "
+        r"\d+\.\d to \d+\.\d kPa with film stored loosely$",
         result.answer.text,
     )
     assert f"{result.answer.text}" in (folder / "index.html").read_text()

@@ -12,9 +12,24 @@ from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.map import Pose, Start, map_text
 from vinefab.prediction import run_winner
-from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task, unseen_maps
-from vinefab.prediction.run_winner import predict_winner
-from vinefab.search.record.result import RunResult, contact_ends, elsewhere_facts, placed_off_range
+from vinefab.prediction.family_deployments import (
+    PredictionPlan,
+    PreparedFamily,
+    ScorePlan,
+    deploy_family,
+    score_design_on_task,
+    unseen_maps,
+)
+from vinefab.prediction.pressure_window import window_of
+from vinefab.prediction.run_winner import predict_winner, window_on
+from vinefab.search.manufacturability import run_profile
+from vinefab.search.record.result import (
+    RunResult,
+    contact_ends,
+    elsewhere_facts,
+    placed_off_range,
+    window_facts,
+)
 from vinefab.search.run import Search, training_maps
 from vinefab.search.settings import (
     EvaluationSettings,
@@ -190,3 +205,37 @@ def test_a_run_from_a_side_is_predicted_from_that_side_of_unseen_maps(few_unseen
     plan = ScorePlan(task="coverage", poses=1, seed=0)
     score = score_design_on_task(result.best, worlds, plan, RUN.growth)
     assert found["unseen"]["score"]["mean"] == pytest.approx(score.composite["mean"], abs=1e-3)
+
+
+def test_the_window_of_a_winner_is_that_of_its_report(run: Predicted) -> None:
+    """What pressure growth needs is asked where no pressure stops it."""
+    _, result, _ = run
+    family = PreparedFamily.of(unseen_maps("grid", 3, 0), PredictionPlan(poses=2))
+    options = GrowthOptions(pressure_stop=True)
+    profile = run_profile(RUN.evaluation)
+    deployed = deploy_family(result.best, family, PredictionPlan(poses=2, options=options))
+    of_report = window_of(result.best, profile, [deployed.outcomes])
+    stopped = RUN.changed(growth=RUN.growth.changed(pressure_stop=True))
+    window = window_on(result.best, family, stopped)
+    assert window == of_report
+    assert window is not None
+
+
+@pytest.mark.parametrize(
+    ("is_open", "holds", "tone"),
+    [(True, True, "plain"), (True, False, "caution"), (False, False, "bad")],
+)
+def test_a_run_says_at_which_pressures_its_winner_deploys(
+    run: Predicted, *, is_open: bool, holds: bool, tone: str
+) -> None:
+    _, result, found = run
+    window = {
+        "is_open": is_open, "holds_working": holds, "words": "and so on", "standing": "assumed",
+        "needed_kpa": 21.3, "allowed_kpa": 23.3, "working_kpa": 20.0,
+    }  # fmt: skip
+    known = replace(result, checked=True).with_prediction({**found, "pressure_window": window})
+    assert known.answer.tone == tone
+    assert known.answer.text.endswith("manufacturable, and so on")
+    assert ("caution" if tone == "bad" else tone) in {
+        fact.tone for fact in window_facts(known.prediction)
+    }

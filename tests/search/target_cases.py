@@ -18,7 +18,7 @@ from shapely import Polygon, affinity
 
 from vinefab.core.errors import VinefabError
 from vinefab.model.map import Map, Pose, Start
-from vinefab.search.manufacturability import with_trunk_for_film
+from vinefab.search.manufacturability import with_build_for_film
 from vinefab.search.run import run_search, violations_of
 from vinefab.search.settings import RunSettings
 
@@ -109,7 +109,7 @@ def cases(folder, generations, thick_trunk_mm=None):
                     evaluation={"recipe": recipe},
                 )
                 kind = f"{film}, {'flat' if pieces is None else 'pieces'}"
-                yield kind, number, with_trunk_for_film(settings)
+                yield kind, number, with_build_for_film(settings)
 
 
 def solved(settings, folder):

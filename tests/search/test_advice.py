@@ -18,7 +18,7 @@ from vinefab.search.manufacturability import (
     has_design,
     relaxations,
     said_before,
-    with_trunk_for_film,
+    with_build_for_film,
 )
 from vinefab.search.record.generations import Progress, RunIdentity
 from vinefab.search.record.result import RECORD_FILE, RunArchive
@@ -34,7 +34,7 @@ def run_file(folder, text):
     path = folder / "run.toml"
     recipe = f'[evaluation]\nrecipe = "{thick_film(folder)}"\n'
     path.write_text(f'schema = "vinefab/run-1"\n[space]\n{ranges}{recipe}{text}', "utf-8")
-    return with_trunk_for_film(RunSettings.read(path))
+    return with_build_for_film(RunSettings.read(path))
 
 
 @pytest.mark.parametrize(
@@ -48,6 +48,21 @@ def run_file(folder, text):
 )
 def test_a_run_file_without_a_trunk_width_gets_one_that_its_film_takes(tmp_path, text, width_mm):
     assert run_file(tmp_path, text).build.trunk_width_mm == width_mm
+
+
+@pytest.mark.parametrize(
+    ("text", "kpa"),
+    [
+        ("fabricable = true\n[build]\nwidth_ratio = 0.65", 33.3),  # 100 * 20 / 40 / 1.5: its seam
+        ("fabricable = true\n[build]\ntrunk_width_mm = 24", 55.5),
+        ("fabricable = true\n[build]\ntrunk_width_mm = 24\npressure_kpa = 20", 20.0),
+        ("fabricable = false\n[build]\nwidth_ratio = 0.65", 20.0),
+    ],
+)
+def test_a_run_file_without_a_pressure_gets_the_most_that_its_widest_part_takes(
+    tmp_path, text, kpa
+):
+    assert run_file(tmp_path, text).build.pressure_kpa == kpa
 
 
 @pytest.fixture(scope="module")

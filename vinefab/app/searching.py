@@ -282,14 +282,14 @@ def _score_again(
 def _run_of(given: RunLike) -> tuple[RunSettings, Path | None]:
     """Return the settings of a run, and the file that they come from."""
     from vinefab.model.files.shipped import locate
-    from vinefab.search.manufacturability import with_trunk_for_film
+    from vinefab.search.manufacturability import with_build_for_film
     from vinefab.search.settings import RunSettings, read_run
 
     if isinstance(given, RunSettings):
-        return with_trunk_for_film(given), None
+        return with_build_for_film(given), None
     allowed = "RunSettings, the path of a run file (TOML), or the name of a shipped one"
     path = locate("run file", name_or_path("run", given, allowed, "run file"))
-    return with_trunk_for_film(read_run(path)), path
+    return with_build_for_film(read_run(path)), path
 
 
 @contextmanager
@@ -471,7 +471,7 @@ def contest(
 
     >>> contest("grid_coverage", optimizers=("cmaes", "random"), out="x")  # doctest: +SKIP
     """
-    from vinefab.search.manufacturability import with_trunk_for_film
+    from vinefab.search.manufacturability import with_build_for_film
     from vinefab.search.optimizers.optimizer import make_optimizer_config
     from vinefab.search.settings import PartSettings, read_run
     from vinefab.studies.optimizer_contest import (
@@ -494,7 +494,7 @@ def contest(
         part = PartSettings(name=name, parameters=parameters)
         contenders.append(Contender(label=text, part=part))
     plan = Contest(
-        problems=tuple(with_trunk_for_film(read_run(path)) for path in files),
+        problems=tuple(with_build_for_film(read_run(path)) for path in files),
         contenders=tuple(contenders),
         seeds=seeds,
         unseen=unseen,

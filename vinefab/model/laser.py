@@ -232,6 +232,14 @@ class Material(Table):
         LATER,
         Doc("how plies are pressed on each other before they are welded, with its source"),
     ] = ""
+    lamination_ply_mm: Annotated[
+        float | None,
+        _LENGTH,
+        Field(repr=False),
+        LATER,
+        Unit("mm"),
+        Doc("thickness of one layer of the film that lamination is for"),
+    ] = None
     # Predictions do not use it: no part of the recipe's fingerprint in their reports.
     shrinkage_percent: Annotated[
         Quantity,
@@ -271,6 +279,18 @@ class Material(Table):
     def film_mm(self) -> float:
         """Thickness of all plies."""
         return self.ply_mm.value * self.plies
+
+    @property
+    def lamination_words(self) -> str:
+        """How plies are pressed on each other, and whether that is known of another film alone."""
+        known_mm = self.lamination_ply_mm
+        if (
+            not self.lamination
+            or known_mm is None
+            or abs(self.ply_mm.value / known_mm - 1.0) < SAME_FILM
+        ):
+            return self.lamination
+        return f"{self.lamination}; known of plies of {known_mm:g} mm only: try it on a scrap first"
 
     @property
     def seam(self) -> SeamTest:
@@ -373,6 +393,10 @@ class OperationSettings(Table):
         """Return the energy per length of path, all passes: power over speed."""
         power_w = machine.power_w.value * self.power_percent.value / 100.0
         return 1000.0 * self.passes * power_w / self.speed_mm_s.value
+
+    def fluence_j_cm2(self, machine: Machine) -> float:
+        """Return the energy per area of the beam's track: line energy over the spot."""
+        return 0.1 * self.line_energy_mj_mm(machine) / self.spot_mm.value
 
     def __repr_name__(self) -> str:
         return "OperationSettings"
@@ -622,6 +646,32 @@ class LapBond(Table):
         )
 
 
+class DerivedFor(Table):
+    """The table ``[derived_for]`` of a recipe: the film that its settings were derived for."""
+
+    film_mm: Annotated[
+        float, _LENGTH, Unit("mm"), Doc("thickness of all plies, while the settings were found")
+    ]
+    melt_j_cm2: Annotated[
+        Quantity | None, _POSITIVE, Unit("J/cm2"), Doc("that film takes to melt")
+    ] = None
+    cut_j_cm2: Annotated[
+        Quantity | None, _POSITIVE, Unit("J/cm2"), Doc("that film takes to be cut")
+    ] = None
+
+    def share(self, material: Material) -> float:
+        """Return the thickness of a film over that of the film that the settings are for."""
+        return material.film_mm / self.film_mm
+
+    def is_other(self, material: Material) -> bool:
+        """Whether a film is so much thicker or thinner that its energies differ."""
+        return abs(self.share(material) - 1.0) > SAME_FILM
+
+
+SAME_FILM = 0.02
+"""Relative difference of thickness up to which two films count as the same (assumed)."""
+
+
 class Recipe(Table):
     """Settings for one material on one machine: a file in ``laser_profiles/recipes``."""
 
@@ -646,6 +696,10 @@ class Recipe(Table):
     ] = None
     coupons: Annotated[Coupons, Doc("what else the coupons gave")] = Coupons()
     lap: Annotated[LapBond | None, Doc("the bond of robots in pieces")] = None
+    derived_for: Annotated[
+        DerivedFor | None,
+        Doc("the film that the settings were derived for; with another they are stale (VF-L06)"),
+    ] = None
     limits: Annotated[dict[str, dict[str, float]], Doc("of rules, for this recipe")] = Field(
         default_factory=dict
     )

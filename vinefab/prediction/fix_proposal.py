@@ -248,7 +248,7 @@ class _Rounds:
             if found is None:
                 return
             yield found
-            # The share of the need of growth on maps that is allowed, 1 where that is no error.
+            # The share of the need of growth on maps that is allowed, 1 where that is not an error.
             shares = (
                 finding.limit / finding.measured
                 for finding in self.report(found.design).blocking

@@ -652,22 +652,9 @@ def verdict_on(
         )
     if window is None:
         return f"{made}, but has no room to emerge from any of the poses.", "bad"
-    if not window.is_open:
-        return (
-            f"{made}, but hardly deployable: growth to the worst tip needs "
-            f"{window.needed_kpa:.1f} kPa even with film stored loosely, and its widest part is "
-            f"limited to {window.allowed_kpa:.1f} kPa.",
-            "bad",
-        )
-    room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
-    if not window.holds_working:
-        return (
-            f"{made}, and deployable at {room}; its working pressure of "
-            f"{window.working_kpa:g} kPa is outside this window.",
-            "caution",
-        )
-    tone: Tone = "plain" if window.is_open_tight and verified else "caution"
-    return f"{made}, and deployable at {room} with film stored loosely.", tone
+    safe = window.holds_working and window.is_open_tight and verified
+    tone: Tone = "plain" if safe else "caution" if window.is_open else "bad"
+    return f"{made}, {window.words}.", tone
 
 
 def cautions(

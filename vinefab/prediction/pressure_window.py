@@ -105,6 +105,35 @@ class PressureWindow:
         return self.needed_kpa <= self.working_kpa <= self.allowed_kpa
 
     @property
+    def words(self) -> str:
+        """Whether the robot is deployable at its working pressure, after "manufacturable"."""
+        if not self.is_open:
+            return (
+                f"but hardly deployable: growth to the worst tip needs {self.needed_kpa:.1f} kPa "
+                "even with film stored loosely, and its widest part is limited to "
+                f"{self.allowed_kpa:.1f} kPa"
+            )
+        room = f"{self.needed_kpa:.1f} to {self.allowed_kpa:.1f} kPa"
+        if not self.holds_working:
+            return (
+                f"and deployable at {room}; its working pressure of {self.working_kpa:g} kPa is "
+                "outside this window"
+            )
+        return f"and deployable at {room} with film stored loosely"
+
+    @property
+    def content(self) -> dict[str, object]:
+        """The window as plain values, for JSON."""
+        return {
+            "is_open": self.is_open,
+            "needed_kpa": round(self.needed_kpa, 1),
+            "allowed_kpa": round(self.allowed_kpa, 1),
+            "working_kpa": self.working_kpa,
+            "safety_factor": self.safety_factor,
+            "standing": self.standing.value,
+        }
+
+    @property
     def highest_kpa(self) -> float:
         """The largest pressure that a picture of it has to show."""
         return max(
@@ -116,6 +145,24 @@ def window_of(
     design: Design, profile: LaserProfile, families: Sequence[MeasureTable]
 ) -> PressureWindow | None:
     """Return the pressure window over all deployments, or None where nothing ever emerged."""
+    loose, tight = (
+        np.concatenate([outcomes.values[measure.key] for outcomes in families])
+        for measure in (LOOSE_PRESSURE, TIGHT_PRESSURE)
+    )
+    return window_over(design, profile, loose, tight)
+
+
+def window_over(
+    design: Design, profile: LaserProfile, loose: Floats, tight: Floats
+) -> PressureWindow | None:
+    """Return the pressure window of a design, or None where nothing ever emerged.
+
+    Parameters
+    ----------
+    loose, tight
+        Pressure that growth to the worst tip needs in each deployment, kPa, shape (n,), with film
+        that is stored loosely and tightly; NaN where nothing emerged.
+    """
     factor = RULES["VF-P01"].limits["safety_factor"]
     film, build = profile.material, design.build
     stands_n_mm = seam_load_n_mm(film.seam)
@@ -143,10 +190,6 @@ def window_of(
             )
         )
     allowed_kpa = min(level.allowed_kpa for level in found)
-    loose, tight = (
-        np.concatenate([outcomes.values[measure.key] for outcomes in families])
-        for measure in (LOOSE_PRESSURE, TIGHT_PRESSURE)
-    )
     if not np.isfinite(loose).any():
         return None
     measured = film.seam.is_measured_limit
@@ -186,18 +229,7 @@ def window_blocks(window: PressureWindow, basis: str) -> Iterator[Data | Section
     """Yield the pressure window as a chart and numbers; ``basis``: of burst pressures."""
     kpa = partial(Number, form=".1f", decimals=1)
     mm = partial(Number, form=".2f", decimals=2)
-    yield Data(
-        {
-            "pressure_window": {
-                "is_open": window.is_open,
-                "needed_kpa": round(window.needed_kpa, 1),
-                "allowed_kpa": round(window.allowed_kpa, 1),
-                "working_kpa": window.working_kpa,
-                "safety_factor": window.safety_factor,
-                "standing": window.standing.value,
-            }
-        }
-    )
+    yield Data({"pressure_window": window.content})
     words = (
         "A robot can be deployed where the pressure that growth to the worst tip needs lies below "
         "what its widest part may take. Narrow branches after many turns need most; wide tubes "

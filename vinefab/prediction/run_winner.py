@@ -46,7 +46,7 @@ from vinefab.prediction.family_deployments import (
     stop_table,
     unseen_maps,
 )
-from vinefab.prediction.measures import MeanValue
+from vinefab.prediction.measures import MeanValue, worst_pressures_of
 from vinefab.prediction.prediction_width import (
     COST_CAPTION,
     ContactRange,
@@ -56,6 +56,7 @@ from vinefab.prediction.prediction_width import (
     placings,
     range_over_contacts,
 )
+from vinefab.prediction.pressure_window import PressureWindow, window_over
 from vinefab.search.evaluator import PointEvaluator, final_seed, with_pose_range
 from vinefab.search.manufacturability import run_profile
 from vinefab.search.record.generations import Progress, curve_of
@@ -278,6 +279,12 @@ def predicted(search: Search, result: RunResult) -> tuple[dict[str, Any], Prepar
         ],
         "note": note,
     }
+    if evaluator.penalty is not None and (window := window_on(design, unseen, settings)):
+        content["pressure_window"] = {
+            **window.content,
+            "holds_working": window.holds_working,
+            "words": window.words,
+        }
     if design.build.pieces is not None:  # how many it is cut in (computed)
         profile = run_profile(settings.evaluation)
         cut = pieces_of(pattern_of(design, profile), profile)
@@ -300,6 +307,17 @@ def predicted(search: Search, result: RunResult) -> tuple[dict[str, Any], Prepar
         **({"pieces": count} if count else {}),
     }
     return content, unseen
+
+
+def window_on(
+    design: Design, family: PreparedFamily, settings: RunSettings
+) -> PressureWindow | None:
+    """Return the pressure window of a winner on some maps; None where nothing emerged."""
+    # What growth to every tip needs is known only where no pressure stops it.
+    free = settings.growth.at_one_angle.changed(pressure_stop=False)
+    grown = Batch(Plans.of([design], free), family.launches(), free).regrown()
+    loose, tight = worst_pressures_of(grown, design)
+    return window_over(design, run_profile(settings.evaluation), loose, tight)
 
 
 def _failures(

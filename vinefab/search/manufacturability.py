@@ -34,6 +34,7 @@ from vinefab.fabrication.rules.laser_rules import BED, PLY
 from vinefab.fabrication.rules.pressure_rules import (
     BURST,
     RATING,
+    STRAIN,
     WINDOW,
     GrowthConstantsRange,
     most_growth_kpa,
@@ -57,6 +58,7 @@ from vinefab.model.laser import LaserProfile, profile_files, read_profile
 from vinefab.model.map import Pose
 from vinefab.model.tree import branch_tree
 from vinefab.physics.growth_pressure import planned_growth_kpa
+from vinefab.physics.tube import burst_pressure_kpa, hoop_strain, seam_load_n_mm
 from vinefab.search.evaluator import Evaluator
 from vinefab.search.penalty_batch import BatchPenalty, PenaltyRules
 from vinefab.search.record.generations import Finalist, Generation, Progress
@@ -385,15 +387,23 @@ def middle_tree(query: SpaceQuery) -> Design | None:
     return Design(name="middle", trunk_length_mm=100.0, levels=levels, build=build)
 
 
-def with_trunk_for_film(settings: RunSettings) -> RunSettings:
-    """Return the settings of a run; a trunk width that it does not name is one its film takes.
+def with_build_for_film(settings: RunSettings) -> RunSettings:
+    """Return the settings of a run; its film decides on trunk width and pressure it does not name.
 
-    The usual one, or the narrowest that the film of the middle tree of the space rides through.
+    The width is the usual one, or the narrowest that the film of the middle tree of the space rides
+    through. The pressure is the most that the widest part may take, the top of its window.
     """
-    if not settings.evaluation.fabricable or _WIDTHS & settings.build.model_fields_set:
+    if not settings.evaluation.fabricable:
         return settings
     # A name that is unknown is told; what stands in its files is not.
     profile_files(settings.evaluation.recipe or DEFAULT_RECIPE)
+    given = settings.build.model_fields_set
+    settings = settings if _WIDTHS & given else _with_trunk(settings)
+    return settings if "pressure_kpa" in given else _with_pressure(settings)
+
+
+def _with_trunk(settings: RunSettings) -> RunSettings:
+    """Return the settings with a trunk that the film of the middle tree rides through."""
     query = SpaceQuery.of(settings, run_profile(settings.evaluation), (math.inf, math.inf))
     tree = middle_tree(query)
     wide_mm = DEFAULT_TRUNK_WIDTH_MM
@@ -401,6 +411,25 @@ def with_trunk_for_film(settings: RunSettings) -> RunSettings:
         holds_mm = math.ceil(film_in_trunk(query, tree)[1])
         wide_mm = max(wide_mm, min(float(holds_mm), query.limit(CLAMP)))
     return settings.changed(build=settings.build.changed(trunk_width_mm=wide_mm))
+
+
+def _with_pressure(settings: RunSettings) -> RunSettings:
+    """Return the settings with the pressure that the widest part may take, to 0.1 kPa below it.
+
+    It is at most that of the seam's test, and at most one that stretches the film no more than
+    VF-P04 allows.
+    """
+    query = SpaceQuery.of(settings, run_profile(settings.evaluation), (math.inf, math.inf))
+    film, width_mm = query.profile.material, settings.build.build(1).widest_mm
+    strain_of_1_kpa = hoop_strain(1.0, width_mm, film.ply_mm.value, film.modulus_mpa.value)
+    most_kpa = min(
+        burst_pressure_kpa(width_mm, seam_load_n_mm(film.seam))
+        / query.limit(BURST, "safety_factor"),
+        film.seam.pressure_kpa.value,
+        query.limit(STRAIN, "warning") / 100.0 / strain_of_1_kpa,
+    )
+    kpa = max(0.1, math.floor(10.0 * most_kpa) / 10.0)
+    return settings.changed(build=settings.build.changed(pressure_kpa=kpa))
 
 
 def said_before(evaluator: Evaluator) -> str:

@@ -444,7 +444,14 @@ class BuildSettings(Table):
         float, Ge(0), Le(LARGEST_MM), Unit("mm"), Doc("straight length below the trunk's base")
     ] = DEFAULT_TAIL_MM
     pressure_kpa: Annotated[
-        float, Ge(0), Le(10_000), Unit("kPa"), Doc("working gauge pressure")
+        float,
+        Ge(0),
+        Le(10_000),
+        Unit("kPa"),
+        Doc(
+            "working gauge pressure; a run file without it gets the most that its film may take in "
+            "the widest part"
+        ),
     ] = DEFAULT_PRESSURE_KPA
     pouch: Annotated[Pouch | None, Doc("at the tip of every leaf")] = None
     pieces: Annotated[PieceSettings | None, Doc("robots may be cut in flat pieces"), LATER] = None

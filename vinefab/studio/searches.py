@@ -39,7 +39,7 @@ from vinefab.model.files.shipped import path_inside
 from vinefab.model.score import Score
 from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.finalists import minimized, non_dominated, spread_out
-from vinefab.search.manufacturability import with_trunk_for_film
+from vinefab.search.manufacturability import with_build_for_film
 from vinefab.search.record.generations import Generation, first_difference
 from vinefab.search.record.result import RECORD_FILE, RecordTail, RunArchive
 from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings, read_run
@@ -737,7 +737,7 @@ def _stamp(path: Path) -> tuple[int, int]:
 
 
 def _compared(settings: RunSettings) -> dict[str, Any]:
-    plain: Any = plain_settings(with_trunk_for_film(settings))
+    plain: Any = plain_settings(with_build_for_film(settings))
     search = {k: v for k, v in plain["search"].items() if k not in (*LIMIT_NAMES, "seed")}
     maps = {**plain["maps"], "files": len(plain["maps"]["files"])}
     return {**plain, "search": search, "maps": maps}

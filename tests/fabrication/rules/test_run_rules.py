@@ -22,6 +22,7 @@ from vinefab.model.design import Design, PieceSettings, Waiver
 from vinefab.model.files.shipped import names
 from vinefab.model.finding import Severity
 from vinefab.model.job import LaserPath, Operation
+from vinefab.model.laser import read_profile
 from vinefab.model.outline import Contour
 from vinefab.model.tree import Partition, Piece
 
@@ -238,3 +239,22 @@ def test_every_rule_has_an_outcome_on_next_to_nothing(make, profile, fans):
             assert isinstance(outcome, RuleApplied | RuleNotApplicable), (rule.id, case)
     for rule in RIG_RULES:
         rule.apply(RigSubject(), rule.limits_with({}))
+
+
+@pytest.mark.parametrize(("ply_mm", "needs"), [(0.0375, 0), (0.0377, 0), (0.045, 28), (0.05, 31)])
+def test_settings_derived_for_another_film_are_stale(make, ply_mm, needs):
+    """Energies go with the thickness: 23 J/cm2 for two plies of 0.0375 mm."""
+    known = read_profile("co2_40w__stretchlon_200")
+    ply = known.material.ply_mm.changed(value=ply_mm)
+    copied = replace(known, material=known.material.changed(ply_mm=ply))
+    found = [
+        one.message
+        for one in run_checks(Subject.of(make(), copied), only=("VF-L06",)).findings
+        if "derived for" in one.message
+    ]
+    assert len(found) == bool(needs)
+    assert ("known of plies of 0.0375 mm only" in copied.material.lamination_words) == bool(needs)
+    if needs:
+        assert f"takes about {needs} J/cm^2" in found[0]
+        assert f"{2 * ply_mm:g} mm" in found[0]
+        assert "weldcut delivers 27, less than that" in found[0]

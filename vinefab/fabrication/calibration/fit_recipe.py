@@ -44,9 +44,11 @@ from vinefab.model.files.toml import read_toml
 from vinefab.model.job import Operation
 from vinefab.model.laser import (
     SHRINKAGE_PERCENT,
+    DerivedFor,
     EnergyWindow,
     LapMethod,
     LaserProfile,
+    Material,
     Quantity,
     RecipeStatus,
     Standing,
@@ -778,9 +780,20 @@ def calibrated_recipe(
             bore = "lap.survived_n_per_mm" in calibration.fitted
             stale = "strength_n_per_mm" if bore and (changed or not measured) else ""
         lap.pop(stale, None)
+    _derive_for_film(document, calibration, profile_of(document, out).material)
     text = f"# {GENERATOR}\n{tomli_w.dumps(document)}"
     profile_of(tomllib.loads(text), out)
     return text
+
+
+def _derive_for_film(document: dict[str, Any], calibration: Calibration, film: Material) -> None:
+    """Note in a recipe the film that its coupons were cut from, if they measured its seam."""
+    if not any(place.endswith(("kerf_mm", "seam_width_mm")) for place in calibration.fitted):
+        return
+    known = document.get("derived_for")
+    if known is None or DerivedFor.model_validate(known).is_other(film):
+        # Energies that were estimated for another film are left out.
+        document["derived_for"] = {"film_mm": round(film.film_mm, 6)}
 
 
 def _table(document: dict[str, Any], name: str) -> dict[str, Any]:

@@ -107,6 +107,26 @@ def lead_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
     return score, *([] if failed is None else [Failures(**failed).fact]), placed
 
 
+def window_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
+    """Return the pressures at which a winner deploys, where they are known."""
+    window = content.get("pressure_window")
+    if window is None:
+        return ()
+    room = f"{window['needed_kpa']:g} to {window['allowed_kpa']:g} kPa"
+    detail = f"works at {window['working_kpa']:g} kPa" + (
+        "" if window["holds_working"] else ", outside this window"
+    )
+    return (
+        Fact(
+            "pressure window",
+            room if window["is_open"] else f"none: {window['words']}",
+            detail=detail,
+            tone="plain" if window["holds_working"] else "caution",
+            standing=f"simulated, {window['standing']}",
+        ),
+    )
+
+
 def elsewhere_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
     """Return the expected score of a winner elsewhere, and its certainty."""
     task, unseen = content.get("title", content["task"]), content["unseen"]
@@ -341,6 +361,7 @@ class RunResult(Result):
                     tone="bad" if self.violations else "plain",
                     data=self.fabricable,
                 ),
+                *window_facts(found),
                 *([pieces] if self.pieces_words else []),
             ),
             lead=True,
@@ -430,10 +451,15 @@ class RunResult(Result):
             mean = f"{mean_score(unseen['score'])} on {unseen['label']}"
         size = "; ".join(filter(None, (size_words(self.best), self.pieces_words)))
         made = self.made if self.checked else "not checked whether it is manufacturable"
+        window = self.prediction.get("pressure_window")
+        tone: Tone = "plain" if self.checked and self.fabricable else "caution"
+        if window and not window["holds_working"]:
+            tone = "caution" if window["is_open"] else "bad"
+        made += f", {window['words']}" if window and self.fabricable else ""
         return Answer(
             f"found {self.best.name}: {self.score.title_of_task} {mean} (simulated); {size}; "
             f"{made}",
-            "plain" if self.checked and self.fabricable else "caution",
+            tone,
         )
 
     @property

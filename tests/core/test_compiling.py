@@ -105,6 +105,40 @@ def test_code_that_names_a_type_of_an_earlier_version_is_compiled_anew(toy, tmp_
     assert [called(toy()), called(toy())] == [(8.0, 0), (8.0, 1)]
 
 
+def test_code_that_a_wheel_brought_is_compiled_for_the_own_processor_meanwhile(
+    tmp_path: Path,
+) -> None:
+    """A child process finds brought code where the package has it: a copy of the package."""
+    site, name = tmp_path / "site", "tasks.tips_kernel.gaps"
+    shutil.copytree(Path(vinefab.__file__).parent, site / "vinefab")
+    brought, own = site / "vinefab" / "_shipped" / "code", tmp_path / "own" / "code"
+    generic = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+    script = (
+        f"import time, vinefab.core.compiling as c; names = [{name!r}]\n"
+        "with c.tuned_meanwhile(names, 0.01):\n"
+        "    c.precompile(names)\n"
+        "    ends_s = time.monotonic() + 120\n"
+        "    while not c._own_code().folder.is_dir() and time.monotonic() < ends_s:\n"
+        "        time.sleep(0.05)\n"
+        "    while not list(c._own_code().folder.glob('*.code')) and time.monotonic() < ends_s:\n"
+        "        time.sleep(0.05)\n"
+    )
+
+    def run(text: str, **environment: str) -> None:
+        settings = {**os.environ, "PYTHONPATH": str(site), **environment}
+        subprocess.run([sys.executable, "-P", "-c", text], env=settings, cwd=tmp_path, check=True)
+
+    making = f"import vinefab.core.compiling as c; c.precompile([{name!r}])"
+    run(making, VINEFAB_CACHE_DIR=str(brought.parent), **generic)
+    assert list(brought.glob("*.code"))
+    run(making, VINEFAB_CACHE_DIR=str(own.parent))
+    assert not own.exists()  # brought code is enough
+    run(script, VINEFAB_CACHE_DIR=str(own.parent))
+    assert len(list(own.glob("*.code"))) == 1
+    run(script.replace("0.01", "0"), VINEFAB_CACHE_DIR=str(own.parent))
+    assert len(list(own.glob("*.code"))) == 1
+
+
 def test_code_is_found_by_the_content_of_its_source(toy, tmp_path: Path) -> None:
     other = "def doubled(x):\n    return 3.0 * x\n"
     assert [called(toy()), called(toy(other))] == [(8.0, 0), (12.0, 0)]

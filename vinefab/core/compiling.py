@@ -215,7 +215,8 @@ def _code_cache(dispatcher: Any) -> Any:  # noqa: ANN401  numba's, both
 
         def load_overload(self, types: tuple[Any, ...], target: Any) -> Any:  # noqa: ANN401
             target.refresh()
-            for kept, name in self.places(types):
+            places = list(self.places(types))
+            for kept, name in places if _BROUGHT_COUNTS else places[:1]:
                 code = kept.read(name)
                 if code is not None:
                     with suppress(*_UNREADABLE):
@@ -545,6 +546,73 @@ def precompile(functions: Iterable[str]) -> None:
     finally:
         _COMPILATIONS.forget()
 
+
+@contextmanager
+def tuned_meanwhile(functions: Iterable[str], after_s: float = 30.0) -> Iterator[None]:
+    """Let another process compile for this processor what a wheel brought for all of its kind.
+
+    That is done while a long block lasts, at low priority; code that is ready when the block ends
+    is used by later commands, in place of the slower code that was brought. Results are the same.
+
+    Parameters
+    ----------
+    functions
+        As for `lacking`.
+    after_s
+        A block that ends sooner compiles nothing.
+    """
+    names, started = tuple(dict.fromkeys(functions)), list[subprocess.Popen[bytes]]()
+
+    def start() -> None:
+        line = [sys.executable, "-P", "-c", _TUNER, str(_PACKAGE.parent), *names]
+        quiet = subprocess.DEVNULL
+        started.append(subprocess.Popen(line, stdin=quiet, stdout=quiet, stderr=quiet))  # noqa: S603
+
+    if not sys.executable or not names or not any(map(_is_brought, names)):
+        yield
+        return
+    timer = threading.Timer(after_s, start)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        timer.join()
+        for process in started:
+            process.kill()  # every function that is done is kept
+            process.wait()
+
+
+_TUNER = (
+    "import sys; sys.path.append(sys.argv[1]); import vinefab.core.compiling as c; "
+    "c._tune(sys.argv[2:])"
+)
+
+
+def _is_brought(name: str) -> bool:
+    """Tell whether the code of a function is brought by the package, and none is of this one's."""
+    function = _function(name)
+    if not hasattr(function, "py_func"):
+        return False
+    for text in _declared(name)[0]:
+        places = list(function._cache.places(_types(text)))
+        if places and places[0][1] not in places[0][0] and places[-1][1] in places[-1][0]:
+            return True
+    return False
+
+
+def _tune(names: Iterable[str]) -> None:
+    """Compile functions for this processor, although code for others is there: in a process."""
+    global _BROUGHT_COUNTS  # noqa: PLW0603  of a process that does nothing else
+    _BROUGHT_COUNTS = False
+    if hasattr(os, "nice"):
+        os.nice(10)
+    for name in sorted(names, key=_seconds, reverse=True):
+        _compile(name)
+
+
+_BROUGHT_COUNTS = True
 
 _WORTH_S = 4.0
 """Less to compile is done sooner by one process than a second one has loaded numba."""

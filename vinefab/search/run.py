@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from vinefab.core.atomic import folder_to_fill
-from vinefab.core.compiling import precompile
+from vinefab.core.compiling import precompile, tuned_meanwhile
 from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.front_door import imported_later
 from vinefab.core.plain_text import counted
@@ -529,11 +529,13 @@ def run_search(  # noqa: PLR0913  options by keyword
         settings = _raised(resumed_limits(folder, settings), limits or {}, folder)
     with located(source) if source else nullcontext():
         maps = training_maps(settings)
-        precompile(needed_code(settings, maps) if task is None else ())
+        code = needed_code(settings, maps) if task is None else ()
+        precompile(code)
         penalty = penalty_of(settings)
         search = Search.of(settings, maps, penalty, task=task, fresh_maps=fresh_maps(settings))
     identity = RunIdentity.of(search.settings, maps, penalty)
     with (
+        tuned_meanwhile(code),
         folder_to_fill(folder),
         RunStore.open(
             folder, identity, maps=maps, resume=resume, raises_limits=limits is not None

@@ -347,6 +347,7 @@ FORGET = """async () => {
   const {request} = globalThis.studio ?? {};
   if (!request) return;
   studio.request = async () => ({});
+  studio.remember = () => {};
   await request("autosaves").catch(() => {});
 }"""
 """Let a tab keep no unsaved work any more: the next test would be offered it."""

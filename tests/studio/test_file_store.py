@@ -22,7 +22,7 @@ from vinefab.maps import generate
 from vinefab.model.design import Design, design_content, design_text
 from vinefab.model.files.run_context import RunRecipe, recipe_digest
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
-from vinefab.model.map import map_text
+from vinefab.model.map import Map, Pose, map_text
 from vinefab.studio.file_store import FILE_REQUESTS, MOST_AUTOSAVES, FileStore, autosave_folder
 
 MINE = """\
@@ -335,7 +335,7 @@ def test_choices_are_what_lies_in_the_folders_and_what_ships(store, folder, tmp_
     assert cave["options"]["size_mm"] > 0
     assert found["complete"]
     json.dumps(found)
-    assert store.open_map({"path": "maps/a.geojson"})["source"] == {"file": "maps/a.geojson"}
+    assert store.open_map({"path": "maps/a.geojson"})["source"]["file"] == "maps/a.geojson"
     assert store.open_recipe({"recipe": "recipe.toml"})["recipe"] == "recipe.toml"
 
 
@@ -536,3 +536,72 @@ def test_a_design_opens_with_the_recipe_of_its_run(tmp_path):
     answer = FileStore(tmp_path).open_design({"design": "best.toml"})
     assert answer["task"] == "reach"
     assert answer["run_note"] == "task reach, growth options of run night (ab)"
+
+
+def test_unsaved_work_names_its_files_from_any_folder(store, folder, tmp_path):
+    """In another folder with a file of the same name it is a copy: nothing leads to that file."""
+    shutil.copy(folder / "mine.toml", folder / "own.toml")
+    generate("pegs", 1).write(folder / "pegs.geojson")
+    state = {
+        "design": store.open_design({"design": "mine.toml"})["design"],
+        "opened": "mine.toml",
+        "recipe": DEFAULT_RECIPE,
+        "map": {"source": {"file": "pegs.geojson"}, "edits": [["remove", 0]]},
+        "family": {"files": ["pegs.geojson"]},
+    }
+    file = {"path": "mine.toml", "name": "mine", "stamp": "of then"}
+    store.keep_autosave({"key": "tab00001", "state": state, "file": file})
+    there = store.open_autosave({"key": "tab00001"})
+    assert (there["state"], there["file"], there["left"]) == (state, file, [])
+
+    beside = tmp_path / "beside"
+    beside.mkdir()
+    for name in ("mine.toml", "pegs.geojson"):
+        shutil.copy(folder / name, beside / name)
+    found = FileStore(beside).open_autosave({"key": "tab00001"})
+    assert found["file"] == {**file, "path": None}
+    assert found["state"]["opened"] is None
+    assert found["state"]["map"] is None
+    assert found["state"]["family"]["files"] == []
+    assert found["state"]["recipe"] == DEFAULT_RECIPE
+    assert found["state"]["design"] == state["design"]
+    assert found["left"] == [str(folder / "mine.toml"), str(folder / "pegs.geojson")]
+
+
+def test_unsaved_work_of_before_without_a_folder_is_a_copy(store):
+    path = Path(store.keep_autosave({"key": "tab00001", "state": {}, "file": None})["kept"])
+    text = path.read_text().replace('"file": null', '"file": {"path": "mine.toml"}')
+    path.write_text(text)
+    assert store.open_autosave({"key": "tab00001"})["file"] == {"path": None}
+
+
+def test_a_map_is_saved_with_the_care_of_a_design(store, folder):
+    world = generate("pegs", 1)
+    target = {"name": "A", "point_mm": [100.0, 100.0], "tolerance_mm": 20.0}
+    pose = {"x_mm": 101.0, "y_mm": 20.0, "heading_deg": 80.0}
+    source = {"environment": "pegs", "seed": 1}
+    ask = {"path": "own.geojson", "map": {"source": source, "edits": [["remove", 0]]}, "pose": pose}
+    ask["map"]["targets"] = [target]
+    saved = store.save_map(ask)
+    assert saved["saved"]
+    written = Map.read(folder / "own.geojson")
+    assert len(written.obstacles) == len(world.obstacles) - 1
+    assert [one.name for one in written.targets] == ["A"]
+    assert written.starts[0].pose == Pose.of((101.0, 20.0, 80.0))
+    assert written.starts[1:] == world.starts[1:]
+
+    text = (folder / "own.geojson").read_text()
+    refused = store.save_map(ask)
+    assert (refused["saved"], refused["why"]) == (False, "exists")
+    refused = store.save_map({**ask, "stamp": "of another"})
+    assert (refused["saved"], refused["why"]) == (False, "changed")
+    assert (folder / "own.geojson").read_text() == text
+    again = {"path": "own.geojson", "map": {"source": saved["source"], "edits": [["remove", 0]]}}
+    assert store.save_map({**again, "stamp": saved["stamp"]})["saved"]
+    assert len(Map.read(folder / "own.geojson").obstacles) == len(world.obstacles) - 2
+    for path in ("../out.geojson", "own.toml", "none/own.geojson", "own"):
+        with pytest.raises(VinefabError, match=r"path|folder"):
+            store.save_map({**ask, "path": path})
+    with pytest.raises(BadInputError, match=r"map\.source"):
+        store.save_map({**ask, "path": "new.geojson", "map": {"source": {"file": "/etc/passwd"}}})
+    assert not (folder / "new.geojson").exists()

@@ -5,7 +5,7 @@ import pytest
 from tests.studio.conftest import TWIG
 from vinefab.maps import generate
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
-from vinefab.model.map import map_text
+from vinefab.model.map import Map, map_text
 
 
 def with_length(length):
@@ -120,9 +120,13 @@ def test_unsaved_work_outlives_its_tab_and_is_offered_once(studio, twig, open_ta
     tab.soon(1, lambda: len(list(kept.glob("*"))))
     beside = open_tab(context=tab.page.context)
     beside.page.wait_for_timeout(900)  # as long as other tabs have to answer
-    assert beside.page.locator(".file-note").count() == 0, "the tab that it belongs to is open"
+    held = beside.page.locator(".file-note")
+    assert held.count() == 1, "the tab that it belongs to is open"
+    assert held.get_attribute("data-note") == "other"
+    assert "Another tab holds unsaved work: twig (twig.toml)" in held.inner_text()
     tab.page.context.close()
     after = open_tab()
+    after.page.wait_for_selector(".file-note")
     assert "twig (twig.toml)" in after.page.text_content(".file-note")
     after.page.click(".file-note button:text('Open it')")
     wanted = (160.0, ("twig", "unsaved"))
@@ -134,3 +138,110 @@ def test_unsaved_work_outlives_its_tab_and_is_offered_once(studio, twig, open_ta
     after.soon(("twig", "saved"), after.shown)
     assert twig.read_text() == with_length(160.0)
     after.soon([], lambda: list(kept.glob("*")))
+
+
+def test_a_tab_says_when_the_work_of_another_is_saved(open_tab):
+    tab = open_tab()
+    set_length(tab, 160.0)
+    tab.until("() => studio.request('autosaves').then((found) => found.autosaves.length === 1)")
+    beside = open_tab(context=tab.page.context)
+    beside.page.wait_for_selector(".file-note[data-note=other]")
+    tab.page.keyboard.press("Control+s")
+    beside.page.wait_for_selector(".file-note[data-note=other]", state="detached")
+
+
+def test_unsaved_work_of_another_folder_is_a_copy(tmp_path, start_studio, open_tab, twig):
+    """Another project's file of the same name stays as it is, byte for byte."""
+    other = with_length(120.0).replace("to be dragged", "of another project")
+    folder = tmp_path / "beside"
+    folder.mkdir()
+    (folder / "twig.toml").write_text(other)
+    tab = open_tab()
+    set_length(tab, 160.0)
+    tab.until("() => studio.request('autosaves').then((found) => found.autosaves.length === 1)")
+    tab.page.context.close()
+    profiles = {"VINEFAB_PROFILES": str(twig.parent / "profiles")}
+    with start_studio(folder, "twig.toml", extra=profiles) as studio:
+        beside = open_tab(studio.address)
+        beside.page.wait_for_selector(f".file-note:has-text('{twig}')")
+        beside.page.click(".file-note button:text('Open a copy')")
+        beside.soon(160.0, lambda: length(beside))
+        beside.soon(("twig", "unsaved"), beside.shown)
+        beside.page.keyboard.press("Control+s")  # it has no file: a name is asked for
+        beside.page.wait_for_selector("#save-path")
+        assert beside.page.input_value("#save-path") == "twig.toml"
+        beside.page.keyboard.press("Enter")
+        beside.page.wait_for_selector("dialog[open] .problem:has-text('twig.toml exists')")
+        assert (folder / "twig.toml").read_text() == other
+        beside.page.fill("#save-path", "copied")
+        beside.page.keyboard.press("Enter")
+        beside.soon(("copied", "saved"), beside.shown)
+        assert "length = 160.0" in (folder / "copied.toml").read_text()
+        assert (folder / "twig.toml").read_text() == other
+        beside.page.keyboard.press("Control+z")
+        beside.page.evaluate("studio.remember = () => {}")
+        beside.page.close()
+    assert twig.read_text() == TWIG
+
+
+def test_work_on_a_file_that_was_changed_since_asks_before_it_is_saved(open_tab, twig):
+    tab = open_tab()
+    set_length(tab, 160.0)
+    tab.until("() => studio.request('autosaves').then((found) => found.autosaves.length === 1)")
+    tab.page.context.close()
+    twig.write_text(with_length(140.0))
+    after = open_tab()
+    after.page.click(".file-note button:text('Open it')")
+    after.soon(160.0, lambda: length(after))
+    after.page.keyboard.press("Control+s")
+    after.page.wait_for_selector("dialog[open]:has-text('changed outside')")
+    assert twig.read_text() == with_length(140.0)
+
+
+def test_changes_of_the_map_alone_are_unsaved_work_and_a_map_is_saved(studio, open_tab):
+    world = generate("pegs", 1)
+    tab = open_tab()
+    tab.page.evaluate(
+        """() => studio.store.change("", (state) => {
+          const targets = [{name: "A", point_mm: [150, 150], tolerance_mm: 20}];
+          state.map = {source: {environment: "pegs", seed: 1}, edits: [["remove", 0]], targets};
+        })"""
+    )
+    assert "●" in tab.page.title()
+    tab.until("() => studio.request('autosaves').then((found) => found.autosaves.length === 1)")
+    tab.page.context.close()
+    after = open_tab()
+    after.page.click(".file-note button:text('Open it')")
+    after.until("() => studio.store.get().map.edits.length === 1")
+    after.page.get_by_role("button", name="Save map").click()
+    after.page.wait_for_selector("dialog[open] #save-map-path")  # it has no file yet
+    after.page.fill("#save-map-path", "saved")
+    after.page.keyboard.press("Enter")
+    after.until("() => studio.store.get().map.source.file === 'saved.geojson'")
+    after.until("() => studio.store.get().map.edits.length === 0")
+    assert "●" not in after.page.title()
+    saved = Map.read(studio.folder / "saved.geojson")
+    assert len(saved.obstacles) == len(world.obstacles) - 1
+    assert [one.name for one in saved.targets] == ["A"]
+    after.until("() => studio.answers.live.targets.length === 1")
+
+    # Into the same file: what was done by numbers of obstacles is not done twice by undo.
+    edit = "studio.store.change('', (s) => { s.map.edits = [['remove', 0]]; })"
+    after.page.evaluate(edit)
+    after.page.get_by_role("button", name="Save map").click()
+    after.until("() => studio.store.get().map.edits.length === 0")
+    assert len(Map.read(studio.folder / "saved.geojson").obstacles) == len(world.obstacles) - 2
+    walls = after.page.locator("#map [data-obstacle]")
+    after.soon(len(world.obstacles) - 2, walls.count)
+    after.page.keyboard.press("Control+z")
+    assert after.state()["map"]["source"] == {"environment": "pegs", "seed": 1}
+    after.page.keyboard.press("Control+y")
+    after.soon(len(world.obstacles) - 2, walls.count)
+
+    # Changed outside meanwhile: nothing is overwritten before somebody has said so.
+    after.page.evaluate(edit)
+    text = map_text(world)
+    (studio.folder / "saved.geojson").write_text(text)
+    after.page.get_by_role("button", name="Save map").click()
+    after.page.wait_for_selector("dialog[open] .problem:has-text('changed outside')")
+    assert (studio.folder / "saved.geojson").read_text() == text

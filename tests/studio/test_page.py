@@ -70,6 +70,7 @@ def shows(tab, world, pose=None):
         tab.page.wait_for_timeout(50)
 
 
+MM_PER_PX = "document.querySelector('#map svg.plan').style.getPropertyValue('--mm-per-px')"
 LAST_EDIT = "studio.store.get().map.edits.at(-1)"
 
 
@@ -229,7 +230,9 @@ def test_obstacles_are_moved_added_and_deleted_and_scores_wait_for_the_hand(tab,
     shows(tab, world)
     tab.page.mouse.up()
 
-    tab.page.get_by_role("button", name="Add an obstacle").click()
+    button = tab.page.get_by_role("button", name="Add an obstacle")
+    button.focus()
+    tab.page.keyboard.press("Enter")  # by key it stands in the middle
     added = tab.state()["map"]["edits"][1]
     shows(tab, replace(grid, obstacles=(*moved, shapely.Polygon(added[1]))))
     tab.until("() => document.querySelectorAll('[data-obstacle]').length === 10")
@@ -238,6 +241,29 @@ def test_obstacles_are_moved_added_and_deleted_and_scores_wait_for_the_hand(tab,
     assert tab.state()["map"]["edits"][2] == ["remove", 9]
     shows(tab, world)
     tab.until("() => document.querySelectorAll('[data-obstacle]').length === 9")
+
+
+def test_an_added_obstacle_is_drawn_by_a_drag(tab, grid):
+    tab.rest()
+    tab.page.get_by_role("button", name="Add an obstacle").click()
+    tab.drag(".pose-layer .base", (60, -45), steps=6)  # whatever lies there
+    ((kind, corners),) = tab.state()["map"]["edits"]
+    assert (kind, tab.state()["pose"]) == ("add", None)
+    (x0, y0), (x1, _), (_, y1), _ = corners
+    per_px = float(tab.page.evaluate(MM_PER_PX))
+    assert (x1 - x0, y1 - y0) == pytest.approx((60 * per_px, 45 * per_px), rel=0.03)
+    start = grid.starts[0].pose
+    assert (x0, y0) == pytest.approx((start.x_mm, start.y_mm), abs=2.0 * per_px)
+    tab.until("() => document.querySelectorAll('[data-obstacle]').length === 10")
+    assert tab.page.input_value("#thing") == "obstacle 9", "it is chosen"
+    assert tab.page.get_by_role("button", name="Add an obstacle").get_attribute("aria-pressed") == (
+        "false"
+    )
+    tab.page.locator("#undo").click()
+    assert tab.state()["map"]["edits"] == [], "a drag is one step"
+    tab.page.get_by_role("button", name="Add an obstacle").click()
+    tab.page.mouse.click(*tab.middle("#map svg.plan"))  # without a drag: a small one
+    assert [kind for kind, _ in tab.state()["map"]["edits"]] == ["add"]
 
 
 def test_an_obstacle_is_typed_resized_and_turned(tab, grid):
@@ -263,7 +289,9 @@ def test_an_obstacle_is_typed_resized_and_turned(tab, grid):
         before = tab.page.evaluate(of_page)
         tab.drag(f".edit-layer {handle}", by)
         tab.until(f"(before) => JSON.stringify({of_page}) !== before", json.dumps(before))
-        tab.until(f"() => JSON.stringify({of_page}) === JSON.stringify({LAST_EDIT}[2])")
+        tab.until(
+            f"() => Object.entries({LAST_EDIT}[2]).every(([k, v]) => {of_page}[k] === v)",
+        )
     moved[4] = frame.taken_to(Frame(**tab.page.evaluate(of_page)), grid.obstacles[4])
     shows(tab, replace(grid, obstacles=tuple(moved)))
     for _ in range(5):
@@ -318,11 +346,7 @@ def test_scale_bar_cursor_measure_snap_and_legend(tab):
     x, y, _ = pose_of(tab.state())
     assert (x % 10.0, y % 10.0) == (0.0, 0.0)
     tab.rest()
-    perpx = float(
-        tab.page.evaluate(
-            "document.querySelector('#map svg.plan').style.getPropertyValue('--mm-per-px')"
-        )
-    )
+    perpx = float(tab.page.evaluate(MM_PER_PX))
     bar = tab.page.locator(".scale-bar")
     assert tab.box(".scale-bar")["width"] * perpx == pytest.approx(
         float(bar.inner_text().removesuffix(" mm")), rel=0.01
@@ -529,6 +553,24 @@ def test_a_reload_in_the_middle_of_a_drag_keeps_the_state_and_the_token(tab, stu
     assert beside.problems == []
 
 
+def test_a_reload_keeps_what_can_be_undone(tab):
+    steps = [tab.state()]
+    for value in (75, 80, 85):
+        tab.set(LENGTH, value)
+        steps.append(tab.state())
+    tab.page.keyboard.press("Control+z")
+    tab.page.reload()
+    tab.page.wait_for_selector("#scores .score")
+    assert tab.state() == steps[2]
+    for step in (steps[1], steps[0]):
+        tab.page.locator("#undo").click()
+        assert tab.state() == step
+    assert tab.page.locator("#undo").is_disabled()
+    for step in steps[1:]:
+        tab.page.locator("#redo").click()
+        assert tab.state() == step
+
+
 def test_a_server_that_ends_and_one_that_starts_anew(tmp_path, start_studio, open_context):
     (tmp_path / "twig.toml").write_text(TWIG)
     page = open_context().new_page()
@@ -697,6 +739,46 @@ def test_arrow_keys_move_handles_and_obstacles(tab, grid):
     slider.focus()
     slider.press("ArrowRight")
     assert tab.design().levels[0].length_mm == 71.0
+
+
+def test_ten_arrows_are_ten_steps(tab):
+    """Every edit is a function of the state: keys wait for no answer."""
+    target = {"name": "A", "point_mm": [60.0, 150.0]}
+    tab.page.evaluate(
+        "(one) => studio.store.change('', (s) => { s.map.targets = [one]; })",
+        target,
+    )
+    tab.page.wait_for_selector('.target-layer [data-target="A"]')
+    tab.rest()
+
+    def press(key):
+        for _ in range(10):
+            tab.page.keyboard.press(key)
+            tab.page.wait_for_timeout(33)
+
+    tab.page.select_option("#thing", "target A")
+    tab.page.locator("#map svg.plan").focus()
+    press("ArrowRight")
+    assert tab.state()["map"]["targets"][0]["point_mm"] == [70.0, 150.0]
+
+    x, y, _ = tab.page.evaluate("Object.values(studio.answers.live.source.pose)")
+    tab.page.locator(".pose-layer .base").focus()
+    press("ArrowUp")
+    assert pose_of(tab.state())[:2] == pytest.approx((x, y + 10.0))
+    tab.page.locator(".pose-layer .heading").focus()
+    press("ArrowLeft")
+    assert pose_of(tab.state()) == pytest.approx((x, y + 10.0, 100.0))
+
+    tab.page.select_option("#thing", "obstacle 4")
+    tab.page.locator("#map svg.plan").focus()
+    press("ArrowDown")
+    edits = tab.state()["map"]["edits"]
+    assert sum(dy for _, index, _, dy in edits if index == 4) == -10.0
+
+    slider = tab.page.locator(f'input[type=range][data-key="{LENGTH}"]')
+    slider.focus()
+    press("ArrowRight")
+    assert tab.design().levels[0].length_mm == 80.0
 
 
 MEASURED = """() => {

@@ -12,7 +12,7 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
@@ -51,8 +51,16 @@ from vinefab.model.files.shipped import (
 )
 from vinefab.model.files.toml import LARGEST_TOML_BYTES, toml_content
 from vinefab.model.laser import read_profile
-from vinefab.model.map import Map
-from vinefab.studio.state import PAGE, files_named_in, is_name, mapping_at
+from vinefab.model.map import Map, map_text
+from vinefab.studio.state import (
+    PAGE,
+    files_named_in,
+    is_name,
+    mapping_at,
+    member,
+    pose_of,
+    world_of,
+)
 from vinefab.tasks import TASKS
 
 if TYPE_CHECKING:
@@ -63,6 +71,9 @@ else:  # of the extra
 AUTOSAVE_SCHEMA = "vinefab/recovery-1"
 MOST_AUTOSAVES = 20
 LARGEST_AUTOSAVE_BYTES = 4 << 20
+
+_WORK = ("design", "map")
+"""What of a state would be lost."""
 
 _KEY = re.compile(r"[a-z0-9]{6,40}")
 
@@ -221,7 +232,7 @@ class FileStore:
         world = Map.read(path)
         self._watch(path, "map", stamp)
         return {
-            "source": {"file": self.shown(path)},
+            "source": {"file": self.shown(path), "stamp": stamp},
             "name": world.name,
             "obstacles": len(world.obstacles),
             "starts": len(world.starts),
@@ -275,15 +286,50 @@ class FileStore:
         answer = {"saved": True, "path": self.shown(path), "stamp": stamp, "text": text}
         return {**answer, "writable": True, "note": note}
 
+    def save_map(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        """Write the page's map into a file; nothing is written where it is another than expected.
+
+        Parameters
+        ----------
+        ask
+            ``path``; ``map``, as `edited_map` and ``targets`` have it; ``pose``, which becomes the
+            first start; ``stamp`` of the version that is known, and ``autosave``, as for a design.
+        """
+        path = self._target(ask.get("path"), ".geojson")
+        content = mapping_at("map", ask.get("map"))
+        self.check_paths({"map": content})
+        with self._lock:
+            now = _stamp(path, LARGEST_MAP_BYTES) if path.exists() else ""
+            if now and now != ask.get("stamp"):
+                why = "changed" if ask.get("stamp") else "exists"
+                about = {"path": self.shown(path), "stamp": now, "design": None, "problem": None}
+                return {"saved": False, "why": why, **about}
+            world = world_of(content)
+            pose = pose_of(ask.get("pose"))
+            if pose is not None:
+                world = replace(world, starts=(*world.with_start(pose).starts, *world.starts[1:]))
+            text = map_text(world)
+            write_bytes(path, text.encode(), force=True, sealed=False)  # a person's work
+        stamp = sha256_of(text.encode())
+        self._watch(path, "map", stamp)
+        if ask.get("autosave"):
+            self.drop_autosave({"key": ask["autosave"]})
+        source = {"file": self.shown(path), "stamp": stamp}
+        return {"saved": True, "path": source["file"], "stamp": stamp, "source": source}
+
     def keep_autosave(self, ask: Mapping[str, Any]) -> dict[str, Any]:
         """Keep unsaved work: ``key`` of the tab, its ``state`` and ``file``; the oldest goes.
+
+        Its paths are kept whole: another server, started in another folder, may find it.
+
 
         ``instead`` is the key of a closed tab whose work this one took over: removed once the
         new copy stands, so that no reload between the two loses the work or offers it twice.
         """
         path, state = _autosave(ask.get("key")), mapping_at("state", ask.get("state"))
         kept_at = datetime.now(UTC).isoformat("T", "seconds")
-        content = {"kept_at": kept_at, "state": state, "file": ask.get("file")}
+        state, file = self._with_paths(state, ask.get("file"), self._whole)
+        content = {"kept_at": kept_at, "state": state, "file": file}
         text = json_text(AUTOSAVE_SCHEMA, content)
         if len(text) > LARGEST_AUTOSAVE_BYTES:
             allowed = f"at most {LARGEST_AUTOSAVE_BYTES} bytes for the recovery file"
@@ -302,13 +348,17 @@ class FileStore:
             with suppress(UnreadableFileError, BadInputError):
                 kept = self.open_autosave({"key": path.stem.removeprefix("recovery-")})
                 state = kept.pop("state")
-                design = state.get("design") if isinstance(state, dict) else None
-                name = design.get("name") if isinstance(design, dict) else None
-                found.append({**kept, "name": name, "design": design})
+                shown = {k: state.get(k) if isinstance(state, dict) else None for k in _WORK}
+                name = member(shown, "design").get("name")
+                found.append({**kept, "name": name, **shown})
         return {"autosaves": found}
 
     def open_autosave(self, ask: Mapping[str, Any]) -> dict[str, Any]:
-        """Return unsaved work: ``key``, ``kept_at``, ``state`` and ``file``."""
+        """Return unsaved work: ``key``, ``kept_at``, ``state``, ``file`` and ``left``.
+
+        What lies in another folder is not opened here: without its file the work is a copy, and
+        ``left`` names the files that it was made with.
+        """
         path = _autosave(ask.get("key"))
         try:
             content = json.loads(read_text(path, 2 * LARGEST_AUTOSAVE_BYTES))
@@ -318,8 +368,58 @@ class FileStore:
             raise UnreadableFileError(path, f"is not a recovery file ({AUTOSAVE_SCHEMA})")
         with located(path):
             check_plain(content)
-        kept = {name: content.get(name) for name in ("kept_at", "state", "file")}
-        return {"key": ask["key"], **kept}
+        left: list[str] = []
+
+        def here(key: str, given: str) -> str | None:
+            try:
+                if not Path(given).is_absolute():  # of a version that did not say in which folder
+                    raise BadInputError(key, given, "a whole path", path)
+                return self.shown(self.allowed_path(key, given))
+            except VinefabError:
+                left.append(given)
+                return None
+
+        state, file = self._with_paths(content.get("state"), content.get("file"), here)
+        return {
+            "key": ask["key"], "kept_at": content.get("kept_at"), "state": state, "file": file,
+            "left": list(dict.fromkeys(left)),
+        }  # fmt: skip
+
+    def _whole(self, key: str, given: str) -> str:
+        """Return a path of the page as it is from any folder."""
+        with suppress(VinefabError):  # kept all the same
+            return str(self.allowed_path(key, given, to_write=True))
+        return given
+
+    def _with_paths(
+        self,
+        state: Any,  # noqa: ANN401  JSON
+        file: Any,  # noqa: ANN401  JSON
+        path_of: Callable[[str, str], str | None],
+    ) -> tuple[Any, Any]:
+        """Return a state and its file with other paths; what has none any more is left out.
+
+        Names, as of shipped designs and recipes, are no paths.
+        """
+
+        def changed(key: str, given: object) -> Any:  # noqa: ANN401  JSON
+            is_path = isinstance(given, str) and given and not is_name(given)
+            return path_of(key, str(given)) if is_path else given
+
+        if isinstance(file, dict) and "path" in file:
+            file = {**file, "path": changed("design", file["path"])}
+        if not isinstance(state, dict):
+            return state, file
+        state = {**state, **{k: changed(k, state[k]) for k in ("opened", "recipe") if k in state}}
+        source = member(member(state, "map"), "source")
+        if "file" in source:
+            path = changed("map", source["file"])
+            state["map"] = path and {**state["map"], "source": {**source, "file": path}}
+        family = member(state, "family")
+        if isinstance(family.get("files"), list):
+            files = [changed("family.files", name) for name in family["files"]]
+            state["family"] = {**family, "files": [name for name in files if name]}
+        return state, file
 
     def drop_autosave(self, ask: Mapping[str, Any]) -> dict[str, Any]:
         """Remove unsaved work."""
@@ -433,11 +533,11 @@ class FileStore:
         """Tell whether this is a path and no name of a shipped or own file."""
         return not is_name(given) or self.allowed_path(key, given, to_write=True).is_file()
 
-    def _target(self, given: object) -> Path:
-        """Return the file that a design may be written to."""
+    def _target(self, given: object, suffix: str = ".toml") -> Path:
+        """Return the file that a design or a map may be written to."""
         path = self.allowed_path("path", given, to_write=True)
-        if path.suffix.lower() != ".toml":
-            raise BadInputError("path", given, "a name ending in .toml", PAGE)
+        if path.suffix.lower() != suffix:
+            raise BadInputError("path", given, f"a name ending in {suffix}", PAGE)
         if _is_library(path):
             raise BadInputError(
                 "path", given, "another name: shipped and own designs are read only here", PAGE
@@ -473,6 +573,7 @@ FILE_REQUESTS: dict[str, Callable[[FileStore, Mapping[str, Any]], dict[str, Any]
     "open_map": FileStore.open_map,
     "open_recipe": FileStore.open_recipe,
     "save_design": FileStore.save_design,
+    "save_map": FileStore.save_map,
     "keep_autosave": FileStore.keep_autosave,
     "autosaves": FileStore.autosaves,
     "open_autosave": FileStore.open_autosave,

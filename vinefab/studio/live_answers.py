@@ -40,7 +40,7 @@ from vinefab.pages.plan_svg import (
 from vinefab.prediction.deploy import DeployedDesign, places_text, stayed_text, wedged, without_room
 from vinefab.prediction.measures import worst_pressures_of
 from vinefab.studio.executors import Progress
-from vinefab.studio.state import PAGE, EditedMap, StudioState
+from vinefab.studio.state import PAGE, EditedMap, StudioState, pose_content
 from vinefab.tasks import TASKS, make_task
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.reach import touched_targets
@@ -201,8 +201,19 @@ def live_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict
         "targets": [target.content for target in state.world.targets],
         "targets_svg": targets_svg(state.world.targets),
         "obstacle": chosen,
+        "source": _of_source(state.ground, len(state.world.obstacles)),
     }
     return answer | _grown(state, state.world, with_scores=bool(ask.get("scores", True)))
+
+
+def _of_source(ground: EditedMap, count: int) -> dict[str, Any]:
+    """Return what a map is before the page changes it: what edits of the page start from."""
+    starts = ground.world.starts
+    return {
+        "pose": pose_content(starts[0].pose) if starts else None,
+        "targets": [target.content for target in ground.world.targets],
+        "obstacles": count - ground.more,
+    }
 
 
 def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, Any]:
@@ -210,7 +221,7 @@ def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, An
     if start is None:
         return _not_grown(state.design, "the map has no start: put one on it")
     place = {
-        "pose": {"x_mm": start.x_mm, "y_mm": start.y_mm, "heading_deg": start.heading_deg},
+        "pose": pose_content(start),
         "pose_svg": pose_svg(start, 0.055 * max(world.size_mm)),
     }
     if problem := not_followed(state.design):

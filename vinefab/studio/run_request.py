@@ -88,6 +88,13 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
     """Return the form of a search around the page's design, with its proposals."""
     deeper, depth = SpaceSettings(), state.design.depth
     environment = state.world.environment if state.world else ""
+    # What stands on the page is what is searched for: its targets, and its map where that is one.
+    has_targets = state.world is not None and bool(state.world.targets)
+    generated = {
+        "environment": environment if environment in ENVIRONMENTS else "grid",
+        "count": 4,
+        "seed": 1,
+    }
     costs = {name: f"little {name.replace('_', ' ')}" for name in COSTS}
     costs["branches"] = "few branches"
     build = state.design.build  # a search leaves some of it out
@@ -112,14 +119,11 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
         "optimizers": list(OPTIMIZERS),
         "environments": list(ENVIRONMENTS),
         "has_map": state.world is not None,
+        "has_targets": has_targets,
         "settings": {
-            "task": state.task,
+            "task": "reach" if has_targets else state.task,
             "objectives": [],
-            "maps": {
-                "environment": environment if environment in ENVIRONMENTS else "grid",
-                "count": 4,
-                "seed": 1,
-            },
+            "maps": {**generated, "shown": has_targets or state.is_own_map},
             "fabricable": True,
             "population": 24,
             "generations": 300,

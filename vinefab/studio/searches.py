@@ -40,13 +40,14 @@ from vinefab.model.score import Score
 from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.finalists import minimized, non_dominated, spread_out
 from vinefab.search.manufacturability import with_build_for_film
-from vinefab.search.record.generations import Generation, first_difference
+from vinefab.search.record.generations import Generation, first_difference, touched_text
 from vinefab.search.record.result import RECORD_FILE, RecordTail, RunArchive
 from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings, read_run
 from vinefab.search.space import COSTS, Space
 from vinefab.studio.file_store import Broadcast
 from vinefab.studio.run_request import RUN_FILE, run_files, run_proposal
 from vinefab.studio.state import PAGE, StudioState
+from vinefab.tasks.reach import TARGETS, TOUCHED
 
 MOST_CURVE_POINTS, MOST_FRONT_POINTS = 240, 120
 MOST_FRONT_KEPT = 360
@@ -67,6 +68,7 @@ class FollowedRecord:
     best: float = INVALID_FITNESS  # best fitness
     best_at: tuple[int, int] | None = None  # its generation and row
     best_breaks: bool = False  # whether it has a penalty
+    best_touched: str = ""  # how many targets it touches; empty without targets
     best_x: Floats = field(default_factory=lambda: np.empty(0))
     curve: list[tuple[int, float]] = field(default_factory=list)  # evaluations and best fitness
     front: "LiveFront | None" = None
@@ -100,6 +102,9 @@ class FollowedRecord:
                 self.best, self.best_at = generation.best, (generation.number, row)
                 self.best_x = generation.x[row]
                 self.best_breaks = bool(generation.penalty[row] > 0.0)
+                if TARGETS in generation.terms:
+                    of_best = [float(generation.terms[name][row]) for name in (TOUCHED, TARGETS)]
+                    self.best_touched = touched_text(*of_best)
                 self.curve.append((self.evaluations, self.best))
             if self.front is not None:
                 self.front.take(generation)
@@ -552,6 +557,7 @@ class SearchManager:
             "curve": record.curve_points(),
             "best": record.best_content(),
             "best_score": record.best if record.best_at is not None else None,
+            "best_touched": record.best_touched,
             "best_words": best_words(record),
             "front": record.front.plain() if record.front else None,
             "line": problem or _line(state, record, asked=running.was_asked_to_stop),
@@ -569,6 +575,7 @@ class SearchManager:
             **event,
             "best": design_content(result.best),
             "best_score": result.score.composite["mean"],
+            "best_touched": result.targets.headline if result.targets else "",
             "best_words": f"{winner_words(result.score)}{_BREAKS if breaks else ''}",
             **({"front": front} if front else {}),
         }
@@ -658,8 +665,10 @@ class SearchManager:
             return {"folder": self._shown(path.parent), "state": "unfinished", "line": line}
         state = "running" if is_running else "ended" if record.stopped else "unfinished"
         score, words = record.best if record.best_at is not None else None, best_words(record)
+        touched = record.best_touched
         if record.tail and record.stopped and (winner := record.tail.winner_score) is not None:
             score, words = winner.composite["mean"], winner_words(winner)
+            touched = winner.targets.headline if winner.targets else ""
         return {
             "folder": self._shown(path.parent),
             "state": state,
@@ -669,6 +678,7 @@ class SearchManager:
             "generations": record.generations,
             "most_generations": settings.search.generations,
             "best_score": score,
+            "best_touched": touched,
             "best_words": words,
             "line": _line(state, record),
         }

@@ -117,6 +117,7 @@ class EditedMap:
     world: Map
     frames: tuple[Frame | None, ...]  # of obstacles that were placed; None: the smallest around it
     key: str  # the same for the same obstacles of the same map
+    more: int  # obstacles than the source has
 
     def frame(self, index: int) -> Frame:
         """Return the frame of an obstacle."""
@@ -131,7 +132,8 @@ def edited_map(content: Mapping[str, Any]) -> EditedMap:
     content
         ``source``: ``{"file": PATH}``, or ``{"environment": NAME, "seed": N, "options": {...}}``;
         ``edits``, a list that is applied in order: ``["move", INDEX, DX_MM, DY_MM]``, ``["place",
-        INDEX, FRAME]``, ``["add", [[X, Y], ...]]``, ``["remove", INDEX]``.
+        INDEX, FRAME]`` with all or some values of a frame, ``["add", [[X, Y], ...]]``, ``["remove",
+        INDEX]``.
     """
     source = mapping_at("map.source", content.get("source"))
     edits = content.get("edits") or []
@@ -152,10 +154,27 @@ def world_of(content: Mapping[str, Any]) -> Map:
         raise BadInputError(error.key, error.value, error.allowed, PAGE) from error
 
 
+def pose_content(pose: Pose) -> dict[str, float]:
+    """Return a start as the page has it."""
+    return {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "heading_deg": pose.heading_deg}
+
+
+def pose_of(given: object) -> Pose | None:
+    """Return the start that the page sent; None where it is the map's own."""
+    if given is None:
+        return None
+    place = mapping_at("pose", given)
+    try:
+        return Pose.of((place["x_mm"], place["y_mm"], place["heading_deg"]))
+    except KeyError as error:
+        raise BadInputError("pose", dict(place), "x_mm, y_mm and heading_deg", PAGE) from error
+
+
 @lru_cache(maxsize=32)
 def _edited_map(source: str, edits: str, stamp: str) -> EditedMap:
     world, changes = _source_world(source, stamp), json.loads(edits)
     obstacles = list(world.obstacles)
+    count = len(obstacles)
     frames: list[Frame | None] = [None] * len(obstacles)
     for place, edit in enumerate(changes):
         _apply(edit, obstacles, frames, f"map.edits.{place}")
@@ -163,7 +182,7 @@ def _edited_map(source: str, edits: str, stamp: str) -> EditedMap:
         # Starts stay: one inside of an obstacle is told when a robot is to grow there.
         world = replace(world, obstacles=tuple(obstacles))
     key = sha256_of("\n".join((source, edits, stamp)).encode())[:16]
-    return EditedMap(world=world, frames=tuple(frames), key=key)
+    return EditedMap(world=world, frames=tuple(frames), key=key, more=len(obstacles) - count)
 
 
 @lru_cache(maxsize=256)
@@ -212,11 +231,11 @@ def _apply(edit: Any, obstacles: list[Polygon], frames: list[Frame | None], key:
         old = frames[index]
         frames[index] = None if old is None else old.moved(dx_mm, dy_mm)
     else:
+        old = frames[index] or Frame.around(obstacles[index])
         try:
-            frame = validated(Frame, rest[1])
+            frame = validated(Frame, {**old.content, **mapping_at(key, rest[1])})
         except BadInputError as error:
             raise BadInputError(f"{key}.{error.key}", error.value, error.allowed, PAGE) from error
-        old = frames[index] or Frame.around(obstacles[index])
         obstacles[index], frames[index] = old.taken_to(frame, obstacles[index]), frame
 
 
@@ -272,6 +291,7 @@ class StudioState:
     ground: EditedMap | None  # the same without the page's targets
     pose: Pose | None  # None: the map's first start
     profile: LaserProfile
+    is_own_map: bool  # a file, or with changes: no map that an environment generates
     recipe: str  # what the profile was opened by
     task: str
     family: Family
@@ -291,19 +311,13 @@ class StudioState:
         design = design_of(mapping_at("design", given.get("design")), PAGE)
         recipe = _text("recipe", given.get("recipe") or DEFAULT_RECIPE)
         shown = None if given.get("map") is None else mapping_at("map", given["map"])
-        pose = None
-        if given.get("pose") is not None:
-            place = mapping_at("pose", given["pose"])
-            try:
-                pose = Pose.of((place["x_mm"], place["y_mm"], place["heading_deg"]))
-            except KeyError as error:
-                allowed = "x_mm, y_mm and heading_deg"
-                raise BadInputError("pose", dict(place), allowed, PAGE) from error
         return cls(
             design=design,
             world=None if shown is None else world_of(shown),
             ground=None if shown is None else edited_map(shown),
-            pose=pose,
+            pose=pose_of(given.get("pose")),
+            is_own_map=shown is not None
+            and ("file" in member(shown, "source") or bool(shown.get("edits"))),
             profile=current_profile(recipe),
             recipe=recipe,
             task=_text("task", given.get("task") or "coverage"),
@@ -339,14 +353,15 @@ def is_name(given: object) -> bool:
 
 def files_named_in(content: Mapping[str, Any]) -> list[tuple[str, object]]:
     """Return the files that a state names, each with its key: `StudioState.of` reads no others."""
-    source = _member(_member(content, "map"), "source")
-    files = _member(content, "family").get("files")
+    source = member(member(content, "map"), "source")
+    files = member(content, "family").get("files")
     named = [("map.source.file", source.get("file")), ("recipe", content.get("recipe") or None)]
     named += [("family.files", name) for name in files] if isinstance(files, list) else []
     return [(key, given) for key, given in named if given is not None]
 
 
-def _member(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+def member(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """Return what is at a key if it is an object, and an empty one otherwise."""
     value = content.get(key)
     return value if isinstance(value, Mapping) else {}
 

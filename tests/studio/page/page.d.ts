@@ -13,7 +13,7 @@ type MapSource = { file?: string; environment?: string; seed?: number; options?:
 
 type MapEdit =
   | ["move", index: number, dx_mm: number, dy_mm: number]
-  | ["place", index: number, frame: Frame]
+  | ["place", index: number, frame: Partial<Frame>]
   | ["add", corners_mm: Place[]]
   | ["remove", index: number];
 
@@ -111,6 +111,8 @@ type App = {
   restored: boolean;
   timings: number[];
   remember(): void;
+  /** Write the open map into its file, or into a new one. */
+  saveMap(): Promise<void>;
   say(text: string, kind?: "info" | "error"): void;
   fail(thrown: unknown, about?: string): void;
   ask<P extends Panel>(panel: P, ask?: object, options?: { state?: StudioState }): Promise<Answers[P]>;
@@ -135,6 +137,9 @@ interface WindowEventMap {
   released: CustomEvent<null>;
   tabshown: CustomEvent<string>;
 }
+
+/** What a reload of a tab finds of itself. */
+type Kept = { started: string; state: StudioState; file: OpenFile; history: { past: Step[]; future: Step[] } };
 
 /** The page, for the console and for tests. */
 declare var studio: App;
@@ -162,7 +167,7 @@ type ChosenPoint = { point: FrontPoint; design: Design; words: string };
 type Kind = "design" | "map" | "environment" | "recipe";
 /** What can be opened: its name, and where it is or what it is about. */
 type Openable = { name: string; path?: string; where?: string; about?: string };
-type Note = "disk" | "map" | "unsaved";
+type Note = "disk" | "map" | "unsaved" | "other";
 type NoteActions = [label: string, act: () => unknown][];
 
 // ---- exports
@@ -184,7 +189,7 @@ type Chosen = { kind: "obstacle"; id: number } | { kind: "target"; id: string } 
 type ThingKind = "start" | "obstacle" | "target";
 /** What a drag has grabbed. */
 type Grabbed =
-  | { kind: "view" | "measure" }
+  | { kind: "view" | "measure" | "draw" }
   | { kind: "base" | "heading"; pose: Pose }
   | { kind: "tip"; branch: string; isBusy: boolean; to: Place | null }
   | { kind: "target"; id: string; from: Place }
@@ -219,7 +224,8 @@ type OpenFile = {
   run_note?: string;
   /** As it was read. */
   text?: string;
-  saved_design: Design;
+  /** None: a copy without a file. */
+  saved_design: Design | null;
   dirty: boolean;
 };
 
@@ -288,6 +294,8 @@ type LiveAnswer = {
   view_box?: string;
   targets?: TargetFound[];
   targets_svg?: string;
+  /** The map before the page changes it. */
+  source?: SourceFound;
   obstacle?: { index: number; frame: Frame; path: string; svg: string } | null;
   // where the map has a start
   pose?: Pose;
@@ -304,6 +312,8 @@ type LiveAnswer = {
   /** The page's mark of scores that are those before. */
   isUnscored?: boolean;
 };
+
+type SourceFound = { pose: Pose | null; targets: TargetFound[]; obstacles: number };
 
 /** A target, and where something grows how near the robot came. */
 type TargetFound = Target & {
@@ -406,9 +416,10 @@ type RequestAnswers = {
   open_map: { source: MapSource; name: string; obstacles: number; starts: number; stamp: string };
   open_recipe: { recipe: string; title: string };
   save_design: Saved | Conflict;
+  save_map: { saved: true; path: string; stamp: string; source: MapSource } | Conflict;
   keep_autosave: { kept: string };
   autosaves: { autosaves: Autosave[] };
-  open_autosave: { key: string; kept_at: string; state: StudioState; file: { path?: string; name?: string } | null };
+  open_autosave: { key: string; kept_at: string; state: StudioState; file: KeptFile | null; left: string[] };
   drop_autosave: Record<string, never>;
   search_propose: Proposal;
   search_start: BegunSearch;
@@ -423,7 +434,11 @@ type Choice = { name: string; path: string; where: string };
 type Saved = { saved: true; path: string; stamp: string; text: string; writable: boolean; note: string };
 type FileChange = { kind: "design" | "map" | "recipe"; path: string; stamp: string; design: Design | null; problem: string | null };
 type Conflict = Omit<FileChange, "kind"> & { saved: false; why: string };
-type Autosave = { key: string; kept_at: string; name: string | null; design: Design | null; file: { path?: string; name?: string } | null };
+type KeptFile = { path?: string | null; name?: string; stamp?: string };
+/** Unsaved work; `left` are files that it was made with and that are not open here. */
+type Autosave = {
+  key: string; kept_at: string; name: string | null; design: Design | null; map: OpenMap | null; file: KeptFile | null; left: string[];
+};
 type BegunSearch = { folder: string; command: string; state: string };
 
 type Objective = { name: string; unit: string; better: string; kind: string };
@@ -434,13 +449,15 @@ type RunState = "running" | "ended" | "stopped" | "failed" | "unfinished" | "unr
 type SearchEvent = {
   event: "search"; folder: string; state: RunState; share: number; generations: number;
   evaluations: number; task: string | null; curve: number[][]; best: Design | null; best_score: number | null;
+  /** How many targets are touched, as everywhere; empty without targets. */
+  best_touched: string;
   best_words: string; front: Front | null; line: string; command: string;
 };
 
 type ListedRun = {
   folder: string; state: RunState; line: string;
   name?: string; task?: string; objectives?: string[]; generations?: number; most_generations?: number;
-  best_score?: number | null; best_words?: string;
+  best_score?: number | null; best_touched?: string; best_words?: string;
 };
 
 type SearchValue = {
@@ -450,9 +467,9 @@ type Proposal = {
   folder: string; command: string; values: SearchValue[]; levels: number[]; most_levels: number;
   deeper: Record<string, [low: number, high: number, unit: string]>;
   notes: string[]; tasks: string[]; objectives: { name: string; kind: string; words: string }[]; optimizers: string[]; environments: string[];
-  has_map: boolean;
+  has_map: boolean; has_targets: boolean;
   settings: {
-    task: string; objectives: string[]; maps: { environment: string; count: number; seed: number }; fabricable: boolean;
+    task: string; objectives: string[]; maps: { environment: string; count: number; seed: number; shown: boolean }; fabricable: boolean;
     population: number; generations: number; optimizer: string; seed: number; start_here: boolean;
   };
 };

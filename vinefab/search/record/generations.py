@@ -72,6 +72,11 @@ def curve_of(history: Sequence[Generation]) -> tuple[Floats, Floats, Floats]:
     return np.where(best > INVALID_FITNESS, best, np.nan), mean, spread
 
 
+def touched_text(touched: float, total: float) -> str:
+    """Return how many targets are touched, a mean over maps, as everywhere."""
+    return f"{touched:.3g} of {total:g} touched"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
     """The progress of a run, for its user."""
@@ -110,10 +115,7 @@ class Progress:
     @property
     def targets_text(self) -> str:
         """How many targets the best design so far touches; empty where there are none."""
-        if self._touched is None:
-            return ""
-        touched, total = self._touched
-        return f"{touched:.3g} of {total:g} touched"
+        return "" if self._touched is None else touched_text(*self._touched)
 
     @property
     def touches_all(self) -> bool:

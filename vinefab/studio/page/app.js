@@ -9,6 +9,7 @@ import * as growthPanel from "studio/growth_panel.js";
 import * as mapPanel from "studio/map_panel.js";
 import * as searchPanel from "studio/search_panel.js";
 import * as sheetPanel from "studio/sheet_panel.js";
+import { paused } from "studio/dom.js";
 import { GONE, createConnection, problemOf } from "studio/connection.js";
 import { createStore } from "studio/store.js";
 
@@ -16,8 +17,10 @@ const PANELS = {
   design: designPanel, growth: growthPanel, map: mapPanel, sheet: sheetPanel, files: filesPanel,
   family: familyPanel, compare: comparePanel, search: searchPanel, export: exportPanel,
 };
+const KEPT_AFTER_MS = 200;
 const KEPT = "vinefab-studio";
 const TOKEN = "vinefab-token";
+const MOST_KEPT_CHARS = 4_000_000; // of the storage of a tab, in most browsers 5 million
 const WIDE = matchMedia("(min-width: 1151px)"); // as in studio.css
 
 /** @param {string} id */
@@ -55,12 +58,12 @@ function createSignals() {
   };
 }
 
-/** @param {Hello} hello @param {Connection | null} connection @param {Stored | null} stored @returns {App} */
-function createApp(hello, connection, stored) {
+/** @param {Hello} hello @param {Connection | null} connection @param {Stored | null} stored @param {Kept | null} before @returns {App} */
+function createApp(hello, connection, stored, before) {
   const answers = stored?.answers ?? {};
   const found = /** @type {typeof createSignals<Found>} */ (createSignals)();
   const heard = /** @type {typeof createSignals<Heard>} */ (createSignals)();
-  const store = createStore(hello.state);
+  const store = createStore(hello.state, before?.history);
 
   /** @type {App} */
   const app = {
@@ -76,6 +79,7 @@ function createApp(hello, connection, stored) {
     restored: false,
     timings: [],
     remember() {},
+    async saveMap() {},
     say,
     fail(thrown, about = "") {
       const problem = problemOf(thrown);
@@ -198,19 +202,25 @@ function mountHistory(app) {
 function mountKeeping(app) {
   app.remember = () => {
     const content = { started: app.hello.started, state: app.store.get(), file: app.file };
+    // Of a long history the newest steps are kept.
+    const { past, future } = app.store.history();
+    const one = JSON.stringify(content.state).length;
+    const room = Math.floor(MOST_KEPT_CHARS / (2 * one)) - 1;
+    const history = room < 1 ? { past: [], future: [] } : { past: past.slice(-room), future: future.slice(-room) };
     try {
-      sessionStorage.setItem(KEPT, JSON.stringify(content));
+      sessionStorage.setItem(KEPT, JSON.stringify({ ...content, history }));
     } catch {
       // Storage is full or forbidden: a reload begins with the file.
     }
   };
-  app.store.subscribe(app.remember);
+  app.store.subscribe(paused(() => app.remember(), KEPT_AFTER_MS));
+  addEventListener("pagehide", () => app.remember());
 }
 
 /**
  * Return what a reload of this tab finds of itself.
  * @param {Hello} hello
- * @returns {{ state: StudioState, file: OpenFile } | null}
+ * @returns {Kept | null}
  */
 function kept(hello) {
   try {
@@ -224,7 +234,7 @@ function kept(hello) {
 /** @param {Hello} hello @param {Connection | null} connection @param {Stored | null} stored */
 function start(hello, connection, stored) {
   const before = stored ? null : kept(hello);
-  const app = createApp(before ? { ...hello, state: before.state } : hello, connection, stored);
+  const app = createApp(before ? { ...hello, state: before.state } : hello, connection, stored, before);
   if (before) Object.assign(app.file, before.file);
   app.restored = Boolean(before);
   globalThis.studio = app; // for the console and for tests

@@ -1,6 +1,6 @@
 // The comparison of this version with the one before, in every number that a change is made for.
 
-import { button, el, optionsOf, paused } from "studio/dom.js";
+import { button, el, optionsOf, rested } from "studio/dom.js";
 import { familyConditions, isClear, signed } from "studio/family_panel.js";
 
 const REST_MS = 500;
@@ -153,7 +153,7 @@ export function mount(root, app) {
       now = version(state.design, state);
     }
     now.state = state;
-    const saved = app.file.saved_design;
+    const saved = app.file.saved_design ?? state.design; // a copy has no file
     const savedKey = JSON.stringify(saved);
     if (kept.saved?.key !== savedKey) {
       kept.saved = [now, kept.step, kept.kept].find((one) => one?.key === savedKey) ?? version(saved, state);
@@ -173,7 +173,7 @@ export function mount(root, app) {
   }
 
   /** Grow the version before on what is open now: another map or start makes its numbers void. */
-  const compareAtRest = paused(async () => {
+  const compareAtRest = rested(async () => {
     const reference = current();
     const state = app.shown();
     if (!app.live || !reference || reference === now || !app.answers.live) return;

@@ -132,6 +132,31 @@ export function paused(fn, wait_ms) {
   };
 }
 
+const waiting = /** @type {Set<() => void>} */ (new Set());
+let holds = false;
+for (const name of /** @type {const} */ (["pointerdown", "pointermove", "pointerup", "pointercancel"])) {
+  addEventListener(name, (event) => {
+    const held = event.buttons !== 0 && name !== "pointercancel";
+    if (holds === held || (held && name === "pointermove")) return;
+    holds = held;
+    for (const run of held ? [] : waiting) run();
+    if (!held) waiting.clear();
+  }, true);
+}
+
+/** Tell whether a hand holds something: then what follows it has the processor to itself. */
+export const isHeld = () => holds;
+
+/**
+ * Return a function that runs `fn` once the calls have paused for so long and no hand holds anything.
+ * @param {() => unknown} fn
+ * @param {number} wait_ms
+ */
+export function rested(fn, wait_ms) {
+  const run = paused(() => { if (holds) waiting.add(run); else fn(); }, wait_ms);
+  return run;
+}
+
 /** Return the value at a dotted key, `level.0.length`. @param {unknown} tree @param {string} key */
 export function valueAt(tree, key) {
   return key.split(".").reduce((node, part) => /** @type {Record<string, unknown> | null | undefined} */ (node)?.[part], tree);

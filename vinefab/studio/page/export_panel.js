@@ -1,6 +1,6 @@
 // Exports: each with its choices, and the command line that writes the same bytes.
 
-import { button, copyable, el, optionsOf, paused, shownBlocks } from "studio/dom.js";
+import { button, copyable, el, optionsOf, rested, shownBlocks } from "studio/dom.js";
 import { problemOf } from "studio/connection.js";
 
 const WAIT_MS = 150;
@@ -182,7 +182,7 @@ export function mount(root, app) {
   /** @param {object} what */
   const ask = (what) => app.ask("export", { ...what, ...files() }, { state: app.store.get() });
 
-  const showCommands = paused(async () => {
+  const showCommands = rested(async () => {
     if (!app.live || !dialog.open || isBusy) return;
     const exports = Object.fromEntries(entries.map((one) => [one.name, one.asked()]));
     try {

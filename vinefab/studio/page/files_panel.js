@@ -36,13 +36,21 @@ function mountLive(root, app, name, mark) {
   root.append(el("span", { class: "group", role: "group", "aria-label": "File" }, open, save, saveAs));
 
   const openDialog = createOpenDialog(root, app, choose);
-  const saveAsDialog = createSaveAsDialog(root, app, writeAs);
+  const saveAsDialog = createSaveAsDialog(root, app, {
+    id: "save", title: "Save as", ending: ".toml", renames: "Name the design after the file", write: writeAs,
+    proposed: () => (app.file.writable ? app.file.path.replace(/\.toml$/, "_2.toml") : `${app.file.name ?? nameOf(app.file.path)}.toml`),
+  });
+  const saveMapDialog = createSaveAsDialog(root, app, {
+    id: "save-map", title: "Save the map", ending: ".geojson", renames: "", write: (path, _, stamp) => writeMap(path, stamp),
+    proposed() {
+      const { file, environment, seed } = store.get().map?.source ?? {};
+      return file ?? `${environment}_${seed}.geojson`;
+    },
+  });
 
   // What is open --------------------------------------------------------------------------------
 
-  function isUnsaved() {
-    return app.file.dirty || (store.get().map?.edits.length ?? 0) > 0 || Boolean(store.get().map?.targets);
-  }
+  const isUnsaved = () => app.file.dirty || isEdited(store.get());
 
   function show() {
     app.file.dirty = plainText(store.get().design) !== plainText(app.file.saved_design);
@@ -52,7 +60,7 @@ function mountLive(root, app, name, mark) {
     mark.textContent = app.file.dirty ? "● unsaved" : app.file.writable ? "saved" : "read only";
     mark.dataset.dirty = String(app.file.dirty);
     save.disabled = app.file.writable && !app.file.dirty;
-    document.title = `${app.file.dirty ? "● " : ""}${shown} – vinefab studio`;
+    document.title = `${isUnsaved() ? "● " : ""}${shown} – vinefab studio`;
   }
 
   /** Let another file be the open one; the state says which, so that undo and redo follow. @param {Omit<OpenFile, "dirty">} file */
@@ -85,7 +93,16 @@ function mountLive(root, app, name, mark) {
   }
 
   /** @param {MapSource} source @param {string} title */
-  function takeMap(source, title) {
+  async function takeMap(source, title) {
+    if (isEdited(store.get())) {
+      const answer = await askUser(root, {
+        title: "The map has unsaved changes",
+        text: "Opening another map leaves them to Undo.",
+        choices: [["save", "Save the map first"], ["open", "Open; Undo brings them back"]],
+      });
+      if (answer === "save") await app.saveMap();
+      if (answer !== "open" && (!answer || isEdited(store.get()))) return false;
+    }
     store.change(`open map ${title}`, (state) => {
       state.map = { source, edits: [] };
       state.pose = null;
@@ -163,7 +180,7 @@ function mountLive(root, app, name, mark) {
     const design = structuredClone(store.get().design);
     const stem = nameOf(path);
     if (renames && /^[\p{L}\p{N}_-][\p{L}\p{N}_.-]{0,99}$/u.test(stem)) design.name = stem;
-    const answer = await write({ path, design, stamp, from: app.file.path });
+    const answer = await write({ path, design, stamp, from: app.file.stamp ? app.file.path : null });
     if (!answer.saved) return answer;
     rememberOld();
     store.change(`save as ${answer.path}`, (state) => {
@@ -171,6 +188,41 @@ function mountLive(root, app, name, mark) {
       state.opened = answer.path;
     });
     saved(answer, design);
+    return null;
+  }
+
+  // The map -------------------------------------------------------------------------------------
+
+  /** Write the map into its file; without one, or where it is another than expected, ask for a name. */
+  app.saveMap = async () => {
+    const { file, stamp } = store.get().map?.source ?? {};
+    try {
+      const refused = file ? await writeMap(file, stamp) : null;
+      if (!file || refused) await saveMapDialog.show(refused);
+    } catch (error) {
+      app.fail(error);
+    }
+  };
+
+  /** Return null when the map is written, or what stands in the way. @param {string} path @param {string} [stamp] */
+  async function writeMap(path, stamp) {
+    const { map, pose } = store.get();
+    const answer = app.request("save_map", { path, map, pose, stamp });
+    saving = answer.catch(() => null);
+    const found = await answer;
+    if (!found.saved) return found;
+    const written = plainText([map, pose]);
+    const take = (/** @type {StudioState} */ state) => {
+      state.map = { source: found.source, edits: [] };
+      state.pose = null;
+    };
+    if (map?.source.file === found.path) {
+      // What was changed by numbers of obstacles is in the file now: no step may do it twice.
+      store.rewrite((state) => { if (state.map?.source.file === found.path) take(state); });
+    } else store.change(`save the map as ${found.path}`, (state) => { if (plainText([state.map, state.pose]) === written) take(state); });
+    notes.clear("map");
+    app.say(`Saved ${found.path}`);
+    keepSoon();
     return null;
   }
 
@@ -234,6 +286,7 @@ function mountLive(root, app, name, mark) {
     }
     const state = store.get();
     const isMap = state.map?.source?.file === event.path;
+    if (isMap && state.map?.source.stamp === event.stamp) return; // written here
     store.change(`${event.path} from disk`, (copy) => {
       if (isMap && copy.map) copy.map.source.stamp = event.stamp;
       if (copy.family.files?.includes(event.path)) copy.family.stamp = event.stamp;
@@ -250,6 +303,7 @@ function mountLive(root, app, name, mark) {
 
   /** Look whether the file is still as it was, after a reload or a new server. */
   async function lookAgain() {
+    if (!app.file.stamp) return; // it has none
     try {
       const file = await app.request("open_design", { design: app.file.path });
       await onFileChanged({ kind: "design", path: app.file.path, stamp: file.stamp, design: file.design, problem: null });
@@ -262,6 +316,8 @@ function mountLive(root, app, name, mark) {
 
   let isKept = false;
   let reported = "";
+  let other = ""; // the key of a tab that holds unsaved work
+  const tabs = openTabs(() => key, (settled) => { if (settled === other) notes.clear("other"); });
 
   /** Keep unsaved work; with a key, in place of what was kept under it, in one step of the server. @param {string} [instead] */
   async function keep(instead) {
@@ -269,11 +325,13 @@ function mountLive(root, app, name, mark) {
     try {
       if (isUnsaved()) {
         isKept = true;
-        const file = { path: app.file.path, name: app.file.name };
+        const { path, name, stamp } = app.file;
+        const file = stamp ? { path, name, stamp } : null;
         await app.request("keep_autosave", { key, state, file, instead });
       } else if (isKept) {
         isKept = false;
         await app.request("drop_autosave", { key });
+        tabs.settled(key);
       }
     } catch (error) {
       // Once is enough: it would be reported again at every change.
@@ -285,17 +343,31 @@ function mountLive(root, app, name, mark) {
   const keepSoon = paused(() => keep(), KEEP_AFTER_MS);
 
   async function findUnsaved() {
-    const others = await otherTabs(() => key);
+    const others = await tabs.others();
     if (others.has(key)) {
       // A tab that was duplicated has its own.
       key = newKey();
       sessionStorage.setItem(KEY, key);
     }
     isKept = restored;
-    const found = (await app.request("autosaves")).autosaves
+    const found = (await app.request("autosaves")).autosaves;
+    const [held] = found.filter((entry) => others.has(entry.key));
+    if (held) {
+      other = held.key;
+      notes.show("other", `Another tab holds unsaved work: ${aboutKept(held)}. It can be saved there.`, []);
+    }
+    offer(found
       .filter((entry) => !others.has(entry.key) && !(restored && entry.key === key))
-      .filter((entry) => plainText(entry.design) !== plainText(store.get().design)); // what is open is not lost
-    offer(found);
+      .filter((entry) => workOf(entry) !== workOf(store.get()))); // what is open is not lost
+  }
+
+  /** Return what would be lost of a state: its design, and what was changed of its map. @param {{ design: unknown, map: OpenMap | null }} state */
+  const workOf = ({ design, map }) => plainText([design, map?.edits ?? [], map?.targets ?? null]);
+
+  /** @param {Autosave} entry */
+  function aboutKept({ name: title, file, left, kept_at }) {
+    const where = file?.path ?? left[0];
+    return `${title ?? "a design"}${where ? ` (${where})` : ""}, kept ${when(kept_at)}`;
   }
 
   /** @param {Autosave[]} found */
@@ -305,10 +377,10 @@ function mountLive(root, app, name, mark) {
       notes.clear("unsaved");
       return;
     }
-    const file = entry.file?.path ? ` (${entry.file.path})` : "";
     const more = rest.length ? ` ${rest.length} more after this.` : "";
-    notes.show("unsaved", `Unsaved work found: ${entry.name ?? "a design"}${file}, kept ${when(entry.kept_at)}.${more}`, [
-      ["Open it", () => takeUnsaved(entry).then(() => notes.clear("unsaved"))],
+    const copy = entry.left.length ? ` Here it opens as a copy without ${entry.left.join(", ")}.` : "";
+    notes.show("unsaved", `Unsaved work found: ${aboutKept(entry)}.${copy}${more}`, [
+      [entry.left.length ? "Open a copy" : "Open it", () => takeUnsaved(entry).then(() => notes.clear("unsaved"))],
       ["Discard it", () => app.request("drop_autosave", { key: entry.key }).then(() => offer(rest))],
       ["Not now", () => {}],
     ]);
@@ -325,11 +397,15 @@ function mountLive(root, app, name, mark) {
         // The file went: what was made of it is still here.
       }
       rememberOld();
-      const path = file?.path ?? app.file.path;
+      const title = entry.name ?? "a design";
+      const path = file?.path ?? `${title}: a copy`;
       store.replace("unsaved work", { ...kept.state, opened: path });
-      if (file) setFile(fileOf(file, file.design));
-      await keep(entry.key);
-      if (!isUnsaved()) await app.request("drop_autosave", { key: entry.key });
+      // Its file may have been changed since: saving it then asks.
+      if (file) setFile(fileOf({ ...file, stamp: kept.file?.stamp ?? file.stamp }, file.design));
+      else setFile({ path, name: title, writable: false, stamp: "", saved_design: null });
+      // What belongs to another folder stays there until it is taken up there.
+      await keep(entry.left.length ? undefined : entry.key);
+      if (!isUnsaved() && !entry.left.length) await app.request("drop_autosave", { key: entry.key });
       app.say(`Unsaved work of ${entry.name ?? "a design"} is open; Undo goes back`);
     } catch (error) {
       app.fail(error);
@@ -528,27 +604,30 @@ function createOpenDialog(root, app, choose) {
 }
 
 /**
- * Return the dialog that asks for a new name.
+ * Return the dialog that asks for a new name; a second press of its button replaces what is there.
  * @param {HTMLElement} root
  * @param {App} app
- * @param {(path: string, renames: boolean, stamp?: string) => Promise<Conflict | null>} writeAs
+ * @param {{
+ *   id: string, title: string, ending: string, renames: string, proposed(): string,
+ *   write(path: string, renames: boolean, stamp?: string): Promise<Conflict | null>,
+ * }} kind
  */
-function createSaveAsDialog(root, app, writeAs) {
-  const path = el("input", { type: "text", id: "save-path", autocomplete: "off", spellcheck: "false", required: true });
-  const renames = el("input", { type: "checkbox", id: "save-renames", checked: true });
+function createSaveAsDialog(root, app, { id, title, ending, renames: question, proposed, write }) {
+  const path = el("input", { type: "text", id: `${id}-path`, autocomplete: "off", spellcheck: "false", required: true });
+  const renames = el("input", { type: "checkbox", id: `${id}-renames`, checked: true });
   const problem = el("p", { class: "problem", role: "alert" });
   const save = el("button", { type: "submit", class: "primary" }, "Save");
   const form = el(
     "form", { method: "dialog" },
-    el("div", { class: "field" }, el("label", { for: "save-path" }, "File (.toml)"), path),
+    el("div", { class: "field" }, el("label", { for: path.id }, `File (${ending})`), path),
     el("p", { class: "standing" }, `In ${app.hello.folder}, or in the folder of a file that was named with the command`),
-    el("div", { class: "field" }, renames, el("label", { for: "save-renames" }, "Name the design after the file")),
+    question ? el("div", { class: "field" }, renames, el("label", { for: renames.id }, question)) : null,
     problem,
     el("div", { class: "buttons" }, save, button("Cancel", () => { dialog.close(); })),
   );
   const dialog = el(
-    "dialog", { class: "files-dialog save-as", "aria-labelledby": "save-title" },
-    el("h2", { id: "save-title" }, "Save as"), form,
+    "dialog", { class: "files-dialog save-as", "aria-labelledby": `${id}-title` },
+    el("h2", { id: `${id}-title` }, title), form,
   );
   root.append(dialog);
   let there = /** @type {Conflict | null} */ (null); // the file that a second press of the button replaces
@@ -558,35 +637,42 @@ function createSaveAsDialog(root, app, writeAs) {
     save.textContent = "Save";
     problem.textContent = "";
   };
+  /** @param {Conflict} refused */
+  const offer = (refused) => {
+    there = refused;
+    save.textContent = "Replace it";
+    const what = refused.why === "changed" ? "was changed outside" : "exists";
+    problem.textContent = `${refused.path} ${what}${refused.design ? ` (${refused.design.name})` : ""}.`;
+  };
   path.addEventListener("input", forget);
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
-    const wanted = path.value.trim().endsWith(".toml") ? path.value.trim() : `${path.value.trim()}.toml`;
+    const given = path.value.trim();
     problem.textContent = "";
     try {
-      const refused = await writeAs(wanted, renames.checked, there?.stamp);
-      if (!refused) {
-        dialog.close();
-        return;
-      }
-      there = refused;
-      save.textContent = "Replace it";
-      problem.textContent = `${refused.path} exists${refused.design ? ` (${refused.design.name})` : ""}.`;
+      const refused = await write(given.endsWith(ending) ? given : `${given}${ending}`, renames.checked, there?.stamp);
+      if (refused) offer(refused);
+      else dialog.close();
     } catch (error) {
       problem.textContent = problemOf(error);
     }
   });
 
   return {
-    show() {
+    /** Ask; the promise ends when the dialog is closed. @param {Conflict | null} [refused] */
+    show(refused = null) {
       forget();
-      const file = app.file.path;
-      path.value = app.file.writable ? file.replace(/\.toml$/, "_2.toml") : `${nameOf(file)}.toml`;
+      path.value = refused?.path ?? proposed();
+      if (refused) offer(refused);
       dialog.showModal();
       path.select();
+      return new Promise((done) => { dialog.addEventListener("close", done, { once: true }); });
     },
   };
 }
+
+/** Tell whether the map has changes that no file has. @param {StudioState} state */
+export const isEdited = ({ map }) => Boolean(map?.edits.length || map?.targets);
 
 /** @param {string} path */
 function nameOf(path) {
@@ -636,16 +722,28 @@ function tabKey() {
   return found;
 }
 
-/** Return the keys of the other tabs that are open, and answer those that ask later. @param {() => string} ownKey @returns {Promise<Set<string>>} */
-function otherTabs(ownKey) {
+/**
+ * Join the open tabs: each answers with the key of its unsaved work, and tells when that is saved.
+ * @param {() => string} ownKey
+ * @param {(key: string) => void} onSettled
+ */
+function openTabs(ownKey, onSettled) {
   const channel = new BroadcastChannel("vinefab-studio");
-  const others = new Set();
+  const found = /** @type {Set<string>} */ (new Set());
   channel.onmessage = ({ data }) => {
     if (data.who) channel.postMessage({ here: ownKey() });
-    else if (data.here) others.add(data.here);
+    else if (data.here) found.add(data.here);
+    else if (data.settled) onSettled(data.settled);
   };
-  channel.postMessage({ who: true });
-  return new Promise((resolve) => setTimeout(() => resolve(others), OTHERS_ANSWER_MS));
+  return {
+    /** @returns {Promise<Set<string>>} */
+    others() {
+      channel.postMessage({ who: true });
+      return new Promise((resolve) => setTimeout(() => resolve(found), OTHERS_ANSWER_MS));
+    },
+    /** @param {string} key */
+    settled(key) { channel.postMessage({ settled: key }); },
+  };
 }
 
 /** @returns {Record<string, OpenFile>} */

@@ -2,6 +2,7 @@
 
 import { button, el, fillSvg, number, optionsOf, paused, shownBlocks, svgEl, WAYS } from "studio/dom.js";
 import { isStale } from "studio/connection.js";
+import { isEdited } from "studio/files_panel.js";
 import { mapTools, thingsRow } from "studio/map_tools.js";
 import { createView, ZOOM } from "studio/view.js";
 
@@ -9,7 +10,7 @@ const PLAY_S = 4;
 const REST_MS = 700;
 const HELD_MS = 150; // a hand that rests so long waits for the scores
 /** @param {Dragging | null} dragging */
-const isShape = (dragging) => ["obstacle", "size", "turn"].includes(dragging?.kind ?? "");
+const isShape = (dragging) => ["obstacle", "draw", "size", "turn"].includes(dragging?.kind ?? "");
 
 const LEAST_OBSTACLE_MM = 1;
 
@@ -59,23 +60,28 @@ export function mount(root, app) {
   const place = el("select", { id: "environment" });
   const seed = el("input", { type: "number", id: "seed", min: 0, step: 1 });
   const ghost = el("input", { type: "checkbox", id: "ghost", checked: true });
-  const add = button("Add an obstacle", () => {
-    const [mx, my, size] = middle();
-    const half = Math.max(LEAST_OBSTACLE_MM, 0.03 * size);
-    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => snapped([mx + i * half, my + j * half]));
-    chosen = { kind: "obstacle", id: layers.ground.querySelectorAll("[data-obstacle]").length };
-    edit("obstacle added", ["add", corners]);
-    svg.focus();
-  });
-  const aim = button("Add a target", (event) => {
-    tools.turn(false);
+  /**
+   * Return a button after which the pointer puts something on the map.
+   * @param {string} label
+   * @param {string} title
+   * @param {(place: Place) => void} put
+   */
+  const placing = (label, title, put) => button(label, ({ detail, currentTarget }) => {
+    const isOn = isPressed(/** @type {Element} */ (currentTarget));
+    place_off();
     // By key there is no place to click: it stands in the middle, to be moved.
-    if (!event.detail) {
-      const [x, y] = middle();
-      addTarget([x, y]);
-    }
-    else aim.setAttribute("aria-pressed", String(aim.getAttribute("aria-pressed") !== "true"));
-  }, { "aria-pressed": "false", title: "Then click where the robot is to come" });
+    const [x, y] = middle();
+    if (!detail) put([x, y]);
+    else /** @type {Element} */ (currentTarget).setAttribute("aria-pressed", String(!isOn));
+  }, { "aria-pressed": "false", title });
+  const add = placing("Add an obstacle", "Then drag on the map from corner to corner", (place) => addObstacle(place));
+  const aim = placing("Add a target", "Then click where the robot is to come", (place) => addTarget(place));
+  const isPressed = (/** @type {Element} */ one) => one.getAttribute("aria-pressed") === "true";
+  const place_off = () => {
+    tools.turn(false);
+    for (const one of [add, aim]) one.setAttribute("aria-pressed", "false");
+  };
+  const keep = button("Save map", () => app.saveMap(), { title: "Save obstacles, targets and start in a map file", disabled: true });
   const zoom = el("div", { class: "zoom" },
     button("+", () => view.zoom(1 / ZOOM), { "aria-label": "Zoom in" }),
     button("−", () => view.zoom(ZOOM), { "aria-label": "Zoom out" }),
@@ -86,7 +92,7 @@ export function mount(root, app) {
   root.append(
     canvas,
     el("div", { class: "told" }, headline, scores, width, facts, problems),
-    el("div", { class: "toolbar" }, el("label", {}, "Map ", place), el("label", {}, "seed ", seed), add, aim, ...tools.controls,
+    el("div", { class: "toolbar" }, el("label", {}, "Map ", place), el("label", {}, "seed ", seed), keep, add, aim, ...tools.controls,
       el("span", { class: "gap" }), el("label", {}, ghost, " version before")),
     things.row,
     el("div", { class: "toolbar growth" }, play, el("label", { for: "front" }, "Length grown"), front, frontOut),
@@ -97,6 +103,7 @@ export function mount(root, app) {
   let drags = 0;
   let dragging = /** @type {Dragging | null} */ (null);
   let chosen = /** @type {Chosen} */ (null);
+  let source = { of: "", found: /** @type {SourceFound | null} */ (null) };
   let fullMm = 0;
   let share = 1;
 
@@ -156,6 +163,9 @@ export function mount(root, app) {
 
   /** @param {LiveAnswer} found */
   function showPose({ pose, pose_svg }) {
+    // The handle that has the focus keeps it; one that had it once does not take it back.
+    const active = document.activeElement;
+    const held = active && layers.pose.contains(active) ? active.classList : null;
     fillSvg(layers.pose, pose_svg ?? "");
     const handles = { base: "Start of the robot", heading: "Heading of the robot" };
     for (const [name, label] of Object.entries(handles)) {
@@ -168,7 +178,7 @@ export function mount(root, app) {
       const words = name === "base" ? `${number(x_mm, 1)}, ${number(y_mm, 1)} mm` : `${number(heading_deg, 1)} degrees`;
       handle.setAttribute("aria-valuetext", words);
       handle.setAttribute("aria-valuenow", String(name === "base" ? x_mm : heading_deg));
-      if (focused === name) handle.focus({ preventScroll: true });
+      if (held?.contains(name)) handle.focus({ preventScroll: true });
     }
   }
 
@@ -228,8 +238,9 @@ export function mount(root, app) {
     }
   }, REST_MS);
 
-  /** @param {LiveAnswer} found */
-  function show(found) {
+  /** @param {LiveAnswer} found @param {StudioState} state */
+  function show(found, state) {
+    if (found.source) source = { of: JSON.stringify(state.map?.source), found: found.source };
     width.classList.add("stale");
     askWidth();
     // While an obstacle is dragged the scores stay those before, and are shown as such.
@@ -281,12 +292,18 @@ export function mount(root, app) {
 
   // ---- the start
 
-  let focused = "";
+  /** Return the open map as it is before the page changes it, if it is known by now. @param {StudioState} state */
+  const sourceOf = ({ map }) => (map && source.of === JSON.stringify(map.source) ? source.found : null);
 
-  /** @param {Partial<Pose>} part @param {string} [group] */
+  /** Return the start. @param {StudioState} state */
+  const poseOf = (state) => state.pose ?? sourceOf(state)?.pose ?? null;
+
+  /** @param {(pose: Pose) => Partial<Pose>} part of the start at present @param {string} [group] */
   function changePose(part, group) {
-    const present = answer?.pose ?? { x_mm: 0, y_mm: 0, heading_deg: 90 };
-    app.store.change("start", (state) => { state.pose = { ...present, ...state.pose, ...part }; }, group ? { group } : {});
+    app.store.change("start", (state) => {
+      const present = poseOf(state) ?? { x_mm: 0, y_mm: 0, heading_deg: 90 };
+      state.pose = { ...present, ...part(present) };
+    }, group ? { group } : {});
   }
 
   // ---- obstacles, targets and tips
@@ -310,7 +327,8 @@ export function mount(root, app) {
       const { edits } = state.map;
       const last = edits.at(-1);
       // A drag of one obstacle is one edit, however many steps it takes.
-      if (group && group === dragging?.edited && last?.[0] === change[0] && last[1] === change[1]) edits[edits.length - 1] = change;
+      const isSame = last?.[0] === change[0] && (change[0] === "add" || last[1] === change[1]);
+      if (group && group === dragging?.edited && isSame) edits[edits.length - 1] = change;
       else edits.push(change);
       if (dragging && group) dragging.edited = group;
     }, group ? { group } : {});
@@ -325,30 +343,55 @@ export function mount(root, app) {
   function changeTargets(label, change, group) {
     app.store.change(label, (state) => {
       if (!state.map) return;
-      const own = (/** @type {TargetFound} */ { name, point_mm, area_mm, tolerance_mm }) => ({ name, tolerance_mm, ...(point_mm ? { point_mm } : { area_mm }) });
-      state.map.targets ??= (answer?.targets ?? []).map(own);
+      state.map.targets ??= structuredClone(targetsOf(state));
       change(state.map.targets, state.map);
     }, group ? { group } : {});
   }
 
-  /** @param {string} name @param {Place} to @param {string} [group] */
+  /** Return the targets. @param {StudioState} state @returns {MapTarget[]} */
+  function targetsOf(state) {
+    const own = (/** @type {TargetFound} */ { name, point_mm, area_mm, tolerance_mm }) => ({ name, tolerance_mm, ...(point_mm ? { point_mm } : { area_mm }) });
+    return state.map?.targets ?? (sourceOf(state)?.targets ?? []).map(own);
+  }
+
+  /** @param {string} name @param {(from: Place) => Place} to @param {string} [group] */
   function moveTarget(name, to, group) {
     changeTargets(`target ${name}`, (targets) => {
       const target = targets.find((one) => one.name === name);
-      if (target?.point_mm) target.point_mm = snapped(to);
+      if (target?.point_mm) target.point_mm = snapped(to(target.point_mm));
     }, group);
+  }
+
+  /** Return how many obstacles there are. @param {StudioState} state */
+  function obstaclesOf(state) {
+    const by = { add: 1, remove: -1, move: 0, place: 0 };
+    return (state.map?.edits ?? []).reduce((count, [kind]) => count + by[kind], sourceOf(state)?.obstacles ?? 0);
+  }
+
+  /** Add a small obstacle at a place. @param {Place} place */
+  function addObstacle([x, y]) {
+    const half = Math.max(LEAST_OBSTACLE_MM, 0.03 * middle()[2]);
+    chosen = { kind: "obstacle", id: obstaclesOf(app.store.get()) };
+    place_off();
+    edit("obstacle added", ["add", box([x - half, y - half], [x + half, y + half])]);
+    svg.focus({ preventScroll: true });
+  }
+
+  /** Return the corners of a box of at least some size. @param {Place} from @param {Place} to @returns {Place[]} */
+  function box(from, to) {
+    const [[x0, y0], [x1, y1]] = [snapped(from), snapped(to)];
+    const [right, up] = [[x0, x1], [y0, y1]].map(([one, other]) => (Math.abs(other - one) < LEAST_OBSTACLE_MM ? one + LEAST_OBSTACLE_MM : other));
+    return [[x0, y0], [right, y0], [right, up], [x0, up]];
   }
 
   /** Take what was typed of a thing. @param {ThingKind} kind @param {string} key @param {string | number} value */
   function changeThing(kind, key, value) {
-    if (kind === "start") changePose({ [key]: value });
-    else if (chosen?.kind === "obstacle") {
-      const frame = answer?.obstacle?.index === chosen.id && answer.obstacle.frame;
-      if (frame) edit("obstacle placed", ["place", chosen.id, { ...frame, [key]: value }]);
-    } else if (chosen) {
+    if (kind === "start") changePose(() => ({ [key]: value }));
+    else if (chosen?.kind === "obstacle") edit("obstacle placed", ["place", chosen.id, { [key]: Number(value) }]);
+    else if (chosen) {
       const { id } = chosen;
       if (key === "name") {
-        if (targetOf(String(value))) return app.say(`There is a target ${value} already`, "error");
+        if (targetsOf(app.store.get()).some(({ name }) => name === value)) return app.say(`There is a target ${value} already`, "error");
         chosen = { kind: "target", id: String(value) };
       }
       changeTargets(`target ${id}`, (targets) => {
@@ -370,8 +413,9 @@ export function mount(root, app) {
 
   /** @param {Place} place */
   function addTarget(place) {
-    aim.setAttribute("aria-pressed", "false");
-    const name = [..."ABCDEFGHIJKLMNOPQRSTUVWXYZ"].find((letter) => !targetOf(letter)) ?? `T${(answer?.targets?.length ?? 0) + 1}`;
+    place_off();
+    const taken = targetsOf(app.store.get()).map((target) => target.name);
+    const name = [..."ABCDEFGHIJKLMNOPQRSTUVWXYZ"].find((letter) => !taken.includes(letter)) ?? `T${taken.length + 1}`;
     chosen = { kind: "target", id: name };
     changeTargets(`target ${name}`, (targets) => { targets.push({ name, point_mm: snapped(place) }); });
   }
@@ -418,7 +462,8 @@ export function mount(root, app) {
     const { environment = "", file: path = "", seed: number = "" } = state.map?.source ?? {};
     const names = new Set([...(app.hello.environments ?? []), environment].filter(Boolean));
     const file = path.split("/").at(-1);
-    const edited = state.map?.edits.length || state.map?.targets ? ", changed" : "";
+    const edited = isEdited(state) ? ", changed" : "";
+    keep.disabled = !app.live || !state.map || !(isEdited(state) || state.pose);
     const options = optionsOf([...names].map((name) => [name]));
     if (file || !state.map) options.unshift(el("option", { value: "" }, file || "none"));
     options.find((option) => option.value === environment)?.append(edited);
@@ -450,6 +495,7 @@ export function mount(root, app) {
   function grabbed(element) {
     if (tools.isOn()) return { kind: "measure" };
     if (!app.live || !(element instanceof Element)) return { kind: "view" };
+    if (isPressed(add)) return { kind: "draw" };
     const pose = answer?.pose;
     if (pose && element.closest(".pose-layer .base")) return { kind: "base", pose };
     if (pose && element.closest(".pose-layer .heading")) return { kind: "heading", pose };
@@ -470,19 +516,19 @@ export function mount(root, app) {
   svg.addEventListener("pointerdown", (event) => {
     if (event.button !== 0 || !answer) return;
     const at = view.place(event);
-    if (aim.getAttribute("aria-pressed") === "true") return addTarget([at[0], -at[1]]);
+    if (isPressed(aim)) return addTarget([at[0], -at[1]]);
     // The plan keeps its size while it is dragged and when it is let go, however many lines the
     // answers below it have; the next change from elsewhere frees it.
     canvas.style.flex = `0 0 ${canvas.getBoundingClientRect().height}px`;
     const grab = grabbed(event.target);
     drags += 1;
     dragging = { ...grab, at: grab.kind === "measure" ? snapped(at) : at, drag: drags, moved: false, matrix: view.matrix() };
-    focused = grab.kind === "base" || grab.kind === "heading" ? grab.kind : "";
     if (grab.kind === "obstacle") choose({ kind: grab.kind, id: grab.id });
     else if (grab.kind === "target") choose({ kind: grab.kind, id: grab.id });
+    else if (grab.kind === "draw") chosen = { kind: "obstacle", id: obstaclesOf(app.store.get()) };
     else if (!["size", "turn", "measure"].includes(grab.kind)) choose(null);
     svg.setPointerCapture(event.pointerId);
-    if (!focused) svg.focus({ preventScroll: true });
+    if (grab.kind !== "base" && grab.kind !== "heading") svg.focus({ preventScroll: true });
   });
 
   svg.addEventListener("pointermove", (event) => {
@@ -511,14 +557,15 @@ export function mount(root, app) {
    */
   function drag(held, to, [dx, dy], group) {
     switch (held.kind) {
-      case "base": return changePose({ x_mm: tools.mm(held.pose.x_mm + dx), y_mm: tools.mm(held.pose.y_mm + dy) }, group);
-      case "heading": return changePose({ heading_deg: headingFrom(held.pose, to) }, group);
+      case "base": return changePose(() => ({ x_mm: tools.mm(held.pose.x_mm + dx), y_mm: tools.mm(held.pose.y_mm + dy) }), group);
+      case "heading": return changePose((pose) => ({ heading_deg: headingFrom(pose, to) }), group);
+      case "draw": return edit("obstacle added", ["add", box([held.at[0], -held.at[1]], to)], group);
       case "tip":
         held.to = to;
         return pullTip(held, group);
-      case "target": return moveTarget(held.id, [held.from[0] + dx, held.from[1] + dy], group);
+      case "target": return moveTarget(held.id, () => [held.from[0] + dx, held.from[1] + dy], group);
       case "obstacle": return edit("obstacle moved", ["move", held.id, tools.mm(dx), tools.mm(dy)], group);
-      case "turn": return edit("obstacle turned", ["place", held.id, { ...held.frame, turn_deg: headingFrom(held.frame, to) }], group);
+      case "turn": return edit("obstacle turned", ["place", held.id, { turn_deg: headingFrom(held.frame, to) }], group);
       case "size": return edit("obstacle resized", ["place", held.id, sized(held.frame, to)], group);
     }
   }
@@ -526,20 +573,24 @@ export function mount(root, app) {
   /** Return the direction from one place to another. @param {{ x_mm: number, y_mm: number }} from @param {Place} to */
   const headingFrom = ({ x_mm, y_mm }, [x, y]) => tools.deg((Math.atan2(y - y_mm, x - x_mm) * 180) / Math.PI);
 
-  /** Return a frame with its corner at a place, its middle kept. @param {Frame} frame @param {Place} corner @returns {Frame} */
+  /** Return the size of a frame with its corner at a place, its middle kept. @param {Frame} frame @param {Place} corner */
   function sized(frame, [x, y]) {
     const turn = (frame.turn_deg * Math.PI) / 180;
     const [ax, ay] = [x - frame.x_mm, y - frame.y_mm];
     const along = ax * Math.cos(turn) + ay * Math.sin(turn);
     const across = ay * Math.cos(turn) - ax * Math.sin(turn);
     const [width_mm, height_mm] = [along, across].map((half) => Math.max(LEAST_OBSTACLE_MM, tools.mm(2 * half)));
-    return { ...frame, width_mm, height_mm };
+    return { width_mm, height_mm };
   }
 
   function release() {
     if (!dragging) return;
     const was = dragging;
     dragging = null;
+    if (was.kind === "draw") {
+      if (was.moved) place_off();
+      else addObstacle([was.at[0], -was.at[1]]);
+    }
     if (was.kind !== "tip" || !was.isBusy) app.store.endGroup();
     if (isShape(was) && was.moved) ask();
     if (width.classList.contains("stale")) askWidth(); // its time may have come under the hand
@@ -558,8 +609,7 @@ export function mount(root, app) {
     else if (event.key === "0") view.fit();
     else if (event.key === "Delete" && app.live) removeChosen();
     else if (event.key === "Escape") {
-      aim.setAttribute("aria-pressed", "false");
-      tools.turn(false);
+      place_off();
     }
     else if (way && app.live) moveByKey(event.target, way, far);
     else return;
@@ -568,19 +618,13 @@ export function mount(root, app) {
 
   /** @param {EventTarget | null} target @param {Place} way @param {number} far */
   function moveByKey(target, [dx, dy], far) {
-    const handle = target instanceof Element && target.closest(".handle");
-    const pose = answer?.pose;
-    if (handle && pose && handle.classList.contains("heading")) {
-      focused = "heading";
-      changePose({ heading_deg: pose.heading_deg + far * (dy - dx) }, "heading by key");
-    } else if (handle && pose) {
-      focused = "base";
-      changePose({ x_mm: pose.x_mm + far * dx, y_mm: pose.y_mm + far * dy }, "start by key");
+    const handle = target instanceof Element ? target.closest(".handle") : null;
+    if (handle?.classList.contains("heading")) {
+      changePose(({ heading_deg }) => ({ heading_deg: heading_deg + far * (dy - dx) }), "heading by key");
+    } else if (handle) {
+      changePose(({ x_mm, y_mm }) => ({ x_mm: x_mm + far * dx, y_mm: y_mm + far * dy }), "start by key");
     } else if (chosen?.kind === "obstacle") edit("obstacle moved", ["move", chosen.id, far * dx, far * dy]);
-    else if (chosen) {
-      const place = targetOf(chosen.id)?.point_mm;
-      if (place) moveTarget(chosen.id, [place[0] + far * dx, place[1] + far * dy]);
-    }
+    else if (chosen) moveTarget(chosen.id, ([x, y]) => [x + far * dx, y + far * dy]);
   }
 
   ghost.addEventListener("change", () => {
@@ -605,7 +649,7 @@ export function mount(root, app) {
   addEventListener("resize", freeHeight);
   app.store.subscribe((state, before) => {
     freeHeight();
-    if (JSON.stringify(state.map) !== JSON.stringify(before.map)) showSource(state);
+    if (JSON.stringify([state.map, state.pose]) !== JSON.stringify([before.map, before.pose])) showSource(state);
     // What undo takes away is chosen no more.
     if (chosen?.kind === "obstacle" && (state.map?.edits.length ?? 0) < (before.map?.edits.length ?? 0)) chosen = null;
     if (app.live) ask();

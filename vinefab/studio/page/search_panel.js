@@ -1,6 +1,6 @@
 // Searches: settings around the design, one search at a time, its curve, its best robot, its front.
 
-import { button, copyable, el, number, optionsOf, paused, svgEl, ticks, WAYS } from "studio/dom.js";
+import { button, copyable, el, number, optionsOf, rested, svgEl, ticks, WAYS } from "studio/dom.js";
 import { isStale, problemOf } from "studio/connection.js";
 
 const STATES = {
@@ -183,7 +183,7 @@ function settings() {
   let proposal = /** @type {Proposal | null} */ (null);
   let edited = /** @type {Record<string, number[]>} */ ({}); // ranges that the user gave, by the keys of the design
   let levels_edited = false;
-  let begun = false;
+  const chosen = /** @type {Set<Element>} */ (new Set()); // what the user set: the rest follows the page
 
   levels[0].setAttribute("aria-label", "Fewest levels");
   levels[1].setAttribute("aria-label", "Most levels");
@@ -198,6 +198,11 @@ function settings() {
     here.disabled = (optimizer.value || usual) !== "islands";
   };
   for (const control of [maps, task, objectives, fabricable, optimizer]) control.addEventListener("change", showChoices);
+  for (const control of [task, maps, count, seed, optimizer, fabricable, here, population, generations, run_seed]) {
+    control.addEventListener("change", () => chosen.add(control));
+  }
+  // Targets of the open map are reached on that map.
+  task.addEventListener("change", () => { if (task.value === "reach" && proposal?.has_targets && !chosen.has(maps)) maps.value = "shown"; });
 
   /** @param {SearchValue} value */
   function rangeRow(value) {
@@ -252,14 +257,14 @@ function settings() {
     const given = found.settings;
     const known = new Set(found.values.map((value) => value.key));
     edited = Object.fromEntries(Object.entries(edited).filter(([key]) => known.has(key)));
-    options(task, found.tasks.map((name) => [name, name]), begun ? task.value : given.task);
+    options(task, found.tasks.map((name) => [name, name]), chosen.has(task) ? task.value : given.task);
     const files = state.family.files ?? [];
     options(maps, [
-      ...found.environments.map((name) => [`environment:${name}`, `generated: ${name}`]),
       ...(found.has_map ? [["shown", "the map on this page"]] : []),
+      ...found.environments.map((name) => [`environment:${name}`, `generated: ${name}`]),
       ...(files.length ? [["files", `the ${files.length} files of Many maps`]] : []),
-    ], begun ? maps.value : `environment:${given.maps.environment}`);
-    options(optimizer, [["", "usual"], ...found.optimizers.map((name) => [name, name])], begun ? optimizer.value : given.optimizer);
+    ], chosen.has(maps) ? maps.value : given.maps.shown ? "shown" : `environment:${given.maps.environment}`);
+    options(optimizer, [["", "usual"], ...found.optimizers.map((name) => [name, name])], chosen.has(optimizer) ? optimizer.value : given.optimizer);
     if (!levels_edited) found.levels.forEach((value, place) => { levels[place].value = String(value); });
     const checked = new Set(checkedObjectives());
     objectives.replaceChildren(...found.objectives.map(({ name, kind, words }) => {
@@ -267,15 +272,12 @@ function settings() {
       box.checked = checked.has(name);
       return el("div", { "data-task": kind === "task" ? name : null }, box, el("label", { for: box.id }, words));
     }));
-    if (!begun) {
-      for (const [input, value] of /** @type {const} */ ([
-        [count, given.maps.count], [seed, given.maps.seed], [population, given.population],
-        [generations, given.generations], [run_seed, given.seed],
-      ])) input.value = String(value);
-      fabricable.checked = given.fabricable;
-      here.checked = given.start_here;
-    }
-    begun = true;
+    for (const [input, value] of /** @type {const} */ ([
+      [count, given.maps.count], [seed, given.maps.seed], [population, given.population],
+      [generations, given.generations], [run_seed, given.seed],
+    ])) if (!chosen.has(input) && document.activeElement !== input) input.value = String(value);
+    if (!chosen.has(fabricable)) fabricable.checked = given.fabricable;
+    if (!chosen.has(here)) here.checked = given.start_here;
     notes.replaceChildren(...found.notes.map((note) => el("li", {}, note)));
     showRanges();
     showChoices();
@@ -443,8 +445,8 @@ export function mount(root, app) {
     line.dataset.kind = found.state === "failed" ? "error" : "info";
     curve.replaceChildren(...(found.curve.length ? [curveChart(found.curve)] : []));
     best.replaceChildren(
-      el("span", { class: "value" }, found.best_score === null ? "–" : number(found.best_score, 4)),
-      el("span", { class: "standing" }, found.best_words),
+      el("span", { class: "value" }, found.best_touched || (found.best_score === null ? "–" : number(found.best_score, 4))),
+      el("span", { class: "standing" }, found.best_touched && found.best_score !== null ? `${number(found.best_score, 4)} ${found.best_words}` : found.best_words),
     );
     is_running = found.state === "running";
     stop.hidden = !is_running;
@@ -537,7 +539,7 @@ export function mount(root, app) {
     ];
     return el("li", {},
       el("p", { class: "state", "data-state": run.state }, `${sign} ${word}: ${run.folder}`),
-      el("p", { class: "facts" }, [run.task, can_load ? `${number(run.best_score, 4)}: ${run.best_words}` : "", run.line].filter(Boolean).join("; ")),
+      el("p", { class: "facts" }, [run.task, run.best_touched, can_load ? `${number(run.best_score, 4)}: ${run.best_words}` : "", run.line].filter(Boolean).join("; ")),
       el("div", { class: "buttons wrap" }, ...buttons),
     );
   }
@@ -603,7 +605,7 @@ export function mount(root, app) {
   };
   app.on("again", refresh);
   addEventListener("tabshown", (shown) => { if (shown.detail === root.id) refresh(); });
-  const soon = paused(propose, 300);
+  const soon = rested(propose, 300);
   app.store.subscribe((state, before) => {
     // What the hand changes is what the map shows.
     if (previewed && JSON.stringify(state.design) !== JSON.stringify(before.design)) endPreview();

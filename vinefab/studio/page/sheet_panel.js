@@ -1,11 +1,13 @@
 // The sheet: what is cut, with findings in place; pressure, film and time; the fix with its preview.
 
 import { deployedView, patternOf } from "studio/deployed.js";
-import { button, counted, el, fillSvg, number, optionsOf, svgEl } from "studio/dom.js";
+import { button, counted, el, fillSvg, isHeld, number, optionsOf, svgEl } from "studio/dom.js";
 import { isStale, problemOf } from "studio/connection.js";
 import { createView } from "studio/view.js";
 
 const STILL_MS = 150;
+const HELD_MS = 1000; // a hand that rests so long waits for the rules
+const CUT_REST = 3; // while a hand moves, the flat outline leaves the robot so much more time than it takes
 const ZOOM = 1.4;
 const STEP_PX = 40;
 const NEAR_MM = 60; // no less is looked at
@@ -327,6 +329,8 @@ export function mount(root, app) {
   let timer = 0;
   let cut = /** @type {Answers["cut"] | null} */ (null);
   let cutAsked = "";
+  let cutFrom = 0; // the moment from which a moving hand may ask again
+  let cutTimer = 0;
   let present = /** @type {Answers["cut"] | null} */ (null);
   let selected = /** @type {string | null} */ (null); // fingerprint
   let waiving = "";
@@ -354,16 +358,29 @@ export function mount(root, app) {
     });
   }
 
-  /** Ask for the flat outline and angles, which follow the pointer. */
-  function askCut() {
+  /** Ask for the flat outline and angles: they follow the hand, and the robot has the way before them. */
+  async function askCut() {
+    clearTimeout(cutTimer);
     const state = app.shown();
     const wanted = patternOf(state);
     if (!app.live || wanted === cutAsked) return;
+    const wait = isHeld() ? cutFrom - performance.now() : 0;
+    if (wait > 0) {
+      cutTimer = setTimeout(askCut, Math.min(wait, HELD_MS));
+      return;
+    }
     cutAsked = wanted;
-    app.ask("cut", {}, { state }).catch((error) => {
+    cutFrom = Infinity; // until it is answered
+    const begun = performance.now();
+    try {
+      await app.ask("cut", {}, { state });
+    } catch (error) {
       if (cutAsked === wanted) cutAsked = "";
       app.fail(error);
-    });
+    }
+    const now = performance.now();
+    cutFrom = now + CUT_REST * (now - begun);
+    if (isHeld()) askCut();
   }
 
   /** Ask when the state has been still for a while. */
@@ -373,7 +390,7 @@ export function mount(root, app) {
     showFreshness();
     if (!app.live || isFresh()) return;
     clearTimeout(timer);
-    timer = setTimeout(ask, STILL_MS);
+    timer = setTimeout(ask, isHeld() ? HELD_MS : STILL_MS);
   }
 
   function showFreshness() {
@@ -544,7 +561,10 @@ export function mount(root, app) {
   app.onProgress("rules", (_, text) => { if (!isFresh()) busy.textContent = `checking: ${text}`; });
   app.store.subscribe(() => { follow(); });
   app.onPreview((design) => { fix.previewed(design); follow(); draw(); });
-  for (const name of ["pointerup", "keyup", "change"]) addEventListener(name, () => { if (timer) ask(); }, true); // released: at once
+  for (const name of ["pointerup", "keyup", "change"]) addEventListener(name, () => { // released: at once
+      askCut();
+      if (timer) ask();
+    }, true);
   app.on("again", () => { asked = cutAsked = ""; askCut(); ask(); });
   follow();
   ask();

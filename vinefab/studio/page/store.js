@@ -2,11 +2,11 @@
 
 const MOST_STEPS = 500;
 
-/** Return a store of a state. @param {StudioState} first */
-export function createStore(first) {
+/** Return a store of a state, with the steps before and after it. @param {StudioState} first @param {{ past: Step[], future: Step[] }} [steps] */
+export function createStore(first, steps = { past: [], future: [] }) {
   let state = first;
-  const past = /** @type {Step[]} */ ([]);
-  let future = /** @type {Step[]} */ ([]);
+  const past = [...steps.past];
+  let future = [...steps.future];
   let group = /** @type {string | null} */ (null);
   const listeners = /** @type {Set<Follow>} */ (new Set());
 
@@ -28,6 +28,8 @@ export function createStore(first) {
 
   return {
     get: () => state,
+    /** Return the steps to be kept over a reload. */
+    history: () => ({ past, future }),
     canUndo: () => past.at(-1)?.label ?? "",
     canRedo: () => future.at(-1)?.label ?? "",
     steps: () => past.length,
@@ -50,6 +52,26 @@ export function createStore(first) {
       group = options.group ?? null;
       future = [];
       state = next;
+      notify(before);
+    },
+
+    /** Change every state alike, those of the history too: of what can be undone no longer. @param {(state: StudioState) => unknown} fn */
+    rewrite(fn) {
+      const changed = (/** @type {StudioState} */ old) => {
+        const next = structuredClone(old);
+        fn(next);
+        return next;
+      };
+      const before = state;
+      state = changed(state);
+      // A step that makes no difference any more is none.
+      const differs = (/** @type {Step} */ step, /** @type {number} */ place, /** @type {Step[]} */ steps) =>
+        JSON.stringify(step.state) !== JSON.stringify((steps[place + 1] ?? { state }).state);
+      for (const steps of [past, future]) {
+        const all = steps.map((step) => ({ ...step, state: changed(step.state) }));
+        steps.splice(0, steps.length, ...all.filter(differs));
+      }
+      group = null;
       notify(before);
     },
 

@@ -501,3 +501,23 @@ def test_a_port_that_cannot_be_had_is_one_line(port):
         number = taken.getsockname()[1] if port == "taken" else int(port)
         with pytest.raises(BadInputError, match=r"^--port is [^\n]*$"):
             bound_socket(number)
+
+
+@pytest.mark.parametrize("place", ["path", "header", "content"])
+def test_a_request_without_the_token_has_at_most_16_kb(studio, place):
+    """As the documentation says, also where all of it comes in one piece."""
+    for count, is_taken in ((15_000, True), (17_000, False), (70_000, False)):
+        long = "a" * count
+        path = f"/page/app.js?{long}" if place == "path" else "/page/app.js"
+        more = f"X-Long: {long}\r\n" if place == "header" else ""
+        more += f"Content-Length: {count}\r\n" if place == "content" else ""
+        head = f"GET {path} HTTP/1.1\r\nHost: {studio.host}\r\nConnection: close\r\n{more}\r\n"
+        text = head + (long if place == "content" else "")
+        with socket.create_connection(("127.0.0.1", studio.port), timeout=60) as link:
+            link.sendall(text.encode())
+            found = b""
+            with suppress(ConnectionError):  # closed while the rest was on its way
+                while got := link.recv(1 << 16):
+                    found += got
+        assert found.startswith(b"HTTP/1.1 200") == is_taken, (count, found[:80])
+    assert response(studio)[0] == 200

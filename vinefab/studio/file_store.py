@@ -58,7 +58,7 @@ from vinefab.studio.state import (
     is_name,
     mapping_at,
     member,
-    pose_of,
+    start_of,
     world_of,
 )
 from vinefab.tasks import TASKS
@@ -305,7 +305,7 @@ class FileStore:
                 about = {"path": self.shown(path), "stamp": now, "design": None, "problem": None}
                 return {"saved": False, "why": why, **about}
             world = world_of(content)
-            pose = pose_of(ask.get("pose"))
+            pose = start_of(ask.get("pose"))
             if pose is not None:
                 world = replace(world, starts=(*world.with_start(pose).starts, *world.starts[1:]))
             text = map_text(world)

@@ -7,7 +7,7 @@ the socket gives anything of the user's. Its first request must show the token t
 printed, so that no message is read without it.
 
 Every user of the computer can connect to the server. Whatever a connection holds before it has
-shown the token is bounded: one head of a request (16 kB, by h11), `PATIENCE_S` to send it, and
+shown the token is bounded: one request of `MOST_HEAD_BYTES`, `PATIENCE_S` to send it, and
 `MOST_PENDING` connections in all. When one more comes an old one goes: to refuse the new one would
 lock the owner out. Half the room is for connections that have asked for something, so that idle
 ones cannot break off a page that is being loaded.
@@ -64,6 +64,9 @@ MOST_PENDING = 128
 
 MOST_TABS = 64
 """Open pages."""
+
+MOST_HEAD_BYTES = 16 << 10
+"""Size of a request without the token: its head, for pages are asked for without content."""
 
 PATIENCE_S = 5.0
 """Time to send the head of a request."""
@@ -161,6 +164,20 @@ def limited_protocol(connections: Connections) -> type[H11Protocol]:
     """Return the protocol of a server whose connections are limited."""
 
     class LimitedProtocol(H11Protocol):
+        _received = 0  # bytes since the last answer
+
+        def data_received(self, data: bytes) -> None:
+            # By the sum: h11 measures only what is incomplete, not a head that comes in one piece.
+            self._received += len(data)
+            if self._received > MOST_HEAD_BYTES:
+                self.send_400_response("a request has at most 16 kB here")
+            else:
+                super().data_received(data)
+
+        def on_response_complete(self) -> None:
+            self._received = 0
+            super().on_response_complete()
+
         def connection_made(self, transport: Transport) -> None:  # type: ignore[override]
             super().connection_made(transport)
             connections.add(transport)

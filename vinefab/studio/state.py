@@ -159,7 +159,7 @@ def pose_content(pose: Pose) -> dict[str, float]:
     return {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "heading_deg": pose.heading_deg}
 
 
-def pose_of(given: object) -> Pose | None:
+def start_of(given: object) -> Pose | None:
     """Return the start that the page sent; None where it is the map's own."""
     if given is None:
         return None
@@ -315,7 +315,7 @@ class StudioState:
             design=design,
             world=None if shown is None else world_of(shown),
             ground=None if shown is None else edited_map(shown),
-            pose=pose_of(given.get("pose")),
+            pose=start_of(given.get("pose")),
             is_own_map=shown is not None
             and ("file" in member(shown, "source") or bool(shown.get("edits"))),
             profile=current_profile(recipe),

@@ -61,6 +61,10 @@ def request_asks(state):
             {"path": "mine.toml", "design": other, "stamp": "of another version"},
             {"path": "other.toml", "design": other},
         ],
+        "save_map": [
+            {"path": "pegs.geojson", "map": state["map"], "stamp": "of another version"},
+            {"path": "saved.geojson", "map": state["map"], "pose": None},
+        ],
         "keep_autosave": [{"key": KEY, "state": state, "file": {"path": "mine.toml"}}],
         "open_autosave": [{"key": KEY}],
         "drop_autosave": [{"key": "fedcba543210"}],

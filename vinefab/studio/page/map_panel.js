@@ -246,6 +246,7 @@ export function mount(root, app) {
     // While an obstacle is dragged the scores stay those before, and are shown as such.
     if (!found.scores && answer) Object.assign(found, { scores: answer.scores, titles: answer.titles, unscored: answer.unscored, isUnscored: true });
     answer = found;
+    if (found.isUnscored && isShape(dragging)) askHeld(); // it came after the hand had rested
     if (!app.previewed) app.present = found;
     if (found.ground_svg !== null && found.ground_svg !== undefined) {
       fillSvg(layers.ground, found.ground_svg);

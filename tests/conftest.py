@@ -10,19 +10,11 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from _pytest.doctest import DoctestModule
 from hypothesis import settings
 
+from vinefab.core.compiling import all_compiled, precompile
 from vinefab.core.user_cache import cache_root
-
-# Programs that import their neighbours, as they can where they lie; they hold no tests.
-collect_ignore = [
-    "attack/failing_system.py",
-    "golden.py",
-    "golden_cases.py",
-    "golden_compare.py",
-    "golden_values.py",
-    "growth/against_dynamic.py",
-]
 
 # Timings on shared machines say nothing, so no deadline; the same examples every run.
 settings.register_profile("vinefab", deadline=None, derandomize=True)
@@ -53,6 +45,12 @@ if "PYTEST_XDIST_WORKER" not in os.environ:
 os.environ.setdefault("VINEFAB_PURE_WHEEL", "1")
 
 
+def pytest_sessionstart(session):
+    """Compile for the workers what the cache lacks: at once each of them would compile all."""
+    if session.config.getoption("numprocesses", None):
+        precompile(all_compiled())
+
+
 @pytest.fixture
 def program():
     """Return a function that finds a program; missing, it skips, or fails where CI must have it."""
@@ -66,3 +64,10 @@ def program():
         return found
 
     return find
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file():
+    """Look for examples in docstrings only where they stand, in vinefab: tests have none."""
+    found = yield
+    return [one for one in found if not isinstance(one, DoctestModule)]

@@ -7,13 +7,16 @@ import sys
 import tokenize
 from collections import Counter, defaultdict
 from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 from written_lines import BANNED
 
-SOURCE = Path(__file__).parents[1] / "vinefab"
+TESTS = Path(__file__).parent
+SOURCE = TESTS.parent / "vinefab"
 MODULES = {path.relative_to(SOURCE).as_posix(): path for path in SOURCE.rglob("*.py")}
 
 
@@ -53,6 +56,27 @@ def test_no_module_binds_a_name_twice():
     counts = {name: Counter(bound_names(path.read_text("utf-8"))) for name, path in MODULES.items()}
     twice = {name: [one for one, n in found.items() if n > 1] for name, found in counts.items()}
     assert {name: found for name, found in twice.items() if found} == {}
+
+
+def imported_names(path):
+    """Yield the names that a program takes from vinefab's modules."""
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("vinefab"):
+            yield from ((node.module, one.name) for one in node.names)
+
+
+def test_programs_that_no_test_loads_import_names_that_exist():
+    """Campaigns run before a release only: a name that moved must be noticed before."""
+    paths = [path for path in TESTS.rglob("*.py") if "node_modules" not in path.parts]
+    programs = [path for path in paths if not path.name.startswith("test_")]
+    names = {name for path in programs for name in imported_names(path)}
+    gone = [
+        (module, name)
+        for module, name in names
+        if not hasattr(import_module(module), name) and find_spec(f"{module}.{name}") is None
+    ]
+    assert len(programs) > 50
+    assert gone == []
 
 
 def test_public_functions_and_classes_are_defined_once():

@@ -70,7 +70,7 @@ def test_results_and_errors_come_back_from_one_process(tmp_path, monkeypatch):
     assert caught.value.key == "line 3"
     monkeypatch.chdir(tmp_path)
     assert bounded(tmp_path, os.getcwd) == str(tmp_path)
-    facts = "__import__('types').MappingProxyType({'read': 3})"
+    facts = "__import__('vinefab.core.frozen').core.frozen.FrozenMapping({'read': 3})"
     assert bounded(tmp_path, eval, facts) == {"read": 3}
     assert bounded(tmp_path, os.getpid) == first != os.getpid()
     with pytest.raises(ZeroDivisionError) as unforeseen:

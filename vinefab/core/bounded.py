@@ -6,7 +6,6 @@ file after another, so that only the first one waits until the readers are loade
 """
 
 import atexit
-import copyreg
 import math
 import os
 import pickle
@@ -21,7 +20,7 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from queue import SimpleQueue
-from types import MappingProxyType, TracebackType
+from types import TracebackType
 from typing import IO, Any, ParamSpec, TypeVar, cast
 
 from vinefab.core.errors import UnreadableFileError, VinefabError
@@ -49,13 +48,6 @@ serve_files(module)
 """
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "VECLIB")}
 """The stacks of more would count as memory."""
-
-
-def _read_only(values: dict[str, Any]) -> MappingProxyType[str, Any]:
-    return MappingProxyType(values)
-
-
-copyreg.pickle(MappingProxyType, lambda proxy: (_read_only, (dict(proxy),)))
 
 
 def bounded(path: Path, read: Callable[P, R], *arguments: P.args, **options: P.kwargs) -> R:

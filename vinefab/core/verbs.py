@@ -23,7 +23,7 @@ from functools import cache, partial, wraps
 from importlib import import_module
 from os import PathLike, fspath
 from pathlib import Path
-from types import MappingProxyType, UnionType
+from types import UnionType
 from typing import (
     Annotated,
     Any,
@@ -43,6 +43,7 @@ from vinefab.core.errors import (
     UnknownNameError,
     VinefabError,
 )
+from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import MOST_SEED, number, whole
 from vinefab.core.plain_text import visible
 
@@ -111,8 +112,8 @@ class FieldsOf(NamedTuple):
 
     where: tuple[str, ...]
     without: tuple[str, ...] = ()
-    also: Mapping[str, tuple[str, ...]] = MappingProxyType({})  # further flags by field
-    kinds: Mapping[str, Kind] = MappingProxyType({})  # how some fields are typed
+    also: Mapping[str, tuple[str, ...]] = FrozenMapping()  # further flags by field
+    kinds: Mapping[str, Kind] = FrozenMapping()  # how some fields are typed
 
 
 Seed = Annotated[int, Within(0, MOST_SEED), Doc("The same seed gives the same result.")]

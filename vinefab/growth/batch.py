@@ -181,6 +181,9 @@ class TerrainSet:
         self._kept: dict[tuple[float, ...], TerrainSetArrays] = {}
         self._making = threading.Lock()
 
+    def __reduce__(self) -> tuple[type, tuple[tuple[Terrain, ...]]]:
+        return type(self), (self.terrains,)
+
     def arrays(self, radii_mm: tuple[float, ...]) -> TerrainSetArrays:
         """Return the walls of all terrains for some body radii, one page for each pair.
 

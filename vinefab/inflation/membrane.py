@@ -401,7 +401,7 @@ class Factor:
     """A factorized symmetric matrix."""
 
     def __init__(self, matrix: "scipy.sparse.csc_array", order: "_Order") -> None:
-        self._order = order
+        self._matrix, self._order = matrix, order
         permuted = order.permuted(matrix)
         self._lu: scipy.sparse.linalg.SuperLU = scipy.sparse.linalg.splu(
             permuted,
@@ -409,6 +409,9 @@ class Factor:
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True, "Equil": False},
         )
+
+    def __reduce__(self) -> tuple[type, tuple[object, object]]:
+        return type(self), (self._matrix, self._order)  # factors of SuperLU cannot be pickled
 
     def solve(self, right: Floats) -> Floats:
         """Return the solution for a right-hand side, shape (k,)."""

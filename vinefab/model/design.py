@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
 
 import tomli_w
@@ -22,6 +21,7 @@ from typing_extensions import Doc
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError, inside, located
 from vinefab.core.front_door import front_door
+from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import file_number, rad
 from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.table import LATER, Slider, Table, validated
@@ -593,9 +593,9 @@ class Design(Table):
             settled["scale_mm_per_unit"] = 1.0
         with inside("build"):
             settled["build"] = self.build.for_levels(self.depth)
-        settled["origin"] = MappingProxyType(dict(self.origin))
-        frozen = {rule: MappingProxyType(dict(named)) for rule, named in self.limits.items()}
-        settled["limits"] = MappingProxyType(frozen)
+        settled["origin"] = FrozenMapping(self.origin)
+        frozen = {rule: FrozenMapping(named) for rule, named in self.limits.items()}
+        settled["limits"] = FrozenMapping(frozen)
         return self
 
     def __eq__(self, other: object) -> bool:

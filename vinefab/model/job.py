@@ -5,8 +5,8 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from types import MappingProxyType
 
+from vinefab.core.frozen import FrozenMapping
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import positive
 from vinefab.model.laser import LaserProfile, OperationSettings
@@ -121,7 +121,7 @@ class Job:
     def __post_init__(self) -> None:
         positive("sheet_width_mm", self.sheet_width_mm)
         positive("sheet_height_mm", self.sheet_height_mm)
-        object.__setattr__(self, "facts", MappingProxyType(dict(self.facts)))
+        object.__setattr__(self, "facts", FrozenMapping(self.facts))
 
     def __repr__(self) -> str:
         counts = Counter(path.operation for path in self.paths)

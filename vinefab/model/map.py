@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -20,6 +19,7 @@ from typing_extensions import Doc
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError, UnreadableFileError, inside, located
 from vinefab.core.front_door import front_door
+from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import DEFAULT_MARKER_MM, deg
 from vinefab.core.plain_text import GENERATOR, counted, plain
 from vinefab.core.table import Table, TablePart, declared_keys, validated
@@ -93,7 +93,7 @@ class Map:
             refuse_jagged(f"obstacle {index}", items[index])
         for index in np.flatnonzero(~(near & plain & are_valid(items))):
             check_polygon(f"obstacle {index}", self.obstacles[index])
-        object.__setattr__(self, "facts", MappingProxyType(dict(self.facts)))
+        object.__setattr__(self, "facts", FrozenMapping(self.facts))
 
     def __repr__(self) -> str:
         width_mm, height_mm = self.size_mm

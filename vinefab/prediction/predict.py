@@ -427,6 +427,10 @@ class Predicted(WrittenResult):
         """The view, made once: a page, JSON and lines are asked for one after the other."""
         return tuple(self._made())
 
+    def __getstate__(self) -> dict[str, object]:
+        # Blocks hold functions that draw, which cannot be pickled: a copy makes its own.
+        return {name: value for name, value in vars(self).items() if name != "_blocks"}
+
     def _made(self) -> Iterator[Block]:
         prepared, outcomes = self.prepared, self.main.outcomes
         design, profile = prepared.design, prepared.profile

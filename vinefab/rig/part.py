@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
@@ -16,6 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, located
+from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import DEFAULT_MARKER_MM, SMALLEST
 from vinefab.core.plain_text import counted
 from vinefab.core.table import Table, declared_keys, validated
@@ -310,7 +310,7 @@ class Rig:
     notes: tuple[str, ...] = ()  # sentences that the person who prints the rig should read
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "counts", MappingProxyType(dict(self.counts)))
+        object.__setattr__(self, "counts", FrozenMapping(self.counts))
 
     @property
     def style(self) -> str:

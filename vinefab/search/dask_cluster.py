@@ -10,7 +10,6 @@ cluster of ``examples/draw_cluster_scaling.py`` divides and places work with the
 """
 
 import importlib.util
-import io
 import json
 import math
 import pickle
@@ -22,7 +21,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -327,25 +325,9 @@ class PlacedRun:
         return there
 
 
-class _Pickler(pickle.Pickler):
-    """Pickles read-only views of dictionaries too."""
-
-    def reducer_override(self, thing: object) -> Any:  # noqa: ANN401 - pickle's own contract
-        """Reduce a view to its dictionary; pickle reduces everything else."""
-        if isinstance(thing, MappingProxyType):
-            return _view, (dict(thing),)
-        return NotImplemented
-
-
-def _view(content: dict[Any, Any]) -> MappingProxyType[Any, Any]:
-    return MappingProxyType(content)
-
-
 def serialized(thing: object) -> bytes:
     """Return an object as bytes."""
-    stream = io.BytesIO()
-    _Pickler(stream, protocol=pickle.HIGHEST_PROTOCOL).dump(thing)
-    return stream.getvalue()
+    return pickle.dumps(thing, protocol=pickle.HIGHEST_PROTOCOL)
 
 
 def deserialized(data: bytes) -> Any:  # noqa: ANN401 - any object

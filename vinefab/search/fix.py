@@ -13,7 +13,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import imported_later
+from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import deg
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import bare_sheet_mm, taken_mm
@@ -334,7 +334,7 @@ FIX_KINDS = frozenset({"length", "growth", "fan", "width", "taper", "pouch", "fi
 """What a fix can change, besides the number of branches."""
 
 BRANCHES = "branches"
-KEEPS: Mapping[str, frozenset[str]] = MappingProxyType(
+KEEPS: Mapping[str, frozenset[str]] = FrozenMapping(
     {
         BRANCHES: frozenset(),
         "length": frozenset({"length", "growth"}),

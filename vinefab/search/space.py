@@ -9,7 +9,6 @@ designs, to the last bit.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, overload
 
 import numpy as np
@@ -25,6 +24,7 @@ from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import imported_later
+from vinefab.core.frozen import FrozenMapping
 from vinefab.core.table import LATER, LaterThan, Table
 from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, Ints, number
 from vinefab.fabrication.outline.ends import Leaf, corner_radii_mm
@@ -235,7 +235,7 @@ def _tip_reach_mm(heading: Floats, build: Build) -> Floats:
     return np.column_stack(reach) + corner_mm
 
 
-COSTS: Mapping[str, Cost] = MappingProxyType(
+COSTS: Mapping[str, Cost] = FrozenMapping(
     {
         "film_length": Cost(of=film_lengths_mm, unit="mm", limit_key="most_film_length_mm"),
         "film_area": Cost(of=film_areas_mm2, unit="mm2", limit_key="most_film_area_mm2"),
@@ -258,7 +258,7 @@ def cost_text(name: str, value: float) -> str:
     return f"{name.replace('_', ' ')} {value:.0f}{f' {unit}' if unit else ''}"
 
 
-LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
+LIMITS: Mapping[str, tuple[float, float]] = FrozenMapping(
     {
         "length_mm": (0.1, LARGEST_MM),
         "angle_deg": (0.0, 360.0),

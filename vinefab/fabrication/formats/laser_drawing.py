@@ -15,12 +15,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import groupby
-from types import MappingProxyType
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from vinefab.core.errors import BadInputError, VinefabError
+from vinefab.core.frozen import FrozenMapping
 from vinefab.core.plain_text import GENERATOR, counted, one_line, plain
 from vinefab.core.registry import Registry
 from vinefab.core.validation import Floats
@@ -57,7 +57,7 @@ class Colours:
     styles: Mapping[Operation, Style]  # an operation without a style is not written
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "styles", MappingProxyType(dict(self.styles)))
+        object.__setattr__(self, "styles", FrozenMapping(self.styles))
 
 
 BLACK, BLUE, MAGENTA, RED = ("#000000", 7), ("#0000FF", 5), ("#FF00FF", 6), ("#FF0000", 1)

@@ -3,13 +3,13 @@
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
 import shapely
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.frozen import FrozenMapping
 from vinefab.core.validation import LARGEST_MM, number
 from vinefab.core.view import Answer, Block, Data, Fact, Facts, Notes, Result
 from vinefab.fabrication.job.laser_job import check_size, laser_job
@@ -368,7 +368,7 @@ class Rule(Result):
     schema = "vinefab/rules-1"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "limits", MappingProxyType(dict(self.limits)))
+        object.__setattr__(self, "limits", FrozenMapping(self.limits))
         object.__setattr__(self, "broken", self.broken or f"not kept: {self.title}")
 
     def __repr__(self) -> str:

@@ -80,7 +80,7 @@ def generate(
     from vinefab.maps.generators.environments import ENVIRONMENTS
 
     kind = ENVIRONMENTS[environment]
-    made = kind.make(seed, with_parameters(kind.options, environment, options))
+    made = kind.generate(seed, with_parameters(kind.options, environment, options))
     return _kept(as_map(made, start=start), out, force=force)
 
 

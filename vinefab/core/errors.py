@@ -100,6 +100,8 @@ class BrokenPluginError(VinefabError, ImportError):
 
     def __str__(self) -> str:
         problem = shortened(" ".join(self.problem.split()))
+        if " of module " in self.plugin:  # the user's own
+            return f"{self.plugin} breaks down ({problem}); repair it"
         return f"plug-in {self.plugin} breaks down ({problem}); repair or uninstall its package"
 
 

@@ -1,22 +1,19 @@
 """Registries of named parts, extended by plug-ins, and parts built from a table of parameters."""
 
-import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, redirect_stdout
 from dataclasses import fields, is_dataclass
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from traceback import format_exception_only
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 from vinefab.core.errors import (
     BadInputError,
     BrokenPluginError,
     UnknownNameError,
-    VinefabError,
     inside,
     nearest,
 )
+from vinefab.core.foreign import boundary, calling, line_of
 from vinefab.core.front_door import imported_later
 from vinefab.core.limits import plain_number
 
@@ -119,40 +116,14 @@ class Registry(Mapping[str, T], Generic[T]):
     def _loaded(self, point: EntryPoint) -> tuple[Any, str]:
         """Return a plug-in's part, and why it cannot be used; empty if it can."""
         try:
-            with _foreign_code(f"{self.kind} {point.name!r} {_of(point)}"):
+            named = f"{self.kind} {point.name!r} {_of(point)}"
+            with boundary(lambda error: BrokenPluginError(named, line_of(error))):
                 part = point.load()
                 return part, self._problem(point.name, part)
         except BrokenPluginError as error:
             if isinstance(error.__cause__, _BROKEN_PLUGIN):
                 return None, error.problem
             raise
-
-    @contextmanager
-    def calling(self, name: str) -> Iterator[None]:
-        """Name the plug-in whose part breaks down in the block; parts of vinefab pass."""
-        if name not in self.packages:
-            yield
-            return
-        with _foreign_code(f"{self.kind} {name!r} of package {self.packages[name]}", VinefabError):
-            yield
-
-
-@contextmanager
-def _foreign_code(plugin: str, passing: type[BaseException] = KeyboardInterrupt) -> Iterator[None]:
-    """Turn every exception of a plug-in, SystemExit included, into an error of ours.
-
-    KeyboardInterrupt, MemoryError and the ``passing`` ones pass.
-    """
-    try:
-        with redirect_stdout(sys.stderr):
-            yield
-    except (KeyboardInterrupt, MemoryError, passing):
-        raise
-    except BaseException as error:
-        # Also of one that cannot be printed.
-        told = format_exception_only(error)[-1].partition(": ")[2].strip()
-        words = str(error) if isinstance(error, SyntaxError) else told
-        raise BrokenPluginError(plugin, f"{type(error).__name__}: {words}") from error
 
 
 def _of(point: EntryPoint) -> str:
@@ -188,7 +159,7 @@ def with_parameters(part: Callable[..., T], key: str, parameters: Mapping[str, o
     """
     if isinstance(part, type) and _is_table(part):
         plain = {name: plain_number(value) for name, value in parameters.items()}
-        with inside(key):
+        with inside(key), calling(key, part):
             return cast("T", table.validated(part, plain))
     known = {field.name: field.default for field in fields(part)} if is_dataclass(part) else {}
     values = {}
@@ -197,7 +168,8 @@ def with_parameters(part: Callable[..., T], key: str, parameters: Mapping[str, o
             allowed = f"one of {', '.join(known)}{nearest(name, known)}"
             raise BadInputError(f"{key}.{name}", value, allowed)
         values[name] = _like(f"{key}.{name}", plain_number(value), known[name])
-    return part(**values)
+    with calling(key, part):
+        return part(**values)
 
 
 def _like(key: str, value: object, default: object) -> object:

@@ -361,6 +361,14 @@ class GrowthBlock:
         )
         return tips_mm[:count], first
 
+    def read_only(self) -> "GrowthBlock":
+        """Return the same block for foreign code, which must not write into it."""
+        growth = {name: array.view() for name, array in self.growth._asdict().items()}
+        own = {n: getattr(self, n).view() for n in ("plan", "launch", "branch", "room")}
+        for view in (*growth.values(), *own.values()):
+            view.setflags(write=False)
+        return replace(self, growth=Growth(**growth), **own)
+
     def deployment(self, index: int) -> Deployment:
         """Return one growth as `grow_on` does."""
         one, two = self.branch[index], self.branch[index + 1]

@@ -113,7 +113,7 @@ def unseen_maps(
     kind = ENVIRONMENTS[environment]
     options = with_parameters(kind.options, environment, parameters or {})
     first = FIRST_UNSEEN + MOST_MAPS * seed
-    worlds = tuple(kind.make(first + index, options) for index in range(count))
+    worlds = tuple(kind.generate(first + index, options) for index in range(count))
     return MapFamily(label=counted(count, f"unseen {environment} map"), worlds=worlds)
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from vinefab.core.errors import UnreadableFileError
+from vinefab.core.foreign import calling, ensure_type
 from vinefab.core.plain_text import GENERATOR, agreeing, counted, json_text, one_line, rounded
 from vinefab.core.registry import Registry
 from vinefab.core.table import TablePart, validated
@@ -520,10 +521,18 @@ PART_FORMATS: Registry[PartFormat] = Registry("part format", {"stl": STL, "3mf":
 def part_files(rig: Rig, printing: Printing) -> dict[str, bytes]:
     """Return the files of a rig's printed parts by name, in every format."""
     return {
-        name: one.write(spec)
+        name: _written(one, spec)
         for one in PART_FORMATS.values()
         for name, spec in _specs(one, rig, printing).items()
     }
+
+
+def _written(one: PartFormat, spec: PartFileSpec) -> bytes:
+    what = f"part format {one.suffix}"
+    with calling(what, one.write):
+        data = one.write(spec)
+    ensure_type(what, one.write, "file", data, bytes)
+    return data
 
 
 def part_problems(
@@ -544,7 +553,8 @@ def read_back_problems(
 ) -> dict[str, tuple[str, ...]]:
     """Read one file back and return, by part, what is wrong with it."""
     try:
-        read = part_format.read(data)
+        with calling(f"part format {part_format.suffix}", part_format.read):
+            read = part_format.read(data)
     except UnreadableFileError as error:
         return {item.part.name: (error.problem,) for item in items}
     names = [item.part.name for item in items]

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ import shapely
 from vinefab.core.atomic import folder_to_fill
 from vinefab.core.compiling import precompile, tuned_meanwhile
 from vinefab.core.errors import BadInputError, located, values_hidden
+from vinefab.core.foreign import calling, ensure_type, is_own
 from vinefab.core.front_door import imported_later
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import parameter_names
@@ -53,6 +54,7 @@ from vinefab.search.optimizers.optimizer import (
     ScreeningOptimizer,
     StartingOptimizer,
     make_optimizer_config,
+    started,
 )
 from vinefab.search.record.generations import Finalist, Generation, Progress, RunIdentity
 from vinefab.search.record.result import (
@@ -62,6 +64,7 @@ from vinefab.search.record.result import (
     damage_errors,
     design_of_finalist,
     resumed_limits,
+    state_to_text,
 )
 from vinefab.search.record.store import Recorder, RunStore
 from vinefab.search.settings import (
@@ -168,18 +171,19 @@ class Search:
         evaluator = Evaluator.of(spec)
         config = make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
         seed, population = settings.search.seed, settings.search.population
-        optimizer = config.start(evaluator.space.axes, population, seed)
+        optimizer = started(config, settings.optimizer.name, evaluator.space.axes, population, seed)
         check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
-        if settings.objectives and isinstance(optimizer, FrontOptimizer):
-            optimizer.set_lowest(evaluator.lowest)
-        # A user's own penalty may take longer than growth: screening asks for many.
-        if evaluator.screens and isinstance(optimizer, ScreeningOptimizer):
-            optimizer.screen_by(evaluator.penalties)
-        if settings.start_from:
-            if not isinstance(optimizer, StartingOptimizer):
-                allowed = "nothing there: only the optimizer islands begins at designs"
-                raise BadInputError("optimizer.start_from", settings.optimizer.name, allowed)
-            optimizer.start_from([np.array(point) for point in settings.start_from])
+        if settings.start_from and not isinstance(optimizer, StartingOptimizer):
+            allowed = "nothing there: only the optimizer islands begins at designs"
+            raise BadInputError("optimizer.start_from", settings.optimizer.name, allowed)
+        with calling(f"optimizer {settings.optimizer.name!r}", optimizer):
+            if settings.objectives and isinstance(optimizer, FrontOptimizer):
+                optimizer.set_lowest(evaluator.lowest)
+            # A user's own penalty may take longer than growth: screening asks for many.
+            if evaluator.screens and isinstance(optimizer, ScreeningOptimizer):
+                optimizer.screen_by(evaluator.penalties)
+            if settings.start_from and isinstance(optimizer, StartingOptimizer):
+                optimizer.start_from([np.array(point) for point in settings.start_from])
         search = cls(
             settings=settings,
             maps=spec.maps,
@@ -229,7 +233,7 @@ class Search:
         if store is not None:
             history = store.generations()
             if history:
-                with damage_errors(store.path):
+                with self._asking(), damage_errors(store.path):
                     self.optimizer.restore(store.optimizer_state())
         points = ThreadEvaluator(workers) if isinstance(workers, int) else workers
         ledger = Ledger(points.count)
@@ -243,7 +247,7 @@ class Search:
                 number = len(history)
                 last = self._generation(number, schedule, begin, recorder, ledger, check)
                 history.append(last)
-                recorder.note(history, self.optimizer.state())
+                recorder.note(history, self._state())
             finalists, repair = self._final(history, store, begin, ledger, recorder.stage)
         identity = store.identity if store is not None else RunIdentity.of(settings, self.maps)
         notes = (*check.notes(finalists), *self._without_rules(finalists))
@@ -292,10 +296,11 @@ class Search:
     ) -> Generation:
         """Ask, evaluate and tell."""
         began = time.perf_counter()
-        with ledger.spending("optimizer"):
+        with ledger.spending("optimizer"), self._asking():
             asked = self.optimizer.ask()
+        ensure_type(self._what, self.optimizer, "points", asked, np.ndarray)
         shaped = asked.ndim == 2 and len(asked) > 0 and asked.shape[1] == len(self.evaluator.space)
-        if not (shaped and ((asked >= 0.0) & (asked <= 1.0)).all()):
+        if not (shaped and asked.dtype.kind == "f" and ((asked >= 0.0) & (asked <= 1.0)).all()):
             key = f"optimizer {self.settings.optimizer.name}"
             raise BadInputError(key, "points outside the space", "numbers from 0 to 1")
         # Copied, because an optimizer may reuse the arrays that it returns or is given.
@@ -313,7 +318,7 @@ class Search:
             penalty = check.penalties(x, composite, evaluations.penalty, costs)
         fitness = self.evaluator.fitness(composite, penalty, costs)
         terms = self.evaluator.term_means(evaluations.terms, conditions.weights)
-        with ledger.spending("optimizer"):
+        with ledger.spending("optimizer"), self._asking():
             further = self.settings.further_objectives
             if further and isinstance(self.optimizer, FrontOptimizer):
                 values = minimized(asked, terms, self.evaluator.space, further)
@@ -329,6 +334,22 @@ class Search:
             terms=terms,
             seconds=time.perf_counter() - began,
         )
+
+    @property
+    def _what(self) -> str:
+        return f"optimizer {self.settings.optimizer.name!r}"
+
+    def _asking(self) -> AbstractContextManager[None]:
+        """Return the boundary around the optimizer."""
+        return calling(self._what, self.optimizer)
+
+    def _state(self) -> Mapping[str, object]:
+        """Return the optimizer's state; that of a foreign one must be one that can be recorded."""
+        with self._asking():
+            state = self.optimizer.state()
+            if not is_own(self.optimizer):
+                state_to_text(state)
+        return state
 
     def _final(
         self,
@@ -395,7 +416,7 @@ def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | Non
 def generated_maps(maps: MapSettings) -> tuple[Map, ...]:
     """Return the maps that an environment generates for a run's seeds."""
     options = maps.environment_options()
-    make = ENVIRONMENTS[maps.environment].make
+    make = ENVIRONMENTS[maps.environment].generate
     return _started((make(maps.seed + index, options) for index in range(maps.count)), maps)
 
 

@@ -176,7 +176,7 @@ def run_contest(contest_run: ContestRun) -> ContestRow:
 def _unseen_sites(environment: str, options: str, count: int) -> tuple[PreparedMap, ...]:
     settings = MapSettings(environment=environment, options=json.loads(options))
     made = settings.environment_options()
-    make = ENVIRONMENTS[environment].make
+    make = ENVIRONMENTS[environment].generate
     return tuple(PreparedMap.of(make(FIRST_CONTEST_SEED + index, made)) for index in range(count))
 
 

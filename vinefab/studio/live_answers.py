@@ -44,7 +44,7 @@ from vinefab.studio.state import PAGE, EditedMap, StudioState, pose_content
 from vinefab.tasks import TASKS, make_task
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.reach import touched_targets
-from vinefab.tasks.task import check_on_map
+from vinefab.tasks.task import check_on_map, evaluated
 
 _ENGINE: list[Engine] = ["interpreted"]
 
@@ -66,7 +66,7 @@ def load_kernel() -> None:
     start = place.world.starts[0].pose
     grown = grow_on(design, place.terrain, start, GrowthOptions(), engine="kernel")
     for task in TASKS:
-        make_task(task, {}).evaluate(grown, place.context)
+        evaluated(make_task(task, {}), grown, place.context)
     _ENGINE[0] = "kernel"
 
 
@@ -309,7 +309,7 @@ def _scores(deployment: Deployment, prepared: PreparedMap) -> dict[str, Any]:
         task = _task(name)
         try:
             check_on_map(task, prepared.world, prepared.context)
-            scores[name], terms = task.evaluate(deployment, prepared.context)
+            scores[name], terms = evaluated(task, deployment, prepared.context)
             titles[name] = f"{name}, ideal case" if terms.get(IDEAL_CASE) else name
         except VinefabError as error:
             scores[name] = None

@@ -194,7 +194,7 @@ def _source_world(source: str, stamp: str) -> Map:  # noqa: ARG001  a changed fi
     options = mapping_at("map.options", given.get("options") or {})
     kind = ENVIRONMENTS[environment]
     seed = whole("map.seed", given.get("seed", 0), 0, MOST_FIRST_SEED)
-    return kind.make(seed, with_parameters(kind.options, environment, options))
+    return kind.generate(seed, with_parameters(kind.options, environment, options))
 
 
 def _apply(edit: Any, obstacles: list[Polygon], frames: list[Frame | None], key: str) -> None:  # noqa: ANN401  JSON

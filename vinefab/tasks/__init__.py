@@ -10,6 +10,7 @@ Here is their registry (`TASKS`, `make_task`), which loads nothing of them. Othe
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from vinefab.core.foreign import is_own
 from vinefab.core.registry import Registry, with_parameters
 
 if TYPE_CHECKING:
@@ -48,4 +49,9 @@ def make_task(name: str, parameters: Mapping[str, object] | None = None) -> "Tas
     >>> make_task("coverage", {"radius_mm": 60}).radius_mm
     60.0
     """
-    return with_parameters(TASKS[name], "task", parameters or {})
+    task = with_parameters(TASKS[name], "task", parameters or {})
+    if not is_own(task):
+        from vinefab.tasks.task import ensure_task  # noqa: PLC0415  it waits for a foreign task
+
+        ensure_task(task)
+    return task

@@ -7,6 +7,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.foreign import broken, calling, ensure_finite, ensure_numbers, is_own
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import GrowthBlock
 from vinefab.growth.options import HALF_ANGLE_DEG
@@ -67,7 +68,80 @@ def check_on_map(task: Task, world: Map, context: MapContext) -> None:
     """Raise `BadInputError` for a task that cannot be scored on a map."""
     check: Callable[[Map, MapContext], None] | None = getattr(task, "check_map", None)
     if check is not None:
-        check(world, context)
+        with calling(_what(task), task):
+            check(world, context)
+
+
+def _what(task: Task) -> str:
+    return f"task {task.name!r}"
+
+
+def ensure_task(task: object) -> None:
+    """Raise an error for an object of another package that cannot score.
+
+    Raises
+    ------
+    BrokenPluginError
+        If it has no name, no finite lowest score, or nothing that evaluates.
+    """
+    if is_own(task):
+        return
+    what = f"task {type(task).__name__}"
+    with calling(what, task):
+        name, lowest = getattr(task, "name", None), getattr(task, "lowest", None)
+        evaluate = getattr(task, "evaluate", None)
+    if not isinstance(name, str) or not name:
+        raise broken(what, task, "its name is not a text")
+    ensure_finite(what, task, "lowest", lowest)
+    if not callable(evaluate):
+        raise broken(what, task, "it has no function evaluate(deployment, context)")
+
+
+def evaluated(task: Task, deployment: Deployment, context: MapContext) -> Outcome:
+    """Return a task's score and terms of one final state; of a foreign task they are checked.
+
+    Raises
+    ------
+    BrokenPluginError
+        If a foreign task breaks down, or returns anything but finite numbers.
+    """
+    if is_own(task):
+        return task.evaluate(deployment, context)
+    what = _what(task)
+    with calling(what, task):
+        found: object = task.evaluate(deployment, context)
+    if not isinstance(found, tuple) or len(found) != 2:
+        raise broken(what, task, f"evaluate returns {found!r:.60}, not (score, terms)")
+    score = ensure_finite(what, task, "score", found[0])
+    return score, ensure_numbers(what, task, "terms", found[1])
+
+
+def _at_once(
+    task: Task,
+    evaluate: Callable[[GrowthBlock, Sequence[MapContext]], TaskOutcomes],
+    block: GrowthBlock,
+    contexts: Sequence[MapContext],
+) -> TaskOutcomes:
+    """Return the outcomes of a block by the task's function; of a foreign one they are checked."""
+    if is_own(task):
+        return evaluate(block, contexts)
+    what = _what(task)
+    with calling(what, task):
+        found: object = evaluate(block.read_only(), contexts)
+    if not isinstance(found, TaskOutcomes):
+        returned = type(found).__name__
+        raise broken(what, task, f"evaluate_block returns {returned}, not TaskOutcomes")
+    with calling(what, task):
+        columns = {"score": found.score, **found.terms}
+    for name, column in columns.items():
+        fits = isinstance(column, np.ndarray) and column.shape == (len(block),)
+        if not fits or column.dtype.kind not in "fiu" or not np.isfinite(column).all():
+            allowed = f"not {len(block)} finite numbers"
+            raise broken(what, task, f"{name} of evaluate_block is {column!r:.60}, {allowed}")
+    return TaskOutcomes(
+        np.array(found.score, dtype=np.float64),
+        {name: np.array(one, dtype=np.float64) for name, one in found.terms.items()},
+    )
 
 
 def outcomes(task: Task, block: GrowthBlock, contexts: Sequence[MapContext]) -> TaskOutcomes:
@@ -81,7 +155,10 @@ def outcomes(task: Task, block: GrowthBlock, contexts: Sequence[MapContext]) -> 
     # Not a protocol check: this runs for every block, and `isinstance` would take longer.
     at_once: Callable[[GrowthBlock, Sequence[MapContext]], TaskOutcomes] | None
     at_once = getattr(task, "evaluate_block", None)
-    found = one_by_one(task, block, contexts) if at_once is None else at_once(block, contexts)
+    if at_once is None:
+        found = one_by_one(task, block, contexts)
+    else:
+        found = _at_once(task, at_once, block, contexts)
     angle_rad = block.launches.half_angle_rad
     if angle_rad is None:
         return found
@@ -96,7 +173,7 @@ def one_by_one(task: Task, block: GrowthBlock, contexts: Sequence[MapContext]) -
     terrain = block.terrain.tolist()
     return stacked_outcomes(
         [
-            task.evaluate(block.deployment(index), contexts[terrain[index]])
+            evaluated(task, block.deployment(index), contexts[terrain[index]])
             for index in range(len(block))
         ]
     )
@@ -142,7 +219,11 @@ def score_parts(task: Task, score: float, terms: Mapping[str, float]) -> dict[st
     """
     parts: Callable[[float, Mapping[str, float]], Mapping[str, float]] | None
     parts = getattr(task, "parts", None)
-    return {} if parts is None else dict(parts(score, terms))
+    if parts is None:
+        return {}
+    with calling(_what(task), task):
+        found = dict(parts(score, dict(terms)))
+    return found if is_own(task) else ensure_numbers(_what(task), task, "parts", found)
 
 
 def search_form(task: Task) -> Task:
@@ -152,7 +233,13 @@ def search_form(task: Task) -> Task:
     parameters ask for exact scores. Reported scores take the task as it is.
     """
     faster: Callable[[], Task] | None = getattr(task, "for_search", None)
-    return task if faster is None else faster()
+    if faster is None:
+        return task
+    with calling(_what(task), task):
+        found = faster()
+    if found is not task:
+        ensure_task(found)
+    return found
 
 
 def cover_of(task: Task, context: MapContext) -> Cover:
@@ -169,7 +256,8 @@ def cover_of(task: Task, context: MapContext) -> Cover:
     if offered is None:
         allowed = "coverage, reach, or a task with a method cover: others have no union"
         raise BadInputError("task of several robots", task.name, allowed)
-    return offered(context)
+    with calling(_what(task), task):
+        return offered(context)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,7 +283,7 @@ class HeadOnPenalty:
 
     def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
         """Return the task's score minus the penalty, and its terms with ``head_on``, the share."""
-        score, terms = self.task.evaluate(deployment, context)
+        score, terms = evaluated(self.task, deployment, context)
         share = float(_shares(deployment.stop, np.array([0, len(deployment.stop)]))[0])
         return score - self.weight * share, {**terms, "head_on": share}
 
@@ -228,8 +316,8 @@ class TaskWithOthers:
 
     def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
         """Return the task's score, and its terms with the other tasks' scores."""
-        score, terms = self.task.evaluate(deployment, context)
-        scores = {name: o.evaluate(deployment, context)[0] for name, o in self.others.items()}
+        score, terms = evaluated(self.task, deployment, context)
+        scores = {name: evaluated(o, deployment, context)[0] for name, o in self.others.items()}
         return score, {**terms, **scores}
 
     def evaluate_block(self, block: GrowthBlock, contexts: Sequence[MapContext]) -> TaskOutcomes:

@@ -19,7 +19,8 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from vinefab.core.errors import BadInputError, VinefabError
+from vinefab.core.errors import BadInputError, BrokenPluginError, VinefabError
+from vinefab.core.foreign import calling, ensure_type
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.plain_text import GENERATOR, counted, one_line, plain
 from vinefab.core.registry import Registry
@@ -322,11 +323,18 @@ def file_problems(
     """
     if data is None:
         return ("the file is missing",)
+    what = f"laser format {laser_format.title!r}"
     try:
-        drawing = laser_format.read(data.decode("utf-8"))
+        text = data.decode("utf-8")
+        with calling(what, laser_format.read, VinefabError):
+            drawing = laser_format.read(text)
+    except BrokenPluginError:
+        raise
     except (VinefabError, UnicodeDecodeError) as error:
         return (str(error),)
-    return drawing_differences(laser_format, drawing, spec)
+    ensure_type(what, laser_format.read, "drawing", drawing, ReadDrawing)
+    with calling(what, laser_format.read, VinefabError):
+        return drawing_differences(laser_format, drawing, spec)
 
 
 def drawing_differences(

@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from vinefab.core.errors import ReadBackError
+from vinefab.core.foreign import calling, ensure_type
 from vinefab.core.registry import Registry
 from vinefab.fabrication.formats.dxf_format import DXF, DXF_POLYLINE, DXF_R12
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec, LaserFormat, file_problems
@@ -99,11 +100,21 @@ def laser_files(
     """
     some = [one for one in formats_for(spec, requested).values() if one not in without]
     formats = {one.file_name(stem): one for one in some}
-    files = {name: one.write(spec).encode() for name, one in formats.items()}
+    files = {name: _written(one, spec) for name, one in formats.items()}
     return LaserFiles(
         files=files,
         problems={name: file_problems(one, files[name], spec) for name, one in formats.items()},
     )
+
+
+def _written(one: LaserFormat, spec: LaserFileSpec) -> bytes:
+    """Return the content of a file in a format."""
+    what = f"laser format {one.title!r}"
+    with calling(what, one.write):
+        text = one.write(spec)
+    ensure_type(what, one.write, "file", text, str)
+    with calling(what, one.write):  # half a pair of surrogates has no UTF-8
+        return text.encode()
 
 
 def broken_formats() -> tuple[str, ...]:

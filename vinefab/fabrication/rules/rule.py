@@ -3,12 +3,15 @@
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import isfinite
+from numbers import Real
 from typing import Any, TypeVar
 
 import numpy as np
 import shapely
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.foreign import broken, calling, is_own
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.validation import LARGEST_MM, number
 from vinefab.core.view import Answer, Block, Data, Fact, Facts, Notes, Result
@@ -428,10 +431,17 @@ class Rule(Result):
 
     def apply(self, subject: Any, limits: Limits) -> RuleApplied | RuleNotApplicable:  # noqa: ANN401  or a `RigSubject`
         """Check a subject; the outcome says if an input is missing."""
+        what = f"rule {self.id!r}"
         try:
-            return self.check(subject, limits)
+            with calling(what, self.check, MissingInputError):
+                outcome = self.check(subject, limits)
         except MissingInputError as missing:
             return RuleNotApplicable(reason=str(missing))
+        if not is_own(self.check):
+            problem = _outcome_problem(outcome)
+            if problem:
+                raise broken(what, self.check, problem)
+        return outcome
 
     def limits_with(self, changed: Mapping[str, float]) -> Limits:
         """Return the default limits with some of them changed.
@@ -447,6 +457,28 @@ class Rule(Result):
                 raise BadInputError(f"limits.{self.id}.{name}", value, allowed)
             number(f"limits.{self.id}.{name}", value, -LARGEST_MM, LARGEST_MM)
         return Limits({**self.limits, **changed})
+
+
+def _outcome_problem(outcome: object) -> str:
+    """Return the reason that a check of another package must not return an outcome, or nothing."""
+    if isinstance(outcome, RuleNotApplicable):
+        return "" if isinstance(outcome.reason, str) else "its reason is not a text"
+    if not isinstance(outcome, RuleApplied):
+        return f"its check returns {type(outcome).__name__}, not RuleApplied"
+    if not isinstance(outcome.checked, int) or not isinstance(outcome.note, str):
+        return "checked is not a whole number, or note not a text"
+    for one in outcome.violations:
+        if not isinstance(one, Violation):
+            return f"a violation is of type {type(one).__name__}, not Violation"
+        numbers = [one.measured, one.limit, *(one.at_mm or ())]
+        if not all(n is None or (isinstance(n, Real) and isfinite(n)) for n in numbers):
+            return "measured, limit or at_mm of a violation is not a finite number"
+        texts = [one.message, one.aspect, one.title, one.marker, *one.branches]
+        if not all(isinstance(text, str) for text in texts):
+            return "message, aspect, title, marker or a branch of a violation is not a text"
+        if not isinstance(one.severity, Severity):
+            return "the severity of a violation is not a Severity"
+    return ""
 
 
 _DECIMALS = 3

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from vinefab.core.foreign import calling, ensure_type
 from vinefab.core.registry import Registry
 from vinefab.maps.generators.cave import CaveOptions, cave_map
 from vinefab.maps.generators.corridors import CorridorsOptions, corridors_map
@@ -24,6 +25,20 @@ class Environment:
     options: type[Any]  # the options class: callable without arguments, every field documented
     # ``make(seed, options)`` returns a Map; the same arguments give the same map
     make: Callable[[int, Any], Map]
+
+    def generate(self, seed: int, options: object) -> Map:
+        """Return the map of a seed.
+
+        Raises
+        ------
+        BrokenPluginError
+            If the generator of another package breaks down, or returns something else.
+        """
+        what = f"environment {self.description!r}"
+        with calling(what, self.make):
+            world = self.make(seed, options)
+        ensure_type(what, self.make, "map", world, Map)
+        return world
 
 
 ENVIRONMENTS: Registry[Environment] = Registry(

@@ -29,6 +29,7 @@ from scipy.interpolate import BSpline as Interpolated
 from scipy.interpolate import make_interp_spline
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
+from vinefab.core.foreign import reading_element
 from vinefab.core.validation import Floats
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.source_drawing import (
@@ -93,7 +94,8 @@ def _items_of(entity: Any, where: str) -> list[DrawingItem]:  # noqa: ANN401  ea
     if kind in _HATCHES:
         rings = _hatch_rings(entity, where)
         return [DrawingItem(rings=rings, where=where, filled=True)] if rings else []
-    pieces = _pieces(entity, where)
+    with reading_element(where, str(entity)):
+        pieces = _pieces(entity, where)
     filled = kind in _AREAS
     closed = filled or kind == "CIRCLE"
     if kind == "ELLIPSE":

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from vinefab.core.bounded import begin_reader, bounded
 from vinefab.core.errors import BadInputError
+from vinefab.core.foreign import reading
 from vinefab.core.front_door import imported_later
 from vinefab.core.registry import Registry
 from vinefab.maps.importers.import_options import PHOTO_SUFFIXES, ImportOptions
@@ -40,7 +41,7 @@ class MapImporter:
         """Return the map in a file, read in this process and without limits."""
         module, _, function = self.reader.partition(":")
         # Later steps refuse sizes near the limits of floats, or find them equal.
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), reading(path):
             world: Map = getattr(import_module(module), function)(path, options)
         return world
 

@@ -18,6 +18,7 @@ import svgelements as svg
 from svgelements import Matrix, Viewbox
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError, located
+from vinefab.core.foreign import reading_element
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.maps.importers.import_options import ImportOptions
@@ -232,7 +233,8 @@ def transform(node: Node) -> Floats:
         if len(values) not in _OPERANDS.get(match[1], ()):
             raise _bad_transform(node, f"{match[1]}({values})")
         at = match.end()
-    matrix = _affine(text)
+    with reading_element(f"{node.where}: transform", text):
+        matrix = _affine(text)
     if abs(np.linalg.det(matrix[:, :2])) < 1e-30:
         raise BadInputError(f"{node.where}: transform", text, "one that is not singular")
     return matrix
@@ -608,7 +610,9 @@ def svg_outlines(node: Node) -> list[Subpath]:
     """Return the subpaths of a shape, in its own coordinates."""
     try:
         if node.tag == "path":
-            return path_outlines(node.attributes.get("d", ""))
+            data = node.attributes.get("d", "")
+            with reading_element("d", data):
+                return path_outlines(data)
     except BadInputError as error:
         raise BadInputError(f"{node.where}: {error.key}", error.value, error.allowed) from error
     if node.tag in ("polyline", "polygon"):

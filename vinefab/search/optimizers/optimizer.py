@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.foreign import broken, calling
 from vinefab.core.registry import Registry, with_parameters
 from vinefab.core.rng import child
 from vinefab.core.table import Table
@@ -173,6 +174,25 @@ def make_optimizer_config(
 ) -> OptimizerConfig:
     """Return an optimizer's parameters, ready to start."""
     return with_parameters(OPTIMIZERS[name], "optimizer", parameters or {})
+
+
+def started(
+    config: OptimizerConfig, name: str, axes: SearchAxes, population: int, seed: int
+) -> Optimizer:
+    """Return an optimizer before its first generation.
+
+    Raises
+    ------
+    BrokenPluginError
+        If one of another package breaks down, or cannot be asked and told.
+    """
+    what = f"optimizer {name!r}"
+    with calling(what, config):
+        optimizer = config.start(axes, population, seed)
+    for method in ("ask", "tell", "state", "restore"):
+        if not callable(getattr(optimizer, method, None)):
+            raise broken(what, config, f"start returns {optimizer!r:.40} without {method}")
+    return optimizer
 
 
 _STREAM = 1402

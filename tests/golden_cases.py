@@ -341,7 +341,7 @@ asked = {
     "family": {},
 }
 for panel, ask in asked.items():
-    show(panel, answer_of(panel, state, ask, lambda share, words: None))
+    show(panel, answer_of(panel, state, ask))
 exports = {
     "package": {"allow_uncalibrated": True},
     "picture": {},
@@ -350,5 +350,5 @@ exports = {
 outs = {"package": "package", "picture": "grown.svg", "rig": "rig"}
 for what, options in exports.items():
     ask = {"what": what, "out": outs[what], "options": options}
-    show(f"export_{what}", answer_of("export", state, ask, lambda share, words: None))""",
+    show(f"export_{what}", answer_of("export", state, ask))""",
 }

@@ -332,7 +332,11 @@ def test_a_run_is_the_same_in_memory_on_disk_and_from_a_file(tmp_path):
     settings, told = run_settings(), []
     result = vf.optimize(settings, progress=told.append)
     kept = vf.optimize(settings, out=tmp_path / "run", workers=2, page=False)
-    assert [one.stage for one in told] == ["", "", "choosing 2 finalists"]
+    assert [one.done for one in told if one.phase == "generations"] == [0, 1, 2]
+    phases = list(dict.fromkeys(one.chain[0].phase for one in told))
+    assert phases[:1] == ["maps"]
+    assert phases[-2:] == ["families of maps for the winner", "places a little off"]
+    assert phases.index("generations") < phases.index("finalists on fresh poses")
     assert kept.best == result.best == vf.Design.read(tmp_path / "run" / "best.toml")
     again = vf.optimize(settings, out=str(tmp_path / "run"), resume=True, page=False)
     assert again.best == result.best

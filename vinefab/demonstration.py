@@ -19,7 +19,6 @@ from vinefab.model.score import Score
 from vinefab.prediction.family_deployments import (
     MapFamily,
     PredictionPlan,
-    ProgressCallback,
     ScorePlan,
     origin_of,
     score_design_on_task,
@@ -29,9 +28,8 @@ from vinefab.prediction.predict import Predicted, predict
 from vinefab.rig.make import RigFiles, make_rig
 from vinefab.rig.part import RigOptions, read_printer
 from vinefab.search.needed_code import PREDICTION, needed_code
-from vinefab.search.record.generations import Progress
 from vinefab.search.record.result import RunResult
-from vinefab.search.run import progress_line, run_search, training_maps
+from vinefab.search.run import run_search, training_maps
 from vinefab.search.run_pages import search_section
 from vinefab.search.settings import (
     EvaluationSettings,
@@ -150,7 +148,6 @@ class Demo:
 def run_demo(
     folder: Path,
     settings: DemoSettings,
-    progress: ProgressCallback,
     announce: Callable[[str], None],
 ) -> Demo:
     """Run the main job and write everything into a folder."""
@@ -164,16 +161,8 @@ def run_demo(
         grid_map(_FIRST_UNSEEN + settings.seed + index, GridOptions())
         for index in range(settings.unseen)
     )
-
-    def report_generation(done: Progress) -> None:
-        progress(
-            0.05 + 0.55 * done.generation / done.generations,
-            progress_line(done, checked=run.evaluation.fabricable),
-        )
-
     precompile((*needed_code(run, training_maps(run)), *PREDICTION))
-    result = run_search(run, folder / "run", workers=settings.workers, progress=report_generation)
-    progress(0.6, "testing the winner on unseen maps")
+    result = run_search(run, folder / "run", workers=settings.workers)
     announce(f"testing the winner on {counted(len(unseen), 'map')} that it never saw")
     plan = ScorePlan(task=run.task.name, poses=_POSES, seed=run.search.seed)
     best, vine = result.best, Design.read("plain_vine")
@@ -187,12 +176,9 @@ def run_demo(
         read_profile(DEFAULT_RECIPE),
         [MapFamily(label=f"{len(unseen)} unseen grid maps", worlds=unseen)],
         PredictionPlan(poses=_POSES, seed=settings.seed, options=run.growth),
-        lambda share, text: progress(0.6 + 0.15 * share, text),
     )
-    progress(0.75, "making the rig")
     announce(f"making the printable rig of {unseen[0].name}")
     rig = make_rig(unseen[0], read_printer(DEFAULT_PRINTER), RigOptions())
-    progress(0.8, "writing the package and the report")
     announce("writing the fabrication package and the report")
     demo = Demo(result=result, predicted=predicted, rig=rig, files=(), **scores)
     return replace(demo, files=_write(folder, demo, run, unseen))

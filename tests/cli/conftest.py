@@ -28,7 +28,7 @@ final_poses_per_map = 1
 @pytest.fixture(autouse=True)
 def no_lines_of_progress(monkeypatch):
     """A slow machine must not add lines to what commands say."""
-    monkeypatch.setattr("vinefab.core.verbs.FIRST_S", 1e6)
+    monkeypatch.setattr("vinefab.core.progress.FIRST_S", 1e6)
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
+from tests.search.conftest import followed
 from vinefab import Map
 from vinefab.core.errors import BadInputError
 from vinefab.core.view import document, lines
@@ -15,7 +16,7 @@ from vinefab.model.target import Target, TargetOutcome, TargetsResult, targets_g
 from vinefab.prediction.deploy import deploy
 from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task
 from vinefab.search.record.result import RunResult
-from vinefab.search.run import Search, progress_line, run_search
+from vinefab.search.run import Search, run_search
 from vinefab.search.settings import RunSettings
 
 SQUARE = [[400, 50], [450, 50], [450, 100], [400, 100], [400, 50]]
@@ -166,11 +167,8 @@ def test_a_run_remembers_which_targets_its_winner_touches(tmp_path):
         evaluation={"fabricable": False},
     )
     shown = []
-    result = run_search(
-        settings,
-        tmp_path / "run",
-        progress=lambda now: shown.append(progress_line(now, checked=False)),
-    )
+    with followed(lambda now: shown.append(now.words)):
+        result = run_search(settings, tmp_path / "run")
     assert result.targets.outcomes[0].is_touched
     assert "of 2 touched)" in shown[0]
     again = RunResult.read(tmp_path / "run")

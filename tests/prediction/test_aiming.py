@@ -229,7 +229,7 @@ def test_the_front_door_refuses_in_python_words(key, value):
 
 
 def test_the_front_door_writes_a_page_and_returns_poses(tmp_path):
-    seen = SimpleNamespace(shares=[])
+    seen = SimpleNamespace(told=[])
     result = vf.aim(
         TREE,
         ROOM,
@@ -237,12 +237,14 @@ def test_the_front_door_writes_a_page_and_returns_poses(tmp_path):
         alone=True,
         deployments=5000,
         out=tmp_path / "aim.svg",
-        progress=lambda share, _words: seen.shares.append(share),
+        progress=lambda now: seen.told.append(str(now)),
         buffer_mm=30,
         area="fast",
     )
     assert result.task.buffer_mm == 30.0
     assert (tmp_path / "aim.svg").read_bytes().startswith(b"<?xml")
     assert result.poses == (result.pose,)
-    assert seen.shares == sorted(seen.shares)
+    trials = [one for one in seen.told if "trial deployments " in one and "walls" not in one]
+    assert trials[0] == "robots 0 of 1, trial deployments 0 of 5,000"
+    assert trials[-1] == "robots 0 of 1, trial deployments 5,000 of 5,000"
     assert repr(result).startswith("<AimResult>\nBest found: put the base of tree at ")

@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 import pytest
 
+from tests.search.conftest import followed
 from vinefab.core.atomic import is_ours
 from vinefab.core.errors import VinefabError
 from vinefab.core.view import Section
@@ -22,7 +23,7 @@ from vinefab.model.laser import read_profile
 from vinefab.model.target import Target, TargetsResult
 from vinefab.prediction import run_winner
 from vinefab.prediction.run_winner import EndedRun, run_blocks, run_in_folder, write_run_page
-from vinefab.search.record.generations import Extension, Progress
+from vinefab.search.record.generations import Extension, SearchProgress
 from vinefab.search.record.result import RECORD_FILE, RunArchive
 from vinefab.search.run import run_search
 from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
@@ -97,10 +98,11 @@ def test_a_winner_in_pieces_says_how_many(tmp_path: Path, monkeypatch: pytest.Mo
     )
     seen: list[str] = []
 
-    def look(_: Progress) -> None:
+    def look(_: SearchProgress) -> None:
         seen.append((tmp_path / "index.html").read_text())
 
-    result = run_in_folder(run, tmp_path, again="", progress=look).result
+    with followed(look):
+        result = run_in_folder(run, tmp_path, again="").result
     assert "at most 3, joined by sleeves, every joint costs 0.01 of the fitness" in seen[0]
     assert re.search(r"levels, (\d pieces? by the quick rules|not yet in 3 pieces)", seen[0])
     profile = read_profile(DEFAULT_RECIPE)

@@ -10,10 +10,11 @@ from tests.fabrication.rules.conftest import (  # noqa: F401  fixtures
     profile,
     random_design,
 )
+from vinefab.core.progress import heard_by
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.tree import branch_tree
-from vinefab.search.record.generations import Generation, Progress
+from vinefab.search.record.generations import Generation, SearchProgress
 from vinefab.search.run import Search
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, SpaceSettings
@@ -56,7 +57,18 @@ def film_penalty():
 
 def optimize(settings, maps, penalty=None, **options):
     """Return the result of a run without a record, but with a store among the options."""
-    return Search.of(settings, maps, penalty).run(**options)
+    with followed(options.pop("progress", lambda _: None)):
+        return Search.of(settings, maps, penalty).run(**options)
+
+
+def followed(look):
+    """Return a block whose search calls a function after every generation."""
+
+    def hear(progress):
+        if isinstance(progress, SearchProgress) and progress.within is None:
+            look(progress)
+
+    return heard_by(hear)
 
 
 def made_generation(number, fitness=(0.1, 0.3, 0.2), *, x=None, composite=None, seconds=2.0):
@@ -77,5 +89,5 @@ def progress_of(generation, generations, history=(), **changed):
     """Return the progress of a run."""
     numbers = {"best": 0.5, "mean": 0.25, "spread": 0.125, "fabricable_share": 0.75}
     times = {"elapsed_s": 1.0, "left_s": 9.0}
-    values = {"generation": generation, "generations": generations, "history": history}
-    return Progress(**{**numbers, **times, **values, **changed})
+    values = {"done": generation, "total": generations, "history": history}
+    return SearchProgress(**{**numbers, **times, **values, **changed})

@@ -6,7 +6,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
+from tests.search.conftest import followed, optimize
 from tests.search.target_cases import SPACE, cases, thick_film
+from vinefab.core.progress import heard_by
 from vinefab.model.design import Design
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.laser import Quantity, Standing, read_profile
@@ -20,10 +22,10 @@ from vinefab.search.manufacturability import (
     said_before,
     with_build_for_film,
 )
-from vinefab.search.record.generations import Progress, RunIdentity
+from vinefab.search.record.generations import RunIdentity, SearchProgress
 from vinefab.search.record.result import RECORD_FILE, RunArchive
 from vinefab.search.record.store import RunStore
-from vinefab.search.run import Search, penalty_of, progress_line, training_maps
+from vinefab.search.run import Search, penalty_of, training_maps
 from vinefab.search.settings import MapSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 
@@ -96,7 +98,7 @@ def test_a_narrow_trunk_and_a_small_sheet_are_named_before_anything_is_searched(
 def test_a_run_says_it_with_its_first_generation_and_where_targets_are_missed(
     asked, tmp_path, monkeypatch
 ):
-    settings, seen = asked["0.1 mm, 300 mm roll, flat", 1], list[Progress]()
+    settings, seen = asked["0.1 mm, 300 mm roll, flat", 1], list[SearchProgress]()
     settings = settings.changed(
         search=settings.search.changed(population=12),
         evaluation=settings.evaluation.changed(finalists=1),
@@ -104,9 +106,7 @@ def test_a_run_says_it_with_its_first_generation_and_where_targets_are_missed(
     monkeypatch.setattr("vinefab.search.finalists.RepairBudget", lambda: RepairBudget(steps=20))
     maps = training_maps(settings)
     with RunStore.open(tmp_path, RunIdentity.of(settings, maps), maps=maps) as store:
-        result = Search.of(settings, maps, penalty_of(settings)).run(
-            store=store, progress=seen.append
-        )
+        result = optimize(settings, maps, penalty_of(settings), store=store, progress=seen.append)
     assert "VF-S01" in seen[0].advice
     assert result.targets is not None
     assert result.targets.missed
@@ -145,9 +145,10 @@ def even(design):
 
 
 def test_no_best_design_fails_a_rule_that_the_penalty_does_not_know(fabricable, maps):
-    penalty, seen = Tabled(even, even), list[Progress]()
+    penalty, seen = Tabled(even, even), list[SearchProgress]()
     search = Search.of(fabricable, maps, penalty)
-    result = search.run(progress=seen.append)
+    with followed(seen.append):
+        result = search.run()
     failed = [(g, row) for g in result.history for row in range(6) if g.penalty[row] == FAILED]
     assert failed
     for generation, row in failed:
@@ -159,7 +160,6 @@ def test_no_best_design_fails_a_rule_that_the_penalty_does_not_know(fabricable, 
     assert penalty.simulated == [result.best.changed(name=penalty.simulated[0].name, origin={})]
     assert {one.passes for one in seen} <= {True, False}
     assert seen[-1].passes
-    assert "checking finalist 1 of 3" in seen[-1].stage
 
 
 def test_one_that_fails_when_simulated_makes_room_for_the_next(fabricable, maps):
@@ -172,17 +172,17 @@ def test_one_that_fails_when_simulated_makes_room_for_the_next(fabricable, maps)
 
 
 def test_where_only_a_simulation_tells_the_quick_rules_decide(fabricable, maps):
-    seen = list[Progress]()
-    result = Search.of(fabricable, maps, Tabled(even, lambda _: None)).run(progress=seen.append)
+    seen = list[SearchProgress]()
+    result = optimize(fabricable, maps, Tabled(even, lambda _: None), progress=seen.append)
     assert even(result.finalists[0].design)
     assert not any((generation.penalty > 0.0).any() for generation in result.history)
     assert seen[-1].passes is None
 
 
 def test_a_run_without_rules_asks_nothing(small, maps):
-    seen = list[Progress]()
+    seen = list[SearchProgress]()
     penalty = Tabled(even, even)
-    Search.of(small, maps, penalty).run(progress=seen.append)
+    optimize(small, maps, penalty, progress=seen.append)
     assert penalty.simulated == []
     assert seen[-1].passes is None
 
@@ -234,15 +234,16 @@ class Searched(Exception):  # noqa: N818  a run that is ended before it repairs 
 
 def reports_of(settings):
     """Return what a run reports of its generations; its winner is not chosen."""
-    reports = list[Progress]()
+    reports = list[SearchProgress]()
 
-    def tell(progress):
-        if progress.stage:
+    def hear(progress):
+        if isinstance(progress, SearchProgress):
+            reports.append(progress)
+        elif reports:
             raise Searched
-        reports.append(progress)
 
-    with pytest.raises(Searched):
-        Search.of(settings, training_maps(settings), PENALTY).run(progress=tell)
+    with pytest.raises(Searched), heard_by(hear):
+        Search.of(settings, training_maps(settings), PENALTY).run()
     return reports
 
 
@@ -257,8 +258,8 @@ def test_a_run_without_a_manufacturable_design_names_rule_and_key_in_its_first_t
     assert first.share <= 0.2
     assert "VF-L02" in first.advice
     assert "build.trunk_width_mm = " in first.advice
-    assert {one.advice for one in seen if one.generation > first.generation} == {first.advice}
-    assert "manufacturable: not yet" in progress_line(first, checked=True)
+    assert {one.advice for one in seen if one.done > first.done} == {first.advice}
+    assert "manufacturable: not yet" in first.words
 
 
 def test_every_change_that_is_named_lets_a_design_pass_and_the_run_itself_does_not():
@@ -276,8 +277,8 @@ def test_every_change_that_is_named_lets_a_design_pass_and_the_run_itself_does_n
 def test_a_run_that_finds_designs_needs_no_advice():
     search = SearchSettings(population=12, generations=3)
     wide = SMALL_ARCS.changed(build=SMALL_ARCS.build.changed(trunk_width_mm=40.0), search=search)
-    reports = list[Progress]()
-    result = Search.of(wide, training_maps(wide), PENALTY).run(progress=reports.append)
+    reports = list[SearchProgress]()
+    result = optimize(wide, training_maps(wide), PENALTY, progress=reports.append)
     assert result.fabricable
     assert not any(one.advice for one in reports)
     assert PENALTY.passes(result.best)

@@ -41,6 +41,7 @@ from vinefab.tasks.reach import Reach
 PROGRAM = """
 import os, signal, sys
 from pathlib import Path
+from vinefab.core.progress import heard_by
 from vinefab.search.settings import read_run
 from vinefab.search.run import Search
 from vinefab.search import dask_cluster as module
@@ -55,19 +56,20 @@ def main():
 
     def tell(progress):
         # One worker dies in the middle, later all that there are.
-        if progress.generation in (2, 4):
+        if progress.done in (2, 4):
             pids = sorted(Client.current().run(os.getpid).values())
-            for pid in pids[: progress.generation // 2]:
+            for pid in pids[: progress.done // 2]:
                 os.kill(pid, signal.SIGKILL)
                 killed.append(pid)
-        if progress.generation == 5:
+        if progress.done == 5:
             # As if dask had not started them again: none is left, and none would come.
             Client.current().cluster.scale(0)
 
     module.RESTART_S = 5.0
     threads = search(settings, Path(sys.argv[2]) / "threads")
     workers = DaskEvaluator("local:2", threads=0, patience_s=500.0)
-    cluster = search(settings, Path(sys.argv[2]) / "cluster", workers=workers, progress=tell)
+    with heard_by(lambda now: tell(now) if now.phase == "generations" else None):
+        cluster = search(settings, Path(sys.argv[2]) / "cluster", workers=workers)
     assert len(killed) >= 2, killed
     assert cluster.times.workers == 2 and cluster.times.growth_s > 0.0
     assert cluster.best == threads.best

@@ -378,7 +378,7 @@ def test_a_front_is_the_same_after_an_interrupt(small, maps, tmp_path, objective
     whole = optimize(settings, maps)
 
     def stop(progress):
-        if progress.generation == 3:
+        if progress.done == 3:
             raise KeyboardInterrupt
 
     identity = RunIdentity.of(settings, maps)

@@ -27,14 +27,13 @@ from vinefab.search.evaluator import (
     with_pose_range,
 )
 from vinefab.search.optimizers.optimizer import OPTIMIZERS, RandomSearch
-from vinefab.search.record.generations import Progress
+from vinefab.search.record.generations import SearchProgress
 from vinefab.search.record.result import RunArchive, map_from_text, map_to_text
 from vinefab.search.run import (
     AHEAD,
     Schedule,
     Search,
     generated_maps,
-    progress_line,
     run_search,
     training_maps,
     why_stop,
@@ -144,13 +143,12 @@ def test_a_start_without_room_is_refused_by_name(small, tmp_path, place, words):
 
 def test_progress_says_whether_the_best_is_manufacturable_where_it_is_checked():
     progress = progress_of(3, 6)
-    start = "generation 3/6  best 0.5000  mean 0.2500 +- 0.1250"
-    assert progress_line(progress, checked=False) == start
+    start = "generations 3 of 6: best 0.5000, mean 0.2500 +- 0.1250"
+    assert str(progress.told(checked=False)) == start
     words = {True: "yes", False: "not yet", None: "by the quick rules"}
     for passes, made in words.items():
-        line = progress_line(replace(progress, passes=passes), checked=True)
-        assert line == f"{start}  manufacturable: {made}"
-    assert progress_line(replace(progress, stage="checking"), checked=True) == "checking"
+        line = str(replace(progress, passes=passes).told(checked=True))
+        assert line == f"{start}, manufacturable: {made}"
 
 
 def test_the_result_says_whether_the_winner_is_manufacturable(small, maps):
@@ -211,7 +209,7 @@ def same(one, other):
 
 
 def test_a_run_gives_a_named_design_and_its_whole_history(small, maps):
-    seen: list[Progress] = []
+    seen: list[SearchProgress] = []
     result = optimize(small, maps, progress=seen.append)
     assert result.best.name == "small"
     assert result.best.origin["run"] == result.run_id
@@ -219,8 +217,7 @@ def test_a_run_gives_a_named_design_and_its_whole_history(small, maps):
     assert result.best.origin["score_mean"] == result.score.composite["mean"]
     assert [g.number for g in result.history] == [0, 1, 2, 3, 4]
     assert result.evaluations == 30
-    assert [p.generation for p in seen if not p.stage] == [1, 2, 3, 4, 5]
-    assert [p.stage for p in seen if p.stage] == ["choosing 3 finalists"]
+    assert [p.done for p in seen] == [1, 2, 3, 4, 5]
     assert seen[-1].best == max(g.fitness.max() for g in result.history)
     assert seen[-1].left_s == 0.0
     assert set(result.history[0].terms) == {"area", "count", "length", "film", "eta"}
@@ -499,9 +496,9 @@ def test_a_run_holds_no_more_than_its_history(small, maps):
     held: list[int] = []
 
     def watch(progress):
-        if progress.generation == 20:
+        if progress.done == 20:
             tracemalloc.start()
-        elif progress.generation == 80:
+        elif progress.done == 80:
             gc.collect()
             held.append(tracemalloc.get_traced_memory()[0])
             tracemalloc.stop()

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.search.conftest import made_generation, optimize, progress_of
+from tests.search.conftest import followed, made_generation, optimize, progress_of
 from vinefab.core.errors import CannotWriteError, InterruptedRunError
 from vinefab.growth.options import GrowthOptions, trained_growth
 from vinefab.maps.generators.grid import grid_map
@@ -52,7 +52,7 @@ def settings(small, monkeypatch):
 def stopped_in(generation, seen, folder):
     def look(progress):
         seen.append((folder / PAGE_NAME).read_text())
-        if progress.generation == generation:
+        if progress.done == generation:
             raise KeyboardInterrupt
 
     return look
@@ -60,17 +60,15 @@ def stopped_in(generation, seen, folder):
 
 def test_the_page_shows_the_run_while_it_goes_on_and_says_how_to_go_on(settings, tmp_path):
     seen: list[str] = []
-    with pytest.raises(KeyboardInterrupt):
-        run_in_folder(
-            settings, tmp_path, again="do & it again", progress=stopped_in(3, seen, tmp_path)
-        )
+    with pytest.raises(KeyboardInterrupt), followed(stopped_in(3, seen, tmp_path)):
+        run_in_folder(settings, tmp_path, again="do & it again")
     for number, page in enumerate(seen, start=1):
-        assert f"Running: generation {number} of 5" in page
+        assert f"Running: generations {number} of 5" in page
         assert '<meta http-equiv="refresh" content="5">' in page
         assert page.count('<img src="data:image/svg+xml;base64,') == 2
         assert "branches on" in page
     ended = (tmp_path / PAGE_NAME).read_text()
-    assert "Interrupted after generation 3 of 5." in ended
+    assert "Interrupted after 3 of 5 generations." in ended
     assert "To go on: do &amp; it again" in ended
     assert 'http-equiv="refresh"' in ended  # a resumed run is seen by who left it open
     assert "http" not in re.sub(r"data:[^\"]*|http-equiv", "", ended)

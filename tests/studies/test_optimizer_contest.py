@@ -7,6 +7,7 @@ from scipy.stats import t as student
 from scipy.stats import ttest_1samp, ttest_rel
 
 from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileError
+from vinefab.core.progress import heard_by
 from vinefab.core.view import lines
 from vinefab.growth.options import GrowthOptions
 from vinefab.search.settings import (
@@ -58,14 +59,16 @@ def test_contenders_meet_the_same_maps_and_every_number_its_own() -> None:
 
 def test_a_comparison_goes_on_where_it_was_cut_off(tmp_path: Path) -> None:
     record, seen = tmp_path / "bouts.jsonl", []
-    whole = contest_rows(CONTEST, record, progress=lambda share, _: seen.append(share))
-    assert seen == [0.0, 0.25, 0.5, 0.75, 1.0]
+    with heard_by(lambda now: seen.append(now.done) if now.phase == "runs" else None):
+        whole = contest_rows(CONTEST, record)
+    assert seen == [0, 0, 1, 2, 3, 4]
     assert all(row.evaluations == 8 for row in whole)
     text = record.read_text()
     record.write_text(text[: text.rindex("{") + 30])  # killed while writing the last line
     seen.clear()
-    again = contest_rows(CONTEST, record, progress=lambda share, _: seen.append(share))
-    assert seen == [0.75, 1.0]
+    with heard_by(lambda now: seen.append(now.done) if now.phase == "runs" else None):
+        again = contest_rows(CONTEST, record)
+    assert seen == [0, 3, 4]
     assert timeless(again) == timeless(whole)
     assert contest_rows(CONTEST, record) == again
 

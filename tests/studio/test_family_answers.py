@@ -8,6 +8,7 @@ import shapely
 
 import vinefab as vf
 from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.progress import heard_by
 from vinefab.core.statistics import PAIRED_TAILS, mean_interval
 from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
@@ -36,13 +37,9 @@ def heat_share(heat):
     return share.reshape(heat["rows"], heat["columns"])
 
 
-def silent(_share, _words):
-    pass
-
-
 def answered(state, **ask):
     """The answer once the simulator is compiled, which is waited for unless asked for soon."""
-    while (answer := family_answer(state, ask, silent))["compiling"]:
+    while (answer := family_answer(state, ask))["compiling"]:
         panel._COMPILER.threads[state.task].join()
     return answer
 
@@ -72,14 +69,14 @@ def test_scores_are_those_of_the_library(answer, worlds):
 def test_interpreted_answers_come_first_and_are_the_same(answer, monkeypatch):
     monkeypatch.setattr(panel, "_COMPILER", panel._Compiler())
     ask = {"soon": True, "compiled": False}
-    first = family_answer(state_of(family=TWICE), ask, silent)
+    first = family_answer(state_of(family=TWICE), ask)
     assert first["compiling"] == "compiling the simulator, once on this computer"
     told = [entry["scores"] for entry in first["maps"][: first["evaluated"]]]
     assert told == [entry["scores"] for entry in answer["maps"]]
     assert not panel._COMPILER.threads
-    family_answer(state_of(family=TWICE), {"soon": True}, silent)
+    family_answer(state_of(family=TWICE), {"soon": True})
     panel._COMPILER.threads["coverage"].join()
-    assert family_answer(state_of(), {"soon": True}, silent)["compiling"] is None
+    assert family_answer(state_of(), {"soon": True})["compiling"] is None
 
 
 def test_who_does_not_ask_for_it_soon_gets_every_map(monkeypatch):
@@ -93,16 +90,18 @@ def test_who_does_not_ask_for_it_soon_gets_every_map(monkeypatch):
             assert announced.wait(20.0)
             super().run()
 
-    def tell(_share, words):
-        told.append(words)
-        announced.set()
+    def hear(progress):
+        told.append(progress.phase)
+        if progress.phase == panel.COMPILING:
+            announced.set()
 
     monkeypatch.setattr(panel, "Thread", CompiledWhenAnnounced)
-    whole = family_answer(state_of("plain_vine", family=family), {}, tell)
+    with heard_by(hear):
+        whole = family_answer(state_of("plain_vine", family=family), {})
     assert (whole["evaluated"], whole["compiling"]) == (6, None)
-    assert told[0] == "compiling the simulator, once on this computer"
+    assert "compiling the simulator, once on this computer" in told
     monkeypatch.setattr(panel, "_COMPILER", panel._Compiler())
-    soon = family_answer(state_of("plain_vine", family=family), {"soon": True}, silent)
+    soon = family_answer(state_of("plain_vine", family=family), {"soon": True})
     assert soon["evaluated"] == panel.LEAST_MAPS
 
 
@@ -151,12 +150,10 @@ def test_new_widths_are_tried_on_as_many_maps_as_there_is_time_for(monkeypatch):
     family = {"environment": "pegs", "count": 6, "seed": 1}
     answered(state_of("plain_vine", family=family))
     monkeypatch.setattr(panel, "QUICK_S", 0.0)
-    quick = family_answer(
-        state_of("plain_vine", width_scale=1.1, family=family), {"quick": True}, silent
-    )
+    quick = family_answer(state_of("plain_vine", width_scale=1.1, family=family), {"quick": True})
     assert quick["evaluated"] == quick["distribution"]["maps"] == panel.LEAST_MAPS
     assert [entry["score"] is None for entry in quick["maps"]] == [False] * 4 + [True] * 2
-    full = family_answer(state_of("plain_vine", width_scale=1.1, family=family), {}, silent)
+    full = family_answer(state_of("plain_vine", width_scale=1.1, family=family), {})
     assert full["evaluated"] == 6
 
 
@@ -239,20 +236,20 @@ def test_a_task_that_gives_no_number_is_named(monkeypatch):
 
     monkeypatch.setattr(panel, "make_task", lambda _: Empty())
     with pytest.raises(BadInputError, match=r"score of task empty.*a number on grid_1000"):
-        family_answer(state_of(), {}, silent)
+        family_answer(state_of(), {})
 
 
 def test_what_cannot_be_used_is_named(tmp_path):
     with pytest.raises(BadInputError, match="have"):
-        family_answer(state_of(), {"have": 5}, silent)
+        family_answer(state_of(), {"have": 5})
     with pytest.raises(BadInputError, match="draw"):
-        family_answer(state_of(), {"draw": "grid"}, silent)
+        family_answer(state_of(), {"draw": "grid"})
     with pytest.raises(BadInputError, match=r"family\.poses.*less than or equal to 5"):
         state_of(family={**GRID, "poses": 6})
     with pytest.raises(BadInputError, match=r"family\.files.*at most 200"):
         state_of(family={"files": ["a.geojson"] * 201})
     with pytest.raises(BadInputError, match="before"):
-        family_answer(state_of(), {"before": [1.0]}, silent)
+        family_answer(state_of(), {"before": [1.0]})
     gone = state_of(family={"files": [str(tmp_path / "gone.geojson")]})
     with pytest.raises(UnreadableFileError, match=r"gone\.geojson"):
-        family_answer(gone, {}, silent)
+        family_answer(gone, {})

@@ -72,7 +72,7 @@ RESTED_MS = 600
 @pytest.fixture(scope="module")
 def answers():
     names = ("live", "rules", "family")
-    return {name: answer_of(name, copy.deepcopy(STATE), {}, lambda *_: None) for name in names}
+    return {name: answer_of(name, copy.deepcopy(STATE), {}) for name in names}
 
 
 @pytest.fixture(scope="module")

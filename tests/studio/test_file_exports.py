@@ -30,10 +30,6 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def quiet(_share, _text):
-    pass
-
-
 def opened(name="plain_vine", **more):
     small = {"columns": 2, "rows": 2, "size_mm": 200.0}
     source = {"environment": "grid", "seed": 3, "options": small}
@@ -45,7 +41,7 @@ def opened(name="plain_vine", **more):
 
 
 def export(content, what, out, **ask):
-    return export_answer(StudioState.of(content), {"what": what, "out": out, **ask}, quiet)
+    return export_answer(StudioState.of(content), {"what": what, "out": out, **ask})
 
 
 def everything():
@@ -120,7 +116,7 @@ class FoundInNoTime:
     numbers = MappingProxyType({"schema": "vinefab/prediction-1"})
 
     @classmethod
-    def of(cls, design, profile, families, plan, _progress):
+    def of(cls, design, profile, families, plan):
         worlds = [map_text(world) for family in families for world in family.worlds]
         return cls((design_text(design), profile.recipe.name, plan, worlds))
 
@@ -130,7 +126,7 @@ class FoundInNoTime:
     def view(self):
         return (Answer("found"),)
 
-    def page(self, _progress):
+    def page(self):
         return f"{GENERATOR} {self.given} {self.origin.command} {self.origin.inputs}"
 
 

@@ -115,7 +115,7 @@ def test_the_tip_follows(branch):
     # The trunk goes straight on, so its tip can only be pulled along it.
     by_mm = np.array([0.0, 12.0]) if branch == "0" else np.array([7.0, 9.0])
     to = tip_of(state, branch) + by_mm
-    after = pulled(state, tip_answer(state, {"branch": branch, "to": to.tolist()}, print))
+    after = pulled(state, tip_answer(state, {"branch": branch, "to": to.tolist()}))
     assert tip_of(after, branch) == pytest.approx(to, abs=1e-6)
 
 
@@ -124,30 +124,30 @@ def test_the_tip_follows(branch):
 )
 def test_what_cannot_turn_is_made_longer(branch, locks):
     ask = {"branch": branch, "to": [300.0, 200.0]}
-    assert set(tip_answer(state_of(design(), locks), ask, print)["values"]) == {"length"}
+    assert set(tip_answer(state_of(design(), locks), ask)["values"]) == {"length"}
 
 
 def test_a_tip_on_its_base_leaves_a_length():
     state = state_of(design())
-    found = tip_answer(state, {"branch": "0.0", "to": tip_of(state, "0").tolist()}, print)
+    found = tip_answer(state, {"branch": "0.0", "to": tip_of(state, "0").tolist()})
     assert found["values"]["length"] >= 1.0
 
 
 @pytest.mark.parametrize("ask", [{}, {"branch": "0.9", "to": [1, 2]}, {"branch": "0", "to": [1]}])
 def test_what_cannot_be_pulled_is_refused(ask):
     with pytest.raises(BadInputError):
-        tip_answer(state_of(design()), ask, print)
+        tip_answer(state_of(design()), ask)
 
 
 def test_the_live_answer_is_the_growth_of_the_library():
     state = state_of(design())
-    found = live_answer(state, {}, lambda *_: None)
+    found = live_answer(state, {})
     assert found["facts"]["deployed"] == 4
     assert found["facts"]["grown_mm"] == pytest.approx(80.0 + 60.0 * (1.0 + 0.85 + 0.7))
     assert found["front_full_mm"] == pytest.approx(140.0)
     assert found["ground_svg"]
     assert found["scores"]["coverage"] > 0.0
-    again = live_answer(state, {"have": found["ground_key"]}, lambda *_: None)
+    again = live_answer(state, {"have": found["ground_key"]})
     assert again["ground_svg"] is None
     assert again["robot_svg"] == found["robot_svg"]
 
@@ -156,7 +156,7 @@ def test_interpreted_growth_is_bounded(monkeypatch):
     monkeypatch.setattr(live_answers, "_ENGINE", ["interpreted"])
     levels = tuple(Level(branches=many, length_mm=20.0, fan_rad=2.8) for many in (13, 13, 10))
     many = Design(name="many", trunk_length_mm=80.0, levels=levels, build=Build.standard(4))
-    found = live_answer(state_of(many), {}, print)
+    found = live_answer(state_of(many), {})
     assert found["robot_svg"] == ""
     assert "compiled" in found["problems"][0]
     assert found["facts"]["branches"] == 1 + 13 + 13**2 + 13**2 * 10 > MOST_LIVE_INTERPRETED
@@ -181,7 +181,7 @@ def chains(text):
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.9, 1.0, 2.0])
 def test_the_shape_is_that_of_the_history(cave, share):
     history = deploy(DESIGN, cave.world, cave.start, cave.growth.content).history
-    answer = front_answer(cave, {"front_mm": share * history.full_mm}, print)
+    answer = front_answer(cave, {"front_mm": share * history.full_mm})
     frame = history.at(share * history.full_mm)
     shown = chains(answer["robot_svg"])
     assert answer["front_mm"] == pytest.approx(min(1.0, share) * history.full_mm)
@@ -201,4 +201,4 @@ def test_the_shape_is_that_of_the_history(cave, share):
 @pytest.mark.parametrize("front_mm", [None, 0, -3.0, math.nan, "far", [1.0]])
 def test_a_length_that_is_none_is_refused_by_name(cave, front_mm):
     with pytest.raises(BadInputError, match="front_mm"):
-        front_answer(cave, {"front_mm": front_mm}, print)
+        front_answer(cave, {"front_mm": front_mm})

@@ -23,10 +23,6 @@ from vinefab.studio.state import StudioState, world_of
 HOSTILE = "</script><!-- \u2028 & \"quoted\" 'x' <script>"
 
 
-def quiet(_share, _text):
-    pass
-
-
 @pytest.fixture(autouse=True)
 def other_tests_grow_as_before(monkeypatch):
     monkeypatch.setattr("vinefab.studio.live_answers._ENGINE", ["interpreted"])
@@ -49,7 +45,7 @@ def state():
 
 @pytest.fixture
 def answers(state):
-    return {"live": answer_of("live", state, {}, quiet)}
+    return {"live": answer_of("live", state, {})}
 
 
 def test_the_same_state_gives_the_same_bytes_and_no_address(state, answers):

@@ -137,7 +137,7 @@ def test_every_panel_has_its_function_and_others_are_refused():
     for place, _ in PANELS.values():
         assert callable(resolve_name(f"vinefab.studio.{place}"))
     with pytest.raises(BadInputError, match="moon"):
-        answer_of("moon", state(), {}, lambda *_: None)
+        answer_of("moon", state(), {})
 
 
 def keys_with_sliders(table, prefix=""):

@@ -22,7 +22,7 @@ from vinefab.app.common import (
 from vinefab.core.atomic import ensure_writable, is_filled_in, write_bytes, write_folder
 from vinefab.core.errors import BadInputError, ExportRefusedError, located
 from vinefab.core.plain_text import counted
-from vinefab.core.verbs import FieldsOf, Force, Kind, Progress, Within, also, told, verb, wrote
+from vinefab.core.verbs import FieldsOf, Force, Kind, ProgressLike, Within, also, told, verb, wrote
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.inputs import (
     DESIGNS,
@@ -176,7 +176,7 @@ def fix(
     limits: LimitsLike | None = None,
     growth: GrowthLike | None = None,
     out: Annotated[PathText | None, written(".toml"), also("--fix")] = None,
-    progress: Progress = True,
+    progress: ProgressLike = True,
     force: Force = False,
 ) -> ProposedFix:
     """Propose the smallest change of a design that clears its errors.
@@ -233,9 +233,9 @@ def fix(
     for word in words:
         if not isinstance(word, str):
             raise BadInputError("keep", word, "a name")
-    with told("fix", progress) as tell:
+    with told(progress):
         found = propose_fix(
-            robot, profile, changed, worlds, lambda share: tell(share, ""),
+            robot, profile, changed, worlds,
             growth=given, keep=parsed_keeps(words),
         )  # fmt: skip
         if found.design is not None:
@@ -501,7 +501,7 @@ def rig(
     lid: bool = False,
     allow_empty: bool = False,
     pictures: bool = True,
-    progress: Progress = True,
+    progress: ProgressLike = True,
     force: Force = False,
     **sizes: Annotated[
         Any,
@@ -574,10 +574,10 @@ def rig(
         pictures=pictures,
         lid=lid,
     )
-    with told("rig", progress) as tell:
+    with told(progress):
         if fit_mm is not None:
             options = options.fitted(place, number("fit_mm", fit_mm, 0.0, 1e6, "mm"))
-        made = make_rig(place, machine, options, request, progress=tell)
+        made = make_rig(place, machine, options, request)
     if made.report.blocking:
         raise _refused(f"rig of {place.name}", made.report)
     write_folder(folder, made.files, RIG_MARK, force=force)
@@ -600,7 +600,7 @@ def inflate(
     across: Annotated[int, Within(4, 32)] = 8,
     out: Annotated[PathText | None, written(".html", ".htm", ".svg", ".png")] = None,
     mesh: Annotated[PathText | None, written(".stl", ".obj", ".3mf", ".ply")] = None,
-    progress: Progress = True,
+    progress: ProgressLike = True,
     force: Force = False,
 ) -> InflatedDesign:
     """Show the shape that a design's flat pattern takes under pressure (simulated).
@@ -654,8 +654,8 @@ def inflate(
         raise BadInputError("across", across, "an even number")
     context = context_of(design, recipe=recipe)
     (robot,), profile = context.robots, context.recipe
-    with told("inflate", progress) as tell:
-        found = inflate_design(robot, profile, alone=alone, free=free, across=across, progress=tell)
+    with told(progress):
+        found = inflate_design(robot, profile, alone=alone, free=free, across=across)
     found = with_origin(found, [robot], [], profile)
     write_shown(page, found, force=force)
     if solid is not None:

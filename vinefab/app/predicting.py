@@ -30,7 +30,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.verbs import (
     Force,
     Kind,
-    Progress,
+    ProgressLike,
     Seed,
     Within,
     also,
@@ -281,7 +281,7 @@ def aim(
     contacts: ContactsLike | None = None,
     growth: GrowthLike | None = None,
     out: Annotated[PathText | None, written(".html", ".htm", ".svg", ".png")] = None,
-    progress: Progress = True,
+    progress: ProgressLike = True,
     force: Force = False,
     **parameters: TaskParameters,
 ) -> AimResult:
@@ -370,8 +370,8 @@ def aim(
         seed=seed,
         options=choice.options,
     )
-    with told("aim", progress) as tell:
-        found = aim_robots(compared, place, context.task, plan, tell, workers)
+    with told(progress):
+        found = aim_robots(compared, place, context.task, plan, workers)
     family = MapFamily(label=place.name, worlds=(place,))
     found = with_origin(replace(found, growth_notes=choice.notes), compared, [family])
     write_shown(page, found, force=force)
@@ -395,7 +395,7 @@ def compare(
     contacts: ContactsLike | None = None,
     growth: GrowthLike | None = None,
     out: PageFile | None = None,
-    progress: Progress = True,
+    progress: ProgressLike = True,
     force: Force = False,
 ) -> DesignComparison:
     """Compare designs on the same maps and poses, with paired statistics (simulated).
@@ -436,7 +436,7 @@ def compare(
 
     page = page_path("out", out, force=force)
     main = None if measure is None else measure_named(measure)
-    with told("compare", progress) as tell:
+    with told(progress):
         context = context_of(
             as_several(designs),
             key="designs",
@@ -449,9 +449,7 @@ def compare(
         families = families_of(maps, start, environment, count, seed, options)
         note_seen(context, families)
         plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
-        found = compare_designs(
-            robots, families, plan, tell, measure=main, growth_notes=choice.notes
-        )
+        found = compare_designs(robots, families, plan, measure=main, growth_notes=choice.notes)
         found = with_origin(found, robots, families)
         content = "" if page is None else found.page()
     if page is not None:
@@ -477,7 +475,7 @@ def report(
     head_on_half_angle_deg: HalfAngle | None = None,
     contacts: ContactsLike | None = None,
     growth: GrowthLike | None = None,
-    progress: Progress = True,
+    progress: ProgressLike = True,
     force: Force = False,
 ) -> Predicted:
     """Write predictions (simulated), rules and materials of a design as one HTML page.
@@ -505,13 +503,12 @@ def report(
     """
     from dataclasses import replace
 
-    from vinefab.prediction.family_deployments import PredictionPlan, part_of
+    from vinefab.prediction.family_deployments import PredictionPlan
     from vinefab.prediction.predict import predict
 
     path = page_path("out", out, force=force)
     assert path is not None  # noqa: S101  it is required
-    with told("report", progress) as tell:
-        tell(0.0, "reading and generating maps")
+    with told(progress):
         families = families_of(maps, start, environment, count, seed, options, targets=targets)
         context = context_of(
             design,
@@ -530,9 +527,9 @@ def report(
         )
         note_seen(context, families)
         plan = PredictionPlan(poses=poses, seed=seed, options=context.growth.options)
-        found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.9))
+        found = predict(robot, profile, families, plan)
         found = replace(with_origin(found, [robot], families, profile), path=path)
-        content = found.page(part_of(tell, 0.9, 1.0))
+        content = found.page()
     write_page(path, content, force=force)
     return found
 

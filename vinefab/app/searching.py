@@ -24,12 +24,13 @@ from vinefab.app.common import (
 from vinefab.core.atomic import ensure_own_folder, ensure_writable
 from vinefab.core.errors import BadInputError, CannotWriteError, InterruptedRunError
 from vinefab.core.plain_text import counted
+from vinefab.core.progress import Progress, heard_by
 from vinefab.core.verbs import (
     IN_PLACE,
     SHELL,
     Force,
     Kind,
-    Progress,
+    ProgressLike,
     Seed,
     Within,
     also,
@@ -56,9 +57,6 @@ from vinefab.model.inputs import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from vinefab.search.record.generations import Progress as Generation
     from vinefab.search.record.result import RunResult
     from vinefab.search.run_pages import RunListing
     from vinefab.search.settings import RunSettings
@@ -98,7 +96,7 @@ def optimize(
     evaluations: int | None = None,
     wall_time_s: float | None = None,
     page: bool = True,
-    progress: Progress = True,
+    progress: ProgressLike = True,
     force: Force = False,
 ) -> RunResult:
     """Search for the best design of a run; a page shows it, also while it is going on.
@@ -138,7 +136,8 @@ def optimize(
         Write the page, also while the run is going on.
     progress
         True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called after every generation, and at the end while the winner is chosen.
+        called with a Progress, the phase of the work and its count, whenever it changes; after
+        every generation it is a SearchProgress, with ``best``, ``mean`` and ``history``.
 
     Returns
     -------
@@ -201,8 +200,8 @@ def optimize(
         if SHELL.get() is not None:
             raise BadInputError("out", None, "the folder for the record and best.toml")
         evaluator = make_point_evaluator(workers, cluster)
-        with _generations(settings, progress) as tell:
-            return _searched(settings, own_task, evaluator, tell)
+        with told(progress), heard_by(_Advised().hear):
+            return _searched(settings, own_task, evaluator)
 
     from vinefab.prediction.run_winner import run_in_folder
 
@@ -215,8 +214,8 @@ def optimize(
     for name in ("best.toml", *pages, *(_FRONT_FILES if settings.objectives else ())):
         ensure_writable(folder / name, force=force)
     again = this_call().text(resume=True)
-    with _resumable(again):
-        with _generations(settings, progress) as tell:
+    with told(progress), heard_by(_Advised().hear):
+        with _resumable(again):
             ended = run_in_folder(
                 settings,
                 folder,
@@ -225,32 +224,27 @@ def optimize(
                 resume=resume,
                 limits=limits or None,
                 workers=make_point_evaluator(workers, cluster),
-                progress=tell,
                 source=source,
                 task=own_task,
             )
-        result = ended.result
-        again_scored = _score_again(result, settings, folder / "best.toml", own_task)
-        result = replace(result, violations=violations_of(result, settings), again=again_scored)
-    with _resumable(again), _recorded(again):
-        result.write_winner(folder, force=force)
-        if settings.objectives:
-            from vinefab.search.run_pages import front_table, write_front
+            result = ended.result
+            again_scored = _score_again(result, settings, folder / "best.toml", own_task)
+            result = replace(result, violations=violations_of(result, settings), again=again_scored)
+        with _resumable(again), _recorded(again):
+            result.write_winner(folder, force=force)
+            if settings.objectives:
+                from vinefab.search.run_pages import front_table, write_front
 
-            members = write_front(result, settings, folder, force=force)
-            result = replace(result, front=front_table(members, settings))
-            note(
-                f"wrote {folder / 'front.json'}, {folder / 'front.svg'} and designs in "
-                f"{folder / 'front'}",
-                only_in_shell=True,
-            )
-        with told(
-            f"page of {settings.name}", progress if isinstance(progress, bool) else False
-        ) as (show):
+                members = write_front(result, settings, folder, force=force)
+                result = replace(result, front=front_table(members, settings))
+                note(
+                    f"wrote {folder / 'front.json'}, {folder / 'front.svg'} and designs in "
+                    f"{folder / 'front'}",
+                    only_in_shell=True,
+                )
             if page:
                 from vinefab.prediction.run_winner import write_run_page
 
-                show(0.0, "drawing the winner")
                 wrote(write_run_page(folder, replace(ended, result=result), force=force))
     note(f"wrote {folder / 'best.toml'} and {folder / 'run.sqlite'}", only_in_shell=True)
     return result
@@ -292,34 +286,24 @@ def _run_of(given: RunLike) -> tuple[RunSettings, Path | None]:
     return with_build_for_film(read_run(path)), path
 
 
-@contextmanager
-def _generations(
-    settings: RunSettings,
-    given: Any,
-) -> Iterator[Callable[[Generation], None]]:
-    """Return the listener to a run's generations."""
-    from vinefab.search.run import progress_line
+class _Advised:
+    """Hears a search, and passes on its advice, each once."""
 
-    if callable(given):
-        yield given
-        return
-    with told(f"optimizing {settings.name}", given) as tell:
-        checked, advised = settings.evaluation.fabricable, set[str]()
+    def __init__(self) -> None:
+        self._given = {""}
 
-        def show(now: Generation) -> None:
-            if now.advice and now.advice not in advised:
-                note(now.advice, only_in_shell=True)
-            advised.add(now.advice)
-            tell(now.share, progress_line(now, checked=checked))
-
-        yield show
+    def hear(self, progress: Progress) -> None:
+        """Say an advice that is new."""
+        advice = getattr(progress, "advice", "")
+        if progress.within is None and advice not in self._given:
+            self._given.add(advice)
+            note(advice, only_in_shell=True)
 
 
 def _searched(
     settings: RunSettings,
     task: Task | None,
     workers: Any,
-    progress: Callable[[Generation], None],
 ) -> RunResult:
     """Return the result of a search that is not recorded."""
     from dataclasses import replace
@@ -332,7 +316,7 @@ def _searched(
     maps, fresh = training_maps(settings), fresh_maps(settings)
     precompile(needed_code(settings, maps) if task is None else ())
     search = Search.of(settings, maps, penalty_of(settings), task=task, fresh_maps=fresh)
-    result, recipe = search.run(progress=progress, workers=workers), recipe_of(settings)
+    result, recipe = search.run(workers=workers), recipe_of(settings)
     if recipe is not None:
         result = result.with_recipe(recipe)
         if (file := Path(settings.evaluation.recipe)).is_file():  # nothing keeps a copy
@@ -437,7 +421,7 @@ def contest(
     unseen: int = 25,
     poses: int = 3,
     workers: Annotated[Workers, also("--jobs")] = 1,
-    progress: Progress = True,
+    progress: ProgressLike = True,
     force: Force = False,
 ) -> StudyOutcome:
     """Compare optimizers on run files at equal evaluations; run again, it continues.
@@ -502,8 +486,8 @@ def contest(
         sources=tuple(files),
     )
     folder = as_path("out", out)
-    with told("comparing", progress) as tell:
-        rows = contest_rows(plan, folder / "bouts.jsonl", jobs=workers, progress=tell, force=force)
+    with told(progress):
+        rows = contest_rows(plan, folder / "bouts.jsonl", jobs=workers, force=force)
     document = comparison_json(plan, rows)
     write_page(folder / "comparison.json", document, force=force)
     write_page(folder / "comparison.svg", comparison_svg(plan, rows), force=force)
@@ -519,7 +503,7 @@ def reproduce(
     out: Annotated[PathText, FOLDER],
     quick: bool = False,
     workers: Annotated[Workers, Within(1, 256)] = 2,
-    progress: Progress = True,
+    progress: ProgressLike = True,
 ) -> StudyOutcome:
     """Do the paper's experiments again and compare our numbers with the paper's.
 
@@ -563,9 +547,9 @@ def reproduce(
     if not names:
         raise BadInputError("NAME", None, f"{', '.join(EXPERIMENTS)}, or all")
     folder, size = as_path("out", out), QUICK_SIZE if quick else PAPER_SIZE
-    with told("reproduce", progress) as tell:
+    with told(progress):
         done = do_experiments(
-            names, folder, size, workers=workers, progress=tell,
+            names, folder, size, workers=workers,
             announce=lambda name: note(name, only_in_shell=True),
         )  # fmt: skip
     held, claims = done.held
@@ -583,7 +567,7 @@ def _written_facts(files: Mapping[str, Path]) -> Facts:
 
 
 @verb
-def bench(*, million: bool = False, progress: Progress = True) -> StudyOutcome:
+def bench(*, million: bool = False, progress: ProgressLike = True) -> StudyOutcome:
     """Measure growth against other ways to compute the same and its floor, and a search's time.
 
     Parameters
@@ -604,8 +588,8 @@ def bench(*, million: bool = False, progress: Progress = True) -> StudyOutcome:
     """
     from vinefab.studies.benchmark import bench_blocks, run_benchmark
 
-    with told("measuring", progress) as tell:
-        result = run_benchmark(tell, million=million)
+    with told(progress):
+        result = run_benchmark(million=million)
     return StudyOutcome(found=result, blocks=tuple(bench_blocks(result)), text=result.text)
 
 
@@ -616,7 +600,7 @@ def demo(
     seed: Seed = 1,
     generations: Annotated[int, Within(1, 1_000_000)] = 40,
     population: Annotated[int, Within(2, 1_000_000)] = 32,
-    progress: Progress = True,
+    progress: ProgressLike = True,
     force: Force = False,
 ) -> StudyOutcome:
     """Run the main job at small size: maps, optimization, unseen-map test, files, rig, report.
@@ -655,8 +639,8 @@ def demo(
 
     say("vinefab demo: sensor coverage in a Grid environment, a robot that can be cut")
     settings = DemoSettings(seed=seed, generations=generations, population=population)
-    with told("demo", progress) as tell, new_folder(folder, mark, force=force) as place:
-        found = run_demo(place, settings, tell, say)
+    with told(progress), new_folder(folder, mark, force=force) as place:
+        found = run_demo(place, settings, say)
     where = {
         "read this first": "report.html",
         "for the laser": "package/README.txt",
@@ -688,7 +672,7 @@ def studio(
     browser: bool = True,
     snapshot: Annotated[PathText | None, written(".html")] = None,
     family: bool = False,
-    progress: Progress = True,
+    progress: ProgressLike = True,
     force: Force = False,
 ) -> WrittenFile | None:
     """Design with the robot under your hands: a page where every change is seen at once.
@@ -751,7 +735,7 @@ def studio(
     from vinefab.studio.server import StudioWorkspace
 
     options = SnapshotOptions(family=family, file=opened.design)
-    with told("snapshot", progress) as tell:
-        write_snapshot(StudioWorkspace(opened).state, page, options, tell, force=force)
+    with told(progress):
+        write_snapshot(StudioWorkspace(opened).state, page, options, force=force)
     wrote(page)
     return WrittenFile(path=page)

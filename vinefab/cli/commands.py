@@ -18,6 +18,7 @@ from vinefab.app.verbs import GROUPS, HELP, OLDER, PER_NAME, VERBS
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.errors import ExportRefusedError, VinefabError, shortened
 from vinefab.core.plain_text import visible
+from vinefab.core.progress import Listener, Progress, ProgressLine, progress_in_lines
 from vinefab.core.verbs import (
     SHELL,
     Force,
@@ -27,7 +28,6 @@ from vinefab.core.verbs import (
     described,
     field_options,
     options_of,
-    progress_in_lines,
     registered,
     shell_examples,
 )
@@ -81,35 +81,52 @@ class Terminal:
             self.say(f"wrote {self.json_out}")
 
     @contextmanager
-    def progress(self, title: str) -> Iterator[Callable[[float, str], None]]:
-        """Show a bar with the time left on a terminal while a block runs, elsewhere some lines."""
+    def progress(self, title: str) -> Iterator[Listener]:
+        """Show phase, count, a bar and the time left on a terminal, elsewhere some lines."""
         stream = sys.stderr if self.json_out == "-" else sys.stdout
         if self.quiet:
-            yield lambda _share, _words: None
+            yield lambda _progress: None
             return
         if stream is None or not stream.isatty():
-            with progress_in_lines(title) as tell:
-                yield tell
+            with progress_in_lines(title) as listener:
+                yield listener
             return
         # Only somebody who watches waits for rich.
         from rich.console import Console
-        from rich.progress import (
-            BarColumn,
-            Progress,
-            TextColumn,
-            TimeRemainingColumn,
-        )
+        from rich.progress import BarColumn, Task, TextColumn
+        from rich.progress import Progress as Bars
+        from rich.text import Text
+
+        line = ProgressLine(title)
+
+        class Times(TextColumn):
+            """Time so far and left, as they are when it is drawn."""
+
+            def render(self, task: Task) -> Text:  # noqa: ARG002  of one task
+                return Text(line.times)
 
         columns = (
             TextColumn("{task.description}", markup=False),
-            BarColumn(),
-            TextColumn("{task.fields[text]}", markup=False),
-            TimeRemainingColumn(),
+            BarColumn(bar_width=24),
+            Times(""),
+            TextColumn("{task.fields[words]}", markup=False),
         )
         console = Console(file=stream, highlight=False)
-        with Progress(*columns, console=console, transient=True) as bar:
-            task = bar.add_task(visible(title), total=1.0, text="")
-            yield lambda share, text: bar.update(task, completed=share, text=visible(text))
+        with Bars(*columns, console=console, transient=True) as bars:
+            bar = bars.add_task(visible(title), total=None, words="")
+
+            def show(progress: Progress) -> None:
+                line.hear(progress)
+                share, now = progress.share, line.now or progress
+                bars.tasks[0].total = None if share is None else 1.0  # without one it pulses
+                bars.update(
+                    bar,
+                    description=visible(f"{title}: {now.count}"),
+                    completed=share or 0.0,
+                    words=visible(now.words),
+                )
+
+            yield show
 
 
 _SEVERAL = {

@@ -31,6 +31,7 @@ from typing import Any
 
 from vinefab.core.errors import MissingPackageError, NotCachedWarning
 from vinefab.core.hashing import sha256_of
+from vinefab.core.progress import COMPILING, Progress, announce_to_all
 from vinefab.core.user_cache import KeptFiles, cache_root
 
 # mypy: allow-untyped-calls
@@ -410,6 +411,14 @@ class _Compilations:
         if state is not None:
             for listener in tuple(self.listeners):
                 listener(state)
+            announce_to_all(
+                Progress(
+                    phase=COMPILING,
+                    done=state.number if state.is_done else state.number - 1,
+                    total=state.total,
+                    left_s=state.left_s or None,
+                )
+            )
 
     def _left_s(self) -> float:
         """Return the time until all is compiled: the longest first, on so many processes."""

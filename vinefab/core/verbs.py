@@ -6,20 +6,16 @@ reproduce" is written, and names values in errors as the caller names them. `Kin
 is typed in a shell; this module knows no library of command lines.
 """
 
-import builtins
 import inspect
 import re
 import shlex
-import sys
 import textwrap
-import threading
-import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
-from functools import cache, partial, wraps
+from functools import cache, wraps
 from importlib import import_module
 from os import PathLike, fspath
 from pathlib import Path
@@ -30,7 +26,6 @@ from typing import (
     Literal,
     NamedTuple,
     ParamSpec,
-    TextIO,
     TypeVar,
     Union,
     get_args,
@@ -45,11 +40,10 @@ from vinefab.core.errors import (
 )
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import MOST_SEED, number, whole
-from vinefab.core.plain_text import visible
+from vinefab.core.progress import Listener, Progress, heard_by, is_heard, progress_shown
 
 P = ParamSpec("P")
 R = TypeVar("R")
-Tell = Callable[[float, str], None]
 
 REQUIRED = inspect.Parameter.empty
 _UNIT_AT_THE_END = re.compile(r"-(mm|deg|px)$")
@@ -117,11 +111,11 @@ class FieldsOf(NamedTuple):
 
 
 Seed = Annotated[int, Within(0, MOST_SEED), Doc("The same seed gives the same result.")]
-Progress = Annotated[
-    Callable[[float, str], None] | bool,
+ProgressLike = Annotated[
+    Callable[[Progress], None] | bool,
     Kind(in_python=True),
     Doc("True: a line in notebooks and on terminals after two seconds; False: nothing; a function: "
-        "called with the share of the work that is done and a few words."),
+        "called with a Progress, the phase of the work and its count, whenever it changes."),
 ]  # fmt: skip
 Force = Annotated[
     bool, Doc("Overwrite files that vinefab did not write, or that were changed since.")
@@ -475,7 +469,7 @@ class Shell:
 
     command: str  # the words of the command: ``map info``
     say: Callable[[str], None]
-    progress: Callable[[str], AbstractContextManager[Tell]]
+    progress: Callable[[str], AbstractContextManager[Listener]]
     gives_json: bool = False  # whether ``--json`` is given
 
 
@@ -634,143 +628,22 @@ def wrote(path: str | PathLike[str], words: str = "") -> None:
 
 
 @contextmanager
-def told(title: str, given: object) -> Iterator[Tell]:
-    """Return the function that takes progress: the one passed, or one that prints a line."""
-    shell = SHELL.get()
-    if callable(given):
-        yield given
-        return
-    if not isinstance(given, bool | None):
-        raise BadInputError("progress", given, "True, False, or a function")
-    if shell is not None:
-        with shell.progress(title) as tell:
-            yield tell
-        return
-    with progress_shown(title, shown=bool(given)) as tell:
-        yield tell
+def told(progress: object) -> Iterator[None]:
+    """Let the caller hear the progress of a block: a function, or who watches or reads a line.
 
-
-FIRST_S = 10.0
-"""Until the first line; a command that ends before says nothing."""
-
-STEP_S, MOST_STEP_S = 30.0, 300.0
-"""Between lines: at first, and at most, as the pauses grow with the time that has passed."""
-
-
-@contextmanager
-def progress_in_lines(title: str) -> Iterator[Callable[[float, str], None]]:
-    """Write the progress of a block, as it is then, now and then.
-
-    A thread writes it, so that there are lines also while a long step tells nothing.
+    A verb that is called by another one has its listener.
     """
-    with _written_beside(_write_lines, title) as tell:
-        yield tell
-
-
-SHOWN_AFTER_S, SHOWN_EVERY_S = 2.0, 0.5
-"""A public function shows its progress after so long, and renews the line so often."""
-
-
-@contextmanager
-def progress_shown(title: str, *, shown: bool) -> Iterator[Callable[[float, str], None]]:
-    """Show the progress of a block in one line, which ends with it, to somebody who watches.
-
-    That is who sits at a terminal or in a notebook; elsewhere nothing is written.
-    """
-    stream: TextIO | None = sys.stderr
-    if stream is None or not stream.isatty():
-        # IPython gives its cells this name; in a notebook standard error would look like trouble.
-        shell = getattr(builtins, "get_ipython", lambda: None)()
-        stream = None if shell is None else sys.stdout
-    if stream is None or not shown:
-        yield lambda _share, _words: None
+    call, shell = this_call(), SHELL.get()
+    if callable(progress):
+        with heard_by(progress):
+            yield
         return
-    with _written_beside(partial(_renew_line, stream=stream), title) as tell:
-        yield tell
-
-
-@contextmanager
-def _written_beside(
-    write: Callable[["_State", threading.Event], None], title: str
-) -> Iterator[Callable[[float, str], None]]:
-    """Let a thread write what a block tells, until the block is over."""
-    state, is_over = _State(title), threading.Event()
-    writer = threading.Thread(target=write, args=(state, is_over), daemon=True)
-    writer.start()
-    try:
-        yield state.update
-    finally:
-        is_over.set()
-        writer.join()
-
-
-def _renew_line(state: "_State", is_over: threading.Event, stream: TextIO) -> None:
-    pause_s, width = SHOWN_AFTER_S, 0
-    with suppress(OSError, ValueError):  # its reader is gone
-        while not is_over.wait(pause_s):
-            line = visible(state.line())
-            stream.write(f"\r{line:<{width}}")
-            stream.flush()
-            pause_s, width = SHOWN_EVERY_S, len(line)
-        if width:
-            stream.write(f"\r{'':<{width}}\r")
-            stream.flush()
-
-
-def _write_lines(state: "_State", is_over: threading.Event) -> None:
-    pause_s = FIRST_S
-    while not is_over.wait(pause_s):
-        with suppress(OSError, ValueError):  # its reader is gone
-            if sys.stderr is not None:  # as with 2>&- in a shell
-                sys.stderr.write(f"{state.line()}\n")
-                sys.stderr.flush()
-        pause_s = min(max(STEP_S, state.elapsed_s / 10.0), MOST_STEP_S)
-
-
-class _State:
-    """What was last told of the progress."""
-
-    def __init__(self, title: str) -> None:
-        self._title, self._began_s = title, time.monotonic()
-        self._share, self._words = 0.0, ""
-        self._first: tuple[float, float] | None = None  # share and time of the first that was told
-
-    def update(self, share: float, words: str) -> None:
-        """Note the share of the work that is done, and a few words."""
-        if self._first is None or share < self._share:  # a command of several parts begins anew
-            self._first = share, time.monotonic()
-        self._share, self._words = share, words
-
-    @property
-    def elapsed_s(self) -> float:
-        """Time since the beginning."""
-        return time.monotonic() - self._began_s
-
-    def line(self) -> str:
-        """Return the progress in one line."""
-        left = ""
-        if self._first is not None:
-            # At the pace since the first report, which may be of earlier work.
-            share, at_s = self._first
-            if (gained := self._share - share) > 0.0:
-                left_s = (time.monotonic() - at_s) * (1.0 - self._share) / gained
-                left = f", about {duration_text(left_s)} left"
-        words = f": {self._words}" if self._words else ""
-        done = f"{100 * self._share:.0f} % after {duration_text(self.elapsed_s)}"
-        return f"{self._title}: {done}{left}{words}"
-
-
-def duration_text(seconds: float) -> str:
-    """Return a rounded duration as text.
-
-    Examples
-    --------
-    >>> duration_text(9.6), duration_text(80.0), duration_text(7500.0)
-    ('10 s', '1 min 20 s', '2 h 5 min')
-    """
-    whole = round(seconds)
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60} s"
-    return f"{whole // 3600} h {whole % 3600 // 60} min"
+    if not isinstance(progress, bool | None):
+        raise BadInputError("progress", progress, "True, False, or a function")
+    if is_heard() or not progress:
+        yield
+        return
+    title = call.function.__name__ if shell is None else shell.command
+    shown = progress_shown(title) if shell is None else shell.progress(title)
+    with shown as listener, heard_by(listener):
+        yield

@@ -18,6 +18,7 @@ from typing import Any, ClassVar, Literal
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
 from vinefab.core.plain_text import counted, json_text, visible
+from vinefab.core.progress import each
 
 NO_INTERVAL = "no interval"
 
@@ -337,18 +338,10 @@ class Result:
         plain: Mapping[str, Any] = json.loads(self.json_text())
         return plain
 
-    def page(self, progress: Callable[[float, str], None] | None = None) -> str:
-        """Return the result as an HTML page.
-
-        Parameters
-        ----------
-        progress
-            Called with the share of the page that is drawn and a few words.
-        """
+    def page(self) -> str:
+        """Return the result as an HTML page."""
         blocks = [*self.view(), *([self.origin.section] if self.origin else [])]
-        for place, block in enumerate(blocks):
-            if progress is not None:
-                progress(place / len(blocks), "drawing the page")
+        for place, block in enumerate(each("parts of the page", tuple(blocks))):
             if isinstance(block, Section):
                 drawn = tuple(replace(one, image=one.drawn) for one in block.pictures)
                 blocks[place] = replace(block, pictures=drawn)

@@ -4,6 +4,7 @@ import itertools
 import math
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, get_args, overload
@@ -13,6 +14,7 @@ import numpy as np
 from vinefab.core.compiling import interpreted, is_compiler_installed
 from vinefab.core.errors import UnknownNameError
 from vinefab.core.front_door import imported_later
+from vinefab.core.progress import each, phase
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import Growth, JobArrays, Rules, TerrainSetArrays, TreesArrays
 from vinefab.growth.options import GrowthOptions
@@ -191,7 +193,8 @@ class TerrainSet:
         """
         with self._making:
             if radii_mm not in self._kept:
-                pages = [terrain.walls(radius) for terrain in self.terrains for radius in radii_mm]
+                terrains = each("walls of maps", self.terrains)
+                pages = [terrain.walls(radius) for terrain in terrains for radius in radii_mm]
                 tolerances = np.repeat([t.tolerance_mm for t in self.terrains], len(radii_mm))
                 while len(self._kept) >= MOST_KEPT:
                     self._kept.pop(next(iter(self._kept)))
@@ -207,6 +210,9 @@ class TerrainSet:
         """Return the page of each terrain and radius, shape (terrains, radii)."""
         return np.arange(len(self.terrains) * len(radii_mm)).reshape(-1, len(radii_mm))
 
+
+_HEARD_S = 0.1
+"""Blocks take a millisecond; so often their number is announced."""
 
 POINTS_PER_BRANCH = 6
 SPARE_POINTS = 16
@@ -482,7 +488,17 @@ class Batch:
             Called with every block in the thread that grew it. The block's arrays are reused
             afterwards: copy what must last.
         """
-        yield from over(lambda first: self.worked(first, size, work), range(0, len(self), size))
+        blocks = over(lambda first: self.worked(first, size, work), range(0, len(self), size))
+        if over is not map or len(self) <= size:  # who has a pool counts for several batches
+            yield from blocks
+            return
+        with phase("deployments", len(self)) as count:
+            heard_s = time.monotonic()
+            for number, result in enumerate(blocks, start=1):
+                yield result
+                if time.monotonic() - heard_s > _HEARD_S:
+                    heard_s = time.monotonic()
+                    count.at(min(number * size, len(self)))
 
     def worked(self, first: int, size: int, work: Callable[[GrowthBlock], _Result]) -> _Result:
         """Grow ``size`` growths from ``first`` on, and return the result of ``work`` on them."""

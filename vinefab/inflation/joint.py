@@ -24,7 +24,7 @@ from vinefab.fabrication.outline.joint import (
     polar,
     solve_gap,
 )
-from vinefab.inflation.membrane import Bools, Equilibrium, Membrane, Tell, at_rest
+from vinefab.inflation.membrane import Bools, Equilibrium, Membrane, at_rest
 from vinefab.inflation.mesh import (
     LEAST_ANGLE_DEG,
     Sheet,
@@ -363,7 +363,6 @@ def inflated_joint(
     across: int = ACROSS,
     trunk_stub: float = TRUNK_STUB,
     child_stub: float = CHILD_STUB,
-    tell: Tell | None = None,
 ) -> InflatedJoint:
     """Return a joint under pressure.
 
@@ -373,8 +372,6 @@ def inflated_joint(
         Triangles across a tube, even.
     trunk_stub, child_stub
         Length of the straight stubs, in their own widths.
-    tell
-        Called before every step of the solution.
 
     Raises
     ------
@@ -392,7 +389,7 @@ def inflated_joint(
         across=across,
         hoop_strain=joint.hoop_strain,
     )
-    return _inflated(joint, sheet, sheet.inflated(tell=tell))
+    return _inflated(joint, sheet, sheet.inflated())
 
 
 def turned_joint(found: InflatedJoint, angles_deg: tuple[float, ...]) -> InflatedJoint:

@@ -9,7 +9,6 @@ the material is left, the hoop strain p W / (pi E t).
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import cast
@@ -19,6 +18,7 @@ import scipy  # its parts load at their first use
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError, VinefabError
+from vinefab.core.progress import Progress, announce
 from vinefab.core.validation import Floats, Ints
 
 POISSON = 0.45
@@ -362,9 +362,6 @@ TOLERANCE = 1e-8
 
 MOST_STEPS = 120
 
-Tell = Callable[[float, str], None]
-"""Takes the progress of a computation: a share of 0 to 1, and words."""
-
 _FIRST_SHIFT = 0.3
 _LEAST_SHIFT = 1e-3
 _LONGEST_STEP = 0.5  # widths that a corner moves in one step
@@ -464,7 +461,6 @@ def at_rest(
     membrane: Membrane,
     start: Floats,
     *,
-    tell: Tell | None = None,
     most_steps: int = MOST_STEPS,
 ) -> Equilibrium:
     """Return the equilibrium that a sheet comes to from a start.
@@ -475,8 +471,6 @@ def at_rest(
         The sheet and its pressure.
     start
         Corners in space, in widths, shape (n, 3); not flat, as a flat sheet stays flat.
-    tell
-        Called before every step.
     most_steps
         Newton steps before softer film is tried first, and again before that fails.
 
@@ -485,17 +479,16 @@ def at_rest(
     NotConvergedError
         If no equilibrium is found.
     """
-    tell = tell or (lambda _share, _words: None)
     order = _Order(membrane.hessian(start))
     try:
-        return _minimum(membrane, start, order, (tell, most_steps))
+        return _minimum(membrane, start, order, most_steps)
     except NotConvergedError as stalled:
         steps, positions = stalled.steps, start
     usual = membrane.stiffness
     try:
         for softer in _SOFTER:
             membrane.stiffness = usual / softer
-            found = _minimum(membrane, positions, order, (tell, most_steps), steps)
+            found = _minimum(membrane, positions, order, most_steps, steps)
             positions, steps = found.positions, found.steps
     finally:
         membrane.stiffness = usual
@@ -503,9 +496,8 @@ def at_rest(
 
 
 def _minimum(
-    membrane: Membrane, start: Floats, order: _Order, way: tuple[Tell, int], before: int = 0
+    membrane: Membrane, start: Floats, order: _Order, most_steps: int, before: int = 0
 ) -> Equilibrium:
-    tell, most_steps = way
     positions, energy = start, membrane.energy(start)
     free, corners = membrane.free, membrane.triangles.ravel()
     # The flat area around the corner of each free coordinate.
@@ -515,8 +507,8 @@ def _minimum(
     gradient = membrane.gradient(positions)
     for step in range(before, before + most_steps):
         residual = float(np.abs(gradient).max())
-        digits = math.log10(max(residual, TOLERANCE)) / math.log10(TOLERANCE)
-        tell(min(max(digits, 0.0), 1.0), f"Newton step {step}, largest force {residual:.1e} p W^2")
+        words = f"largest force {residual:.1e} p W^2, {TOLERANCE:.0e} is rest"
+        announce(Progress(phase="Newton steps", done=step, words=words))
         matrix = membrane.hessian(positions)
         if residual <= TOLERANCE:
             factor = Factor(matrix, order)

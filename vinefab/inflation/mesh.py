@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints
-from vinefab.inflation.membrane import POISSON, Equilibrium, Membrane, Tell, at_rest
+from vinefab.inflation.membrane import POISSON, Equilibrium, Membrane, at_rest
 from vinefab.model.outline import Contour, Part
 
 LENGTHENED = 1.5
@@ -573,7 +573,7 @@ class Sheet:
     membrane: Membrane
     is_seam: "Ints"  # corners that keep z = 0, in the outline's order
 
-    def inflated(self, *, start: Floats | None = None, tell: Tell | None = None) -> Equilibrium:
+    def inflated(self, *, start: Floats | None = None) -> Equilibrium:
         """Return the sheet under pressure.
 
         Parameters
@@ -586,7 +586,7 @@ class Sheet:
         NotConvergedError
             If no equilibrium is found.
         """
-        return at_rest(self.membrane, self.roof() if start is None else start, tell=tell)
+        return at_rest(self.membrane, self.roof() if start is None else start)
 
     def roof(self) -> Floats:
         """Return a start: the flat sheet raised with the distance from the seam, shape (n, 3)."""

@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from vinefab.core.errors import VinefabError
+from vinefab.core.progress import each
 from vinefab.core.validation import Floats
 from vinefab.core.verbs import note
 from vinefab.core.view import Notes, Number, Rows, Value
@@ -182,7 +183,7 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
     joints = []
     compensated = build.compensation == "inflation"
     parents = 1
-    for place, level in enumerate(design.levels):
+    for place, level in enumerate(each("joints", design.levels)):
         width_mm = build.end_widths_mm[place]
         lengths_mm = child_lengths_mm(level)
         wanted = tuple(map(math.degrees, fan_offsets_rad(level).tolist()))

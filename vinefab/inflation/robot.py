@@ -20,7 +20,7 @@ from vinefab.fabrication.outline.body_outline import (
     outline_parts,
 )
 from vinefab.inflation.joint import JointShape, axis_of
-from vinefab.inflation.membrane import Equilibrium, Tell
+from vinefab.inflation.membrane import Equilibrium
 from vinefab.inflation.mesh import Sheet, StraightSide, sheet_of
 from vinefab.model.design import Design
 from vinefab.model.outline import Contour, Part, Segment
@@ -112,7 +112,7 @@ class InflatedRobot:
 
 
 def inflated_robot(
-    design: Design, *, hoop_strain: float = 0.01, across: int = ACROSS, tell: Tell | None = None
+    design: Design, *, hoop_strain: float = 0.01, across: int = ACROSS
 ) -> InflatedRobot:
     """Return a design under pressure, cut with flat angles and lengths as designed.
 
@@ -122,8 +122,6 @@ def inflated_robot(
         p W / (pi E t) of the trunk.
     across
         Triangles across a tube, even.
-    tell
-        Called before every step of the solution.
 
     Raises
     ------
@@ -139,9 +137,7 @@ def inflated_robot(
         raise BadInputError("design", design.name, words)
     if crossing := crossings(outline.contour):
         raise BadInputError("design", design.name, _apart_words(layout, crossing))
-    return inflated_pattern(
-        outline.contour, layout, hoop_strain=hoop_strain, across=across, tell=tell
-    )
+    return inflated_pattern(outline.contour, layout, hoop_strain=hoop_strain, across=across)
 
 
 def with_short_tail(design: Design) -> Design:
@@ -211,7 +207,6 @@ def inflated_pattern(
     *,
     hoop_strain: float = 0.01,
     across: int = ACROSS,
-    tell: Tell | None = None,
 ) -> InflatedRobot:
     """Return any flat pattern under pressure.
 
@@ -222,7 +217,7 @@ def inflated_pattern(
         with the id of its branch; the mouth lies across the trunk.
     layout
         Where its branches lie on the sheet; the trunk's heading is +x.
-    hoop_strain, across, tell
+    hoop_strain, across
         As of `inflated_robot`.
     """
     ids, unit = layout.tree.ids, float(layout.width_mm[0])
@@ -238,7 +233,7 @@ def inflated_pattern(
     sheet = sheet_of(
         closed, tuple(straights.values()), widths, across=across, hoop_strain=hoop_strain
     )
-    found = sheet.inflated(tell=tell)
+    found = sheet.inflated()
     flat = scipy.interpolate.LinearNDInterpolator(sheet.mesh.points, found.positions[:, :2])
     shares = np.linspace(0.0, 1.0, _CENTER_POINTS)[None, :, None]
     start, end = layout.start_mm[:, None] / unit, layout.end_mm[:, None] / unit

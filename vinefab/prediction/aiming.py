@@ -12,6 +12,7 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.core.limits import MOST_SEED, deg, rad
 from vinefab.core.plain_text import counted, rounded
+from vinefab.core.progress import each, phase
 from vinefab.core.registry import parameter_values
 from vinefab.core.rng import child
 from vinefab.core.statistics import PAIRED_TAILS, mean_interval
@@ -73,14 +74,13 @@ from vinefab.pages.plan import (
     page_bytes,
 )
 from vinefab.prediction.deploy import pose_text
-from vinefab.prediction.family_deployments import ProgressCallback, no_progress, numbered_names
+from vinefab.prediction.family_deployments import numbered_names
 from vinefab.prediction.pose_search import (
     MOST_PLACING_DEG,
     MOST_PLACING_MM,
     PLACING_DEG,
     PLACING_MM,
     BaseRegion,
-    DeploymentCounter,
     PoseErrors,
     PoseSearch,
     PoseTrial,
@@ -564,7 +564,6 @@ def aim_robots(
     world: Map,
     task: Task,
     plan: AimPlan,
-    progress: ProgressCallback = no_progress,
     workers: int | None = None,
 ) -> AimResult:
     """Search the best pose of each design on a map.
@@ -576,27 +575,16 @@ def aim_robots(
     workers
         Threads; results do not depend on it. None: as many as there are processors, at most 8.
     """
-    progress(0.0, "preparing the map")
     prepared = PreparedMap.of(world)
     check_on_map(task, world, prepared.context)
     cover = cover_of(search_form(task), prepared.context) if plan.robots > 1 else None
     names = numbered_names([design.name for design in designs])
-    expected = plan.deployments + 2 * FRESH_DRAWS + PROFILE_HEADINGS * PROFILE_DRAWS
-    if plan.robots > 1:
-        expected += plan.candidates * SET_DRAWS + plan.robots * FRESH_SET_DRAWS
     robots = list[AimedRobot]()
     with ThreadPoolExecutor(workers or min(8, os.cpu_count() or 1)) as pool:
-        for index, (name, design) in enumerate(zip(names, designs, strict=True)):
+        asked = each("robots", list(zip(names, designs, strict=True)), lambda one: one[0])
+        for name, design in asked:
             trial = PoseTrial.of(design, prepared, plan.options, pool.map)
-            done = 0
-
-            def tell(more: int, name: str = name, index: int = index) -> None:
-                nonlocal done
-                done += more
-                share = (index + min(1.0, done / expected)) / len(designs)
-                progress(share, f"{name}: {done:,} deployments")
-
-            robots.append(_aimed(name, trial, task, plan, cover, tell))
+            robots.append(_aimed(name, trial, task, plan, cover))
     notes = [note for robot in robots for note in robot.notes]
     if not world.starts:
         notes.append("the map has no start to compare with")
@@ -609,16 +597,20 @@ def _aimed(
     task: Task,
     plan: AimPlan,
     cover: Cover | None,
-    tell: DeploymentCounter,
 ) -> AimedRobot:
-    region = BaseRegion.of(trial, plan.where)
-    found = search_poses(trial, search_form(task), region, plan.errors, plan.deployments, tell)
+    with phase("places for the base"):
+        region = BaseRegion.of(trial, plan.where)
+    with phase("trial deployments", plan.deployments) as tried:
+        found = search_poses(
+            trial, search_form(task), region, plan.errors, plan.deployments, tried.more
+        )
     fresh = plan.errors.drawn(FRESH_DRAWS, child(plan.seed, _FRESH))
     best = pose_of(printed_pose(trial, found.pose))
     starts = [start.pose for start in trial.prepared.world.starts[:1]]
     rows = np.array([(p.x_mm, p.y_mm, p.heading_rad) for p in (best, *starts)])
     # What is reported is scored as `vinefab score` does, not by the search's approximation.
-    scores = trial.scores(task, rows, fresh, tell)
+    with phase("fresh deployments from the best pose", len(rows) * FRESH_DRAWS) as drawn:
+        scores = trial.scores(task, rows, fresh, drawn.more)
     estimates = [
         PoseEstimate(pose=pose, scores=row)
         for pose, row in zip((best, *starts), scores, strict=True)
@@ -628,9 +620,11 @@ def _aimed(
     even = plan.errors.even(PROFILE_DRAWS)
     team = None
     if cover is not None:
-        team = TeamSearch(trial=trial, cover=cover, errors=plan.errors, tell=tell).choose(
-            found.landscape, found.pose, plan.robots, plan.candidates, child(plan.seed, _SETS)
-        )
+        most = plan.candidates * SET_DRAWS + plan.robots * FRESH_SET_DRAWS
+        with phase("deployments of several robots", most) as drawn:
+            team = TeamSearch(trial=trial, cover=cover, errors=plan.errors, tell=drawn.more).choose(
+                found.landscape, found.pose, plan.robots, plan.candidates, child(plan.seed, _SETS)
+            )
     notes = []
     for start in starts:
         place = np.array([[start.x_mm, start.y_mm]])
@@ -640,6 +634,8 @@ def _aimed(
                 f"the trunk of {name} has no room at the map's start: there it begins "
                 f"{away_mm:.1f} mm aside, at the nearest place with room"
             )
+    with phase("deployments at other headings", len(around) * PROFILE_DRAWS) as drawn:
+        turned = trial.scores(search_form(task), around, even, drawn.more)
     targets = None
     if task_targets(task, world := trial.prepared.world):
         grown = trial.deployments(rows[0], fresh)
@@ -650,9 +646,7 @@ def _aimed(
         search=found,
         best=estimates[0],
         start=estimates[1] if starts else None,
-        turned=TurnedScores(
-            headings_rad=headings, scores=trial.scores(search_form(task), around, even, tell)
-        ),
+        turned=TurnedScores(headings_rad=headings, scores=turned),
         shown=tuple(trial.deployments(rows[0], fresh.part(0, SHOWN_DEPLOYMENTS))),
         team=team,
         targets=targets,

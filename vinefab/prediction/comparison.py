@@ -9,6 +9,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.plain_text import counted
+from vinefab.core.progress import each
 from vinefab.core.statistics import PAIRED_TAILS, SIGNIFICANT, mean_interval, mean_p
 from vinefab.core.view import (
     Answer,
@@ -44,13 +45,10 @@ from vinefab.prediction.family_deployments import (
     MapFamily,
     PredictionPlan,
     PreparedFamily,
-    ProgressCallback,
     deploy_family,
     deployment_notes,
     deployment_picture,
-    no_progress,
     numbered_names,
-    part_of,
     spread_pictures,
 )
 from vinefab.prediction.measures import (
@@ -329,7 +327,6 @@ def compare_designs(
     designs: Sequence[Design],
     families: Sequence[MapFamily],
     plan: PredictionPlan,
-    progress: ProgressCallback = no_progress,
     *,
     measure: Measure | None = None,
     growth_notes: tuple[str, ...] = (),
@@ -345,15 +342,12 @@ def compare_designs(
     """
     if not 2 <= len(designs) <= MOST_DESIGNS:
         raise BadInputError("designs", counted(len(designs), "design"), f"2 to {MOST_DESIGNS}")
-    progress(0.0, "preparing maps")
     worlds = tuple(world for family in families for world in family.worlds)
     label = " and ".join(family.label for family in families)
     prepared = PreparedFamily.of(MapFamily(label=label, worlds=worlds), plan)
     names = numbered_names([design.name for design in designs])
-    results = []
-    for index, design in enumerate(designs):
-        ends = (0.9 * number / len(designs) for number in (index, index + 1))
-        results.append(deploy_family(design, prepared, plan, part_of(progress, *ends)))
+    each_one = each("designs", designs, lambda design: design.name)
+    results = [deploy_family(design, prepared, plan) for design in each_one]
     if measure is None:
         touched = np.concatenate([result.outcomes.values[TOUCHED.key] for result in results])
         measure = COVERAGE if np.isnan(touched).any() else TOUCHED
@@ -371,7 +365,10 @@ def compare_designs(
                 measure, names, [result.outcomes for result in results]
             )
         ),
-        contacts=tuple(contact_range(design, prepared, plan.options) for design in designs),
+        contacts=tuple(
+            contact_range(design, prepared, plan.options)
+            for design in each("designs over contacts", designs, lambda design: design.name)
+        ),
         plan=plan,
         measure=measure,
         growth_notes=growth_notes,

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
@@ -16,6 +16,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.limits import MOST_SEED, deg, rad
 from vinefab.core.plain_text import counted
+from vinefab.core.progress import each
 from vinefab.core.registry import with_parameters
 from vinefab.core.validation import Floats, whole
 from vinefab.core.view import Data, Number, Origin, Picture, Rows, Section, document
@@ -113,7 +114,8 @@ def unseen_maps(
     kind = ENVIRONMENTS[environment]
     options = with_parameters(kind.options, environment, parameters or {})
     first = FIRST_UNSEEN + MOST_MAPS * seed
-    worlds = tuple(kind.generate(first + index, options) for index in range(count))
+    numbers = each("maps", range(count))
+    worlds = tuple(kind.generate(first + index, options) for index in numbers)
     return MapFamily(label=counted(count, f"unseen {environment} map"), worlds=worlds)
 
 
@@ -125,19 +127,6 @@ def numbered_names(names: Sequence[str]) -> tuple[str, ...]:
         seen[name] += 1
         found.append(f"{name} ({seen[name]})" if total[name] > 1 else name)
     return tuple(found)
-
-
-ProgressCallback = Callable[[float, str], None]
-"""Called with the share of the work that is done and a short text."""
-
-
-def no_progress(_share: float, _words: str) -> None:
-    """Report nothing."""
-
-
-def part_of(progress: ProgressCallback, start: float, end: float) -> ProgressCallback:
-    """Return a function that reports the progress of a part of the work."""
-    return lambda share, words: progress(start + (end - start) * share, words)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,7 +155,7 @@ class PreparedFamily:
     @classmethod
     def of(cls, family: MapFamily, plan: PredictionPlan) -> "PreparedFamily":
         """Return a family made ready, with its poses drawn."""
-        maps = tuple(PreparedMap.of(world) for world in family.worlds)
+        maps = tuple(PreparedMap.of(world) for world in each("maps prepared", family.worlds))
         seeds = [plan.seed + index for index in range(len(maps))]
         repeats = plan.options.draws
         poses = poses_on(maps, plan.poses, seeds, repeats=repeats)
@@ -223,17 +212,10 @@ class FamilyDeployments:
 
 
 def deploy_family(
-    design: Design,
-    prepared: PreparedFamily,
-    plan: PredictionPlan,
-    progress: ProgressCallback = no_progress,
+    design: Design, prepared: PreparedFamily, plan: PredictionPlan
 ) -> FamilyDeployments:
     """Deploy a design from every pose on a family of maps and measure every deployment."""
     plans, launches = Plans.of([design], plan.options), prepared.launches()
-    for index, place in enumerate(prepared.maps):  # walls take longer than growth; they are kept
-        progress(0.6 * index / len(prepared.maps), f"{design.name}: walls of {place.world.name}")
-        for radius_mm in plans.spans.radii_mm:
-            place.terrain.walls(radius_mm)
     batch = Batch(plans, launches, plan.options)
     deployments = batch.regrown()
     # What growth to every tip needs is known only where no pressure stops it.
@@ -248,8 +230,6 @@ def deploy_family(
     for rows in batch.each(lambda block: measured_shapes(block, design, contexts, plan.anchoring)):
         columns[done : done + len(rows), :-2] = rows
         done += len(rows)
-        words = f"{done} of {counted(len(deployments), 'deployment')}"
-        progress(0.6 + 0.4 * done / len(deployments), words)
     one_by_one, first = iter(unpressed), 0
     while some := list(islice(one_by_one, GROWTHS_PER_CALL)):
         columns[first : first + len(some), -2:] = worst_pressures_of(some, design).T

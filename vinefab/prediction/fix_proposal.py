@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from vinefab.core.plain_text import counted
+from vinefab.core.progress import each
 from vinefab.core.statistics import PAIRED_TAILS, group_means, mean_interval
 from vinefab.core.view import NO_INTERVAL, Block, Notes, Picture, Result
 from vinefab.fabrication.checking import Deployed, subject_of
@@ -115,12 +116,11 @@ class ProposedFix(Result):
         return lines
 
 
-def propose_fix(  # noqa: PLR0913  options by keyword
+def propose_fix(
     design: Design,
     profile: LaserProfile,
     limits: LimitChanges | None = None,
     maps: Sequence[Map] = (),
-    progress: Callable[[float], None] | None = None,
     *,
     growth: Mapping[str, object] | None = None,
     keep: frozenset[str] = frozenset(),
@@ -153,8 +153,8 @@ def propose_fix(  # noqa: PLR0913  options by keyword
         return run_checks(subject_of(changed, profile, grown(changed), limits), limits)
 
     rounds = _Rounds(design=design, profile=profile, limits=limits, check=check)
-    for step in fix_stages(keep):
-        for found, report in rounds.of_step(step, progress):
+    for step in each("kinds of change", list(fix_stages(keep))):
+        for found, report in rounds.of_step(step):
             after = report
             if not report.blocking:
                 changes = design_changes(design, found.design)
@@ -220,14 +220,12 @@ class _Rounds:
         self._checked.append((changed, self.check(changed)))
         return self._checked[-1][1]
 
-    def of_step(
-        self, step: Sequence[FixStage], progress: Callable[[float], None] | None
-    ) -> Iterator[tuple[FixedDesign, CheckReport]]:
+    def of_step(self, step: Sequence[FixStage]) -> Iterator[tuple[FixedDesign, CheckReport]]:
         """Yield designs without trouble and their full checks, over all stages by rising cost.
 
         A stage whose design does not pass is searched again, under stricter targets.
         """
-        first = fix_in_step(self.design, self.targets(MARGINS[0], 1.0), step, progress)
+        first = fix_in_step(self.design, self.targets(MARGINS[0], 1.0), step)
         again = {stage: self.of_stage(stage, found) for stage, found in first.items()}
         waiting = {stage: next(one) for stage, one in again.items()}
         while waiting:

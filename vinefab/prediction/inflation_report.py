@@ -9,6 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.plain_text import GENERATOR, counted, one_line, rounded
+from vinefab.core.progress import each, phase
 from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import (
     Answer,
@@ -55,7 +56,6 @@ from vinefab.pages.panel import (
 )
 from vinefab.pages.plan import page_bytes
 from vinefab.physics.tube import hoop_strain
-from vinefab.prediction.family_deployments import ProgressCallback, no_progress, part_of
 from vinefab.rig.part import RigPart
 from vinefab.rig.part_files import PartFileSpec, PartItem, stl_bytes, threemf_bytes
 
@@ -109,9 +109,7 @@ class DeployedPattern:
     overlap_mm2: float
 
     @classmethod
-    def of(
-        cls, design: Design, profile: LaserProfile, across: int, tell: ProgressCallback
-    ) -> "DeployedPattern":
+    def of(cls, design: Design, profile: LaserProfile, across: int) -> "DeployedPattern":
         """Simulate the pattern that a design is cut as.
 
         Raises
@@ -121,7 +119,6 @@ class DeployedPattern:
         NotConvergedError
             If no equilibrium is found.
         """
-        tell(0.0, "solving joints")
         pattern = pattern_of(design, profile)
         for joint in pattern.joints:
             if joint.problem:
@@ -133,15 +130,9 @@ class DeployedPattern:
                     "fillet another radius, or lower the pressure"
                 )
                 raise BadInputError("design", design.name, allowed)
-        strain, done = strain_of(design, profile.material, design.build.widths_mm[0]), 0.0
-
-        def told(share: float, words: str) -> None:
-            nonlocal done
-            done = max(done, share)
-            tell(0.2 + 0.8 * done, words)
-
-        told(0.0, "triangles")
-        robot = inflated_robot(pattern.flat, hoop_strain=strain, across=across, tell=told)
+        strain = strain_of(design, profile.material, design.build.widths_mm[0])
+        with phase("whole body under pressure"):
+            robot = inflated_robot(pattern.flat, hoop_strain=strain, across=across)
         ring = shapely.Polygon(robot.positions_mm[robot.sheet.mesh.seam, :2])
         seen: BaseGeometry = ring
         overlap_mm2 = 0.0
@@ -414,7 +405,6 @@ def inflate_design(
     alone: bool = False,
     free: bool = False,
     across: int = ACROSS,
-    progress: ProgressCallback = no_progress,
 ) -> InflatedDesign:
     """Return a design's pattern under pressure.
 
@@ -443,15 +433,13 @@ def inflate_design(
         allowed = f"one that {MOST_CORNERS:,} corners of triangles fill: fewer or shorter branches"
         raise BadInputError("design", design.name, allowed)
     notes, other = [], None
-    whole = part_of(progress, 0.0, 0.7) if free else progress
-    deployed = DeployedPattern.of(
-        design, profile, across, part_of(whole, 0.0, 1.0 if alone else 0.5)
-    )
+    deployed = DeployedPattern.of(design, profile, across)
     choice = _OTHER[design.build.compensation]
     if not alone:
         changed = design.changed(build=design.build.changed(compensation=choice))
         try:
-            other = DeployedPattern.of(changed, profile, across, part_of(whole, 0.5, 1.0))
+            with phase(f"the pattern {_HOW[choice]}"):
+                other = DeployedPattern.of(changed, profile, across)
         except VinefabError as error:
             why = error.allowed if isinstance(error, BadInputError) else str(error)
             notes.append(f"{_HOW[choice]}, it cannot be inflated; that takes {why}")
@@ -472,8 +460,7 @@ def inflate_design(
             "press against each other, which is not simulated"
         )
     joints, bowed = deployed.pattern.joints if free else (), dict[int, FreeJoint]()
-    for place, joint in enumerate(joints):
-        progress(0.7 + 0.3 * place / len(joints), f"joint of level {joint.level}, free in space")
+    for joint in each("joints free in space", joints):
         if joint.found is not None:
             bowed[joint.level] = free_joint(joint.found.flat, across=across)
     return InflatedDesign(

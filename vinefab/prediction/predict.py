@@ -11,6 +11,7 @@ import numpy as np
 from vinefab.core.compiling import precompile
 from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted, rounded
+from vinefab.core.progress import phase
 from vinefab.core.validation import Floats
 from vinefab.core.view import (
     Answer,
@@ -61,15 +62,12 @@ from vinefab.prediction.family_deployments import (
     MapFamily,
     PredictionPlan,
     PreparedFamily,
-    ProgressCallback,
     deploy_family,
     deployment_notes,
     deployment_picture,
     deployment_section,
     heat_blocks,
     heat_map_of,
-    no_progress,
-    part_of,
     spread_blocks,
     typical,
 )
@@ -562,36 +560,23 @@ def predict(
     profile: LaserProfile,
     families: Sequence[MapFamily],
     plan: PredictionPlan | None = None,
-    progress: ProgressCallback = no_progress,
 ) -> Predicted:
     """Deploy a design on families of maps, measure it and check it with its deployments."""
     grown = as_grown(design, profile)
     plan = replace(plan or PredictionPlan(), anchoring=anchoring_on(profile.material))
-    progress(0.0, "preparing maps")
     prepared_families = [PreparedFamily.of(family, plan) for family in families]
     precompile(PREDICTION)
-    sizes = np.array([len(prepared.maps) for prepared in prepared_families]) / sum(
-        len(p.maps) for p in prepared_families
-    )
-    ends = 0.05 + 0.55 * np.cumsum(sizes)
-    results = tuple(
-        deploy_family(grown, prepared, plan, part_of(progress, end - 0.55 * size, end))
-        for prepared, size, end in zip(
-            prepared_families, sizes.tolist(), ends.tolist(), strict=True
-        )
-    )
+    results = tuple(deploy_family(grown, prepared, plan) for prepared in prepared_families)
     main = _main(results)
     evaluator = VariantEvaluator(grown, main.prepared, plan)
-    effects = sensitivity(evaluator, part_of(progress, 0.6, 0.7))
-    scatter = tolerance(evaluator, plan.seed, part_of(progress, 0.7, 0.8))
-    progress(0.8, "where it grows on one map")
-    heat = heat_map_of(grown, prepared_families[0].maps[0], plan)
-    progress(0.82, "design rules")
+    effects = sensitivity(evaluator)
+    scatter = tolerance(evaluator, plan.seed)
+    with phase("where it grows on one map"):
+        heat = heat_map_of(grown, prepared_families[0].maps[0], plan)
     # The rules ask what growth to every tip would take (VF-P03): no pressure may stop it before.
     prepared = prepare(design, profile, _AllDeployments(results))
     bill = bill_of_materials(prepared.job, prepared.profile)
     mass_g = next((line.value for line in bill if line.item == "robot film mass"), 0.0)
-    progress(0.87, "contacts and pressure")
     return Predicted(
         prepared=prepared,
         results=results,

@@ -15,6 +15,7 @@ import shapely
 
 from vinefab.core.limits import rad
 from vinefab.core.plain_text import counted
+from vinefab.core.progress import Phase, Progress, each
 from vinefab.core.rng import child
 from vinefab.core.statistics import PAIRED_TAILS
 from vinefab.core.validation import Floats, frozen_floats
@@ -45,8 +46,6 @@ from vinefab.pages.panel import (
 from vinefab.prediction.family_deployments import (
     PredictionPlan,
     PreparedFamily,
-    ProgressCallback,
-    no_progress,
 )
 from vinefab.prediction.measures import (
     COVERAGE,
@@ -163,7 +162,12 @@ def range_over_contacts(
         Returns the values from every pose by growth options, by name, shape (n,) each.
     """
     names, chances = prepared.launch_names, options.emergences
-    tables = cache(measured)  # some ranges have a choice in common: the one of the prediction
+    told = Phase(Progress(phase="assumptions on contacts"))
+
+    @cache  # some ranges have a choice in common: the one of the prediction
+    def tables(choice: GrowthOptions) -> Mapping[str, Floats]:
+        told.more()
+        return measured(choice)
 
     def means(
         variants: Sequence[GrowthOptions], limits: Mapping[str, Measure]
@@ -599,9 +603,7 @@ class VariantEvaluator:
         )
 
 
-def sensitivity(
-    evaluator: VariantEvaluator, progress: ProgressCallback = no_progress
-) -> tuple[Effect, ...]:
+def sensitivity(evaluator: VariantEvaluator) -> tuple[Effect, ...]:
     """Return the effect of every change of the start, the lengths and the head-on angle."""
     design, options, poses = evaluator.design, evaluator.plan.options, evaluator.prepared.poses
     exact = PredictionVariant(
@@ -622,20 +624,15 @@ def sensitivity(
         variants.append(
             replace(exact, knob="head-on half-angle", step=step, unit="deg", options=wider)
         )
-    effects = []
-    for index, variant in enumerate(variants):
-        effects.append(evaluator.effect(variant))
-        progress((index + 1) / len(variants), f"sensitivity to {variant.knob}")
-    return tuple(effects)
+    tried = each("changes of place and size", variants, lambda variant: variant.knob)
+    return tuple(evaluator.effect(variant) for variant in tried)
 
 
-def tolerance(
-    evaluator: VariantEvaluator, seed: int, progress: ProgressCallback = no_progress
-) -> Tolerance:
+def tolerance(evaluator: VariantEvaluator, seed: int) -> Tolerance:
     """Return how robots of the same design differ when each branch is made a little off."""
     options, tree = evaluator.plan.options, branch_tree(evaluator.design)
     rows = []
-    for first in range(0, ROBOTS, ROBOTS_TOGETHER):
+    for first in each("groups of robots as made", range(0, ROBOTS, ROBOTS_TOGETHER)):
         made = [
             made_tree(tree, child(seed, _STREAM, robot))
             for robot in range(first, min(first + ROBOTS_TOGETHER, ROBOTS))
@@ -643,7 +640,6 @@ def tolerance(
         rows += [
             *evaluator.grow([Plan.of(evaluator.design, options, one) for one in made], options)
         ]
-        progress(len(rows) / ROBOTS, f"{len(rows)} of {ROBOTS} robots as made")
     values = np.array(rows)
     return Tolerance(
         length_percent=LENGTH_TOLERANCE_PERCENT,

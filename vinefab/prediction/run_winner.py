@@ -15,6 +15,7 @@ import numpy as np
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.plain_text import counted, rounded
+from vinefab.core.progress import each, heard_by, phase
 from vinefab.core.validation import Floats
 from vinefab.core.view import Answer, Block, Fact, Facts, Number, Picture, Rows, Section
 from vinefab.fabrication.checking import check_design
@@ -59,7 +60,7 @@ from vinefab.prediction.prediction_width import (
 from vinefab.prediction.pressure_window import PressureWindow, window_over
 from vinefab.search.evaluator import PointEvaluator, final_seed, with_pose_range
 from vinefab.search.manufacturability import run_profile
-from vinefab.search.record.generations import Progress, curve_of
+from vinefab.search.record.generations import curve_of
 from vinefab.search.record.result import (
     RECORD_FILE,
     RunArchive,
@@ -145,7 +146,6 @@ def run_in_folder(  # noqa: PLR0913  options by keyword
     resume: bool = False,
     limits: Mapping[str, float] | None = None,
     workers: int | PointEvaluator = 1,
-    progress: Callable[[Progress], None] | None = None,
     source: Path | None = None,
     task: Task | None = None,
 ) -> EndedRun:
@@ -157,7 +157,7 @@ def run_in_folder(  # noqa: PLR0913  options by keyword
         The command that resumes the run.
     page
         Whether to keep a page of the run current while it is going on.
-    resume, limits, workers, progress, source, task
+    resume, limits, workers, source, task
         As in `vinefab.search.run.run_search`.
     """
     ended: EndedRun | None = None
@@ -169,14 +169,13 @@ def run_in_folder(  # noqa: PLR0913  options by keyword
         ended = EndedRun(result=result, settings=run.settings, maps=run.maps, prepared=prepared)
         return content
 
-    def search(report: Callable[[Progress], None] | None) -> EndedRun:
+    def search() -> EndedRun:
         result = run_search(
             settings,
             folder,
             resume=resume,
             limits=limits,
             workers=workers,
-            progress=report,
             predict=predict,
             source=source,
             task=task,
@@ -184,16 +183,10 @@ def run_in_folder(  # noqa: PLR0913  options by keyword
         return EndedRun.read(folder, result) if ended is None else replace(ended, result=result)
 
     if not page:
-        return search(progress)
+        return search()
     shown = resumed_limits(folder, settings) if resume else settings
-    with LivePage(folder, shown, again) as live:
-
-        def report(done: Progress) -> None:
-            live.update(done)
-            if progress is not None:
-                progress(done)
-
-        return search(report)
+    with LivePage(folder, shown, again) as live, heard_by(live.update):
+        return search()
 
 
 UNSEEN_DEPLOYMENTS = 50
@@ -232,7 +225,8 @@ def predicted(search: Search, result: RunResult) -> tuple[dict[str, Any], Prepar
             design, family, usual, lambda growth: {"score": scores(family, growth)}
         )
 
-    ranges = {name: range_of(family) for name, family in families.items()}
+    tried = each("families of maps for the winner", families, lambda name: f"{name} maps")
+    ranges = {name: range_of(families[name]) for name in tried}
 
     def content_of(name: str) -> dict[str, Any]:
         family = families[name]
@@ -275,7 +269,7 @@ def predicted(search: Search, result: RunResult) -> tuple[dict[str, Any], Prepar
                 "unit": unit,
                 **_placed_off(design, unseen, usual, move, partial(scores, growth=usual)),
             }
-            for knob, step, unit, move in placings()
+            for knob, step, unit, move in each("places a little off", list(placings()))
         ],
         "note": note,
     }
@@ -287,7 +281,8 @@ def predicted(search: Search, result: RunResult) -> tuple[dict[str, Any], Prepar
         }
     if design.build.pieces is not None:  # how many it is cut in (computed)
         profile = run_profile(settings.evaluation)
-        cut = pieces_of(pattern_of(design, profile), profile)
+        with phase("flat pieces of the winner"):
+            cut = pieces_of(pattern_of(design, profile), profile)
         count = None if cut.unparted else len(cut.pieces)
         proven = cut.proven_least and not cut.unparted
         content["pieces"] = {"count": count, "proven_least": proven}
@@ -443,7 +438,7 @@ def write_run_page(folder: Path, run: EndedRun, *, force: bool = False) -> Path:
     blocks = list(run_blocks(run))
     pictures = [block for block in blocks if isinstance(block, Picture)]
     pictures += [one for block in blocks if isinstance(block, Section) for one in block.pictures]
-    for picture in pictures:
+    for picture in each("pictures of the page", pictures):
         write_bytes(folder / PICTURES / picture.file_name, picture.drawn, force=force)
     title = f"{run.settings.name}: the best design found"
     return write_text(folder / PAGE_NAME, page(title, blocks), force=force)

@@ -5,7 +5,7 @@ ruler of 100 mm, by which a user sees whether a printer scaled the page.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError, ReadBackError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted, one_line
+from vinefab.core.progress import each, phase
 from vinefab.core.validation import Floats
 from vinefab.core.view import (
     Answer,
@@ -587,9 +588,6 @@ MOST_DIFFERENCE = 1e-3
 _CONVEX = 1e-9
 _STYLE_WORDS = {"plate": "tiles of a plate", "board": "loose pieces on a board"}
 
-ProgressCallback = Callable[[float, str], None]
-"""Called with the share of the work that is done, 0 to 1, and the next step."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigRequest:
@@ -606,8 +604,6 @@ def make_rig(
     printer: Printer,
     options: RigOptions,
     request: RigRequest | None = None,
-    *,
-    progress: ProgressCallback | None = None,
 ) -> RigFiles:
     """Make a map's rig and all its files.
 
@@ -620,7 +616,6 @@ def make_rig(
         If a file, read back, or the assembled rig differs from its specification.
     """
     request = request or RigRequest()
-    tell = progress or (lambda _, __: None)
     bounds = world.bounds
     walled = bounds.area < bounds.convex_hull.area * (1.0 - _CONVEX)
     solid = walled or any(obstacle.intersects(bounds) for obstacle in world.obstacles)
@@ -628,18 +623,17 @@ def make_rig(
         allowed = "at least one in the bounds, or bounds with a corner to go around; --allow-empty"
         key = f"map {world.name}: number of obstacles"
         raise BadInputError(key, 0, f"{allowed} makes a bare tray")
-    tell(0.0, "building solids")
-    rig, pieces, why_style = _built(world, printer, options)
-    rig, fixtures = with_fixtures(rig, world, request.design)
+    with phase("solids of the rig"):
+        rig, pieces, why_style = _built(world, printer, options)
+        rig, fixtures = with_fixtures(rig, world, request.design)
     jobs = laser_jobs(rig, pieces, fixtures.board, lid=request.lid)
-    sheets = {name: sheet_file(name, job) for name, job in jobs.items()}
-    tell(0.25, "comparing with the map")
-    comparison = compare_with_map(rig, world)
+    sheets = {name: sheet_file(name, jobs[name]) for name in each("sheets of the rig", jobs)}
+    with phase("the assembled rig against the map"):
+        comparison = compare_with_map(rig, world)
     if comparison.share > MOST_DIFFERENCE:
         problem = f"assembled, its walls differ from the map by {100 * comparison.share:.3f} %"
         raise ReadBackError(f"rig of {world.name}", problem)
     printing = printing_of(rig)
-    tell(0.35, "writing and reading back")
     files = part_files(rig, printing)
     problems = part_problems(files, rig, printing)
     facts = RigFacts(
@@ -672,9 +666,9 @@ def make_rig(
         return made
     files |= sheets | true_scale_files(rig, world, fixtures, pieces)
     if request.pictures:
-        tell(0.5, "drawing the plan")
         outlines = {piece.number: rig.on_map(piece.outline) for piece in pieces} or footprints(rig)
-        made = replace(made, pictures=rig_pictures(rig, world, outlines, jobs))
+        with phase("pictures of the rig"):
+            made = replace(made, pictures=rig_pictures(rig, world, outlines, jobs))
         files |= {**made.pictures, "report.html": made.page().encode()}
     files["parts.csv"] = parts_text(rig, printing).encode()
     digests = {name: sha256_of(data) for name, data in files.items()}

@@ -23,6 +23,7 @@ from pydantic import ConfigDict, Field
 from vinefab.core.errors import UnreadableFileError
 from vinefab.core.foreign import calling, ensure_type
 from vinefab.core.plain_text import GENERATOR, agreeing, counted, json_text, one_line, rounded
+from vinefab.core.progress import each
 from vinefab.core.registry import Registry
 from vinefab.core.table import TablePart, validated
 from vinefab.core.validation import Floats, Ints
@@ -520,11 +521,8 @@ PART_FORMATS: Registry[PartFormat] = Registry("part format", {"stl": STL, "3mf":
 
 def part_files(rig: Rig, printing: Printing) -> dict[str, bytes]:
     """Return the files of a rig's printed parts by name, in every format."""
-    return {
-        name: _written(one, spec)
-        for one in PART_FORMATS.values()
-        for name, spec in _specs(one, rig, printing).items()
-    }
+    written = each("files of parts", _all_specs(rig, printing), lambda made: made[1])
+    return {name: _written(one, spec) for one, name, spec in written}
 
 
 def _written(one: PartFormat, spec: PartFileSpec) -> bytes:
@@ -540,11 +538,11 @@ def part_problems(
 ) -> dict[str, tuple[str, ...]]:
     """Read every file back and return, by part, what is wrong with it."""
     problems: dict[str, list[str]] = {part.name: [] for part in rig.printed}
-    for one in PART_FORMATS.values():
-        for name, spec in _specs(one, rig, printing).items():
-            prefix = f"({name}) " if one.per_bed else ""
-            for part, found in read_back_problems(one, files[name], spec.items).items():
-                problems[part] += [f"{prefix}{problem}" for problem in found]
+    read = each("files read back", _all_specs(rig, printing), lambda made: made[1])
+    for one, name, spec in read:
+        prefix = f"({name}) " if one.per_bed else ""
+        for part, found in read_back_problems(one, files[name], spec.items).items():
+            problems[part] += [f"{prefix}{problem}" for problem in found]
     return {name: tuple(found) for name, found in problems.items()}
 
 
@@ -595,6 +593,12 @@ def _specs(part_format: PartFormat, rig: Rig, printing: Printing) -> dict[str, P
         )
         for bed in printing.beds
     }
+
+
+def _all_specs(rig: Rig, printing: Printing) -> list[tuple[PartFormat, str, PartFileSpec]]:
+    """Return every file of the printed parts: its format, name and content."""
+    formats = PART_FORMATS.values()
+    return [(one, *named) for one in formats for named in _specs(one, rig, printing).items()]
 
 
 RIG_NAME = "rig.json"

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.limits import rad
+from vinefab.core.plain_text import counted
+from vinefab.core.progress import each, phase
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats
 from vinefab.model.design import MOST_BRANCHES, Design
@@ -228,22 +230,25 @@ def repair_design(
     budget = RepairBudget() if budget is None else budget
     rng, checks, vain = child(0, _REPAIR_STREAM), 0, 0
     here, lowest = x, _penalty_at(x, space, penalty)
-    while budget.steps > 0 and budget.checks > 0 and checks < MOST_CHECKS and vain < PATIENCE:
-        budget.steps -= 1
-        there = here.copy()
-        for place in rng.integers(0, len(x), rng.integers(1, 3)).tolist():  # one or two
-            jump = rng.random() < 0.1
-            there[place] = rng.random() if jump else there[place] + _NEARBY * rng.standard_normal()
-        there = np.clip(there, 0.0, 1.0)
-        there_penalty = _penalty_at(there, space, penalty)
-        vain = 0 if there_penalty < lowest or there_penalty == 0.0 else vain + 1
-        if there_penalty > lowest:
-            continue
-        here, lowest = there, there_penalty
-        if lowest == 0.0:
-            if passes(space.design(here)):
-                return RepairResult(x=here, penalty=0.0, passed=True)
-            checks, budget.checks = checks + 1, budget.checks - 1
+    with phase("changes that may repair the best", STEPS) as tried:
+        while budget.steps > 0 and budget.checks > 0 and checks < MOST_CHECKS and vain < PATIENCE:
+            tried.at(STEPS - budget.steps)
+            budget.steps -= 1
+            there = here.copy()
+            for place in rng.integers(0, len(x), rng.integers(1, 3)).tolist():  # one or two
+                jump = rng.random() < 0.1
+                step = rng.random() if jump else _NEARBY * rng.standard_normal()
+                there[place] = step if jump else there[place] + step
+            there = np.clip(there, 0.0, 1.0)
+            there_penalty = _penalty_at(there, space, penalty)
+            vain = 0 if there_penalty < lowest or there_penalty == 0.0 else vain + 1
+            if there_penalty > lowest:
+                continue
+            here, lowest = there, there_penalty
+            if lowest == 0.0:
+                if passes(space.design(here)):
+                    return RepairResult(x=here, penalty=0.0, passed=True)
+                checks, budget.checks = checks + 1, budget.checks - 1
     return RepairResult(x=here, penalty=lowest, passed=False)
 
 
@@ -290,12 +295,14 @@ def choose_finalists(
     if not isinstance(penalty, FullCheck):
         return FinalistChoice(points=best_points(history, space, count))
     passes = evaluator.may_win if by_table and evaluator.has_table else penalty.passes
-    passing = list[Floats]()
-    for x, broken in _ranked(history, space, max(MOST_FULL_CHECKS, 2 * count)):
-        if len(passing) == count or broken > 0.0:
-            break
-        if passes(space.design(x)):
-            passing.append(x)
+    passing, ranked = list[Floats](), _ranked(history, space, max(MOST_FULL_CHECKS, 2 * count))
+    with phase("finalists chosen", count) as chosen:
+        for tried, (x, broken) in enumerate(ranked):
+            chosen.at(len(passing), f"{counted(tried, 'design')} checked")
+            if len(passing) == count or broken > 0.0:
+                break
+            if passes(space.design(x)):
+                passing.append(x)
     if passing:
         return FinalistChoice(points=passing, checked=True)
     best = best_points(history, space, count)
@@ -356,7 +363,6 @@ def settled(
     finalists: Sequence[Finalist],
     conditions: Conditions,
     evaluator: Evaluator,
-    stage: Callable[[str], None],
 ) -> tuple[Finalist, ...]:
     """Return finalists, best first, of which the first passes the full check; none if none does.
 
@@ -366,8 +372,7 @@ def settled(
     if not isinstance(penalty, FullCheck) or not evaluator.has_table:
         return tuple(finalists)
     failed = list[Finalist]()
-    for place, finalist in enumerate(finalists):
-        stage(f"checking finalist {place + 1} of {len(finalists)}: its joints are simulated")
+    for place, finalist in enumerate(each("full checks of finalists", finalists)):
         if penalty.passes(finalist.design):
             return (*finalists[place:], *failed)
         fitness = _fitness(finalist.x, finalist.score, FAILED, conditions, evaluator)
@@ -402,9 +407,8 @@ def reevaluated(
         places = range(len(designs))
         scores = tuple(evaluator.score(evaluations, row, conditions) for row in places)
     others, finalists = [other.name for other in spec.settings.other_tasks], list[Finalist]()
-    for point, design, score, lack in zip(
-        x, designs, scores, evaluations.penalty.tolist(), strict=True
-    ):
+    found = zip(x, designs, scores, evaluations.penalty.tolist(), strict=True)
+    for point, design, score, lack in each("finalists on fresh poses", found, total=len(x)):
         failed = not choice.checked and lack == 0.0 and full is not None and not full.passes(design)
         penalty = FAILED if failed else lack
         rows = {name: np.array([[e.terms[name] for e in score.evaluations]]) for name in others}
@@ -435,7 +439,7 @@ def _over_contacts(
     x = np.array([finalist.x for finalist in finalists])
     count = sum(len(places) for places in conditions.poses)
     means = []
-    for angle_deg in evaluator.growth.contact_angles_deg:
+    for angle_deg in each("contact angles of finalists", evaluator.growth.contact_angles_deg):
         at_angle = replace(conditions, half_angles_rad=(rad(angle_deg),) * count)
         evaluations = begin(x, at_angle)()
         means.append(evaluator.composites(evaluations.score, conditions.weights))
@@ -457,7 +461,8 @@ def _on_fresh_maps(
     spec = replace(evaluator.spec, maps=tuple(worlds), settings=settings.changed(evaluation=grown))
     unseen = Evaluator.of(spec)
     conditions = unseen.conditions(settings.search.seed, FRESH, 0, FRESH_POSES)
-    scores = unseen.evaluate(x, conditions)[0].score
+    with phase("finalists on fresh maps"):
+        scores = unseen.evaluate(x, conditions)[0].score
     composites = evaluator.composites(scores, conditions.weights)
     return _with_composites(finalists, composites, evaluator)
 

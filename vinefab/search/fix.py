@@ -10,7 +10,7 @@ this search finds, not proven to be the smallest there is.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
 from typing import TYPE_CHECKING
@@ -22,6 +22,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import imported_later
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import deg
+from vinefab.core.progress import each
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import bare_sheet_mm, taken_mm
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
@@ -585,20 +586,17 @@ class FixedDesign:
 def fix_design(
     design: Design,
     targets: FixTargets,
-    progress: Callable[[float], None] | None = None,
     keep: frozenset[str] = frozenset(),
 ) -> FixedDesign | None:
     """Return the cheapest change found in the first step that finds any, or None.
 
     Parameters
     ----------
-    progress
-        Called with the share of the search that is done.
     keep
         Words of `KEEPS`: what must not change.
     """
     for step in fix_stages(keep):
-        if found := fix_in_step(design, targets, step, progress):
+        if found := fix_in_step(design, targets, step):
             return min(found.values(), key=lambda one: one.cost)
     return None
 
@@ -607,7 +605,6 @@ def fix_in_step(
     design: Design,
     targets: FixTargets,
     step: Sequence[FixStage],
-    progress: Callable[[float], None] | None = None,
 ) -> dict[FixStage, FixedDesign]:
     """Return the cheapest change found that meets the targets in each stage that finds one.
 
@@ -615,13 +612,7 @@ def fix_in_step(
     stage with less to change, but do with everything to change. Fewer branches take its place.
     """
     found: dict[FixStage, FixedDesign] = {}
-
-    def tell(done: int) -> None:
-        if progress:
-            progress(done / (2 * len(step)))
-
-    for number, stage in enumerate(step):
-        tell(number)
+    for stage in each("combinations of changes", step):
         most_cost = min((one.cost for one in found.values()), default=np.inf)
         one = fix_in_stage(design, targets, stage, most_cost if stage.prunes else np.inf)
         found |= {stage: one} if one else {}
@@ -634,8 +625,7 @@ def fix_in_step(
     ]
     if not lacks or not (found or _has_change(design, targets, known=step)):
         return found
-    for number, stage in enumerate(lacks, start=len(step)):
-        tell(number)
+    for stage in each("combinations of changes, all values together", lacks):
         one = _evolved_in_stage(design, targets, stage)
         found |= {stage: one} if one else {}
     return found
@@ -644,7 +634,8 @@ def fix_in_step(
 def _has_change(design: Design, targets: FixTargets, known: Sequence[FixStage]) -> bool:
     """Return whether any change is found with every branch, some stages being known to fail."""
     step = [stage for stage in fix_stages(frozenset({BRANCHES}))[-1] if stage not in known]
-    if any(fix_in_stage(design, targets, stage) for stage in step):
+    tried = each("combinations that were not asked for", step)
+    if any(fix_in_stage(design, targets, stage) for stage in tried):
         return True
     return _evolved_in_stage(design, targets, FixStage(kinds=FIX_KINDS)) is not None
 

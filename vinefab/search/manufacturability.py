@@ -61,7 +61,7 @@ from vinefab.physics.growth_pressure import planned_growth_kpa
 from vinefab.physics.tube import burst_pressure_kpa, hoop_strain, seam_load_n_mm
 from vinefab.search.evaluator import Evaluator
 from vinefab.search.penalty_batch import BatchPenalty, PenaltyRules
-from vinefab.search.record.generations import Finalist, Generation, Progress
+from vinefab.search.record.generations import Finalist, Generation, SearchProgress
 from vinefab.search.settings import EvaluationSettings, RunSettings
 from vinefab.search.space import Bounds, Space
 from vinefab.tasks.evaluate import Conditions, PreparedMap
@@ -773,12 +773,13 @@ class BestCheck:
         self._best = max(self._best, float(self._evaluator.fitness(composite, found, costs).max()))
         return found
 
-    def judged(self, progress: Progress) -> Progress:
-        """Return the progress of the run with the known facts of its best design."""
+    def judged(self, progress: SearchProgress) -> SearchProgress:
+        """Return the progress of the run with the known facts of its best design, as words too."""
         if self.passes is False and progress.share >= ADVICE_AT:
             self._advice = self._advice or advice(self._evaluator, progress.history)
         shown = self._advice if self.passes is False else ""
-        return replace(progress, passes=self.passes, advice=shown or self._outset)
+        found = replace(progress, passes=self.passes, advice=shown or self._outset)
+        return found.told(checked=self._evaluator.penalty is not None)
 
     def notes(self, finalists: Sequence[Finalist]) -> tuple[str, ...]:
         """Return the advice given, where no finalist may win or the winner misses targets."""

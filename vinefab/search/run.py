@@ -16,7 +16,7 @@ from vinefab.core.compiling import precompile, tuned_meanwhile
 from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.foreign import calling, ensure_type, is_own
 from vinefab.core.front_door import imported_later
-from vinefab.core.plain_text import counted
+from vinefab.core.progress import Progress, announce, each, phase
 from vinefab.core.registry import parameter_names
 from vinefab.core.rng import child
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -56,7 +56,7 @@ from vinefab.search.optimizers.optimizer import (
     make_optimizer_config,
     started,
 )
-from vinefab.search.record.generations import Finalist, Generation, Progress, RunIdentity
+from vinefab.search.record.generations import SEARCHING, Finalist, Generation, RunIdentity
 from vinefab.search.record.result import (
     RECORD_FILE,
     RunArchive,
@@ -206,10 +206,9 @@ class Search:
         self,
         *,
         store: RunStore | None = None,
-        progress: Callable[[Progress], None] | None = None,
         workers: int | PointEvaluator = 1,
     ) -> RunResult:
-        """Search, and evaluate the finalists.
+        """Search, and evaluate the finalists; every generation is announced as a `SearchProgress`.
 
         A generation is recorded while the next one is evaluated, so that recording takes no time.
 
@@ -217,8 +216,6 @@ class Search:
         ----------
         store
             Record of the run; what it holds already is not evaluated again. None keeps no record.
-        progress
-            Called after every generation, and at the end with the `stage` of choosing the winner.
         workers
             Number of threads, or a point evaluator. Results do not depend on it.
 
@@ -241,14 +238,17 @@ class Search:
         check = BestCheck(self.evaluator, history)
         with (
             points.started(self.evaluator, ledger) as begin,
-            Recorder(store, progress, settings.search, ledger, check.judged) as recorder,
+            Recorder(store, settings.search, ledger, check.judged) as recorder,
         ):
+            announce(
+                Progress(phase=SEARCHING, done=len(history), total=settings.search.generations)
+            )
             while (stopped := why_stop(history, settings.search)) is None:
                 number = len(history)
                 last = self._generation(number, schedule, begin, recorder, ledger, check)
                 history.append(last)
                 recorder.note(history, self._state())
-            finalists, repair = self._final(history, store, begin, ledger, recorder.stage)
+            finalists, repair = self._final(history, store, begin, ledger, recorder)
         identity = store.identity if store is not None else RunIdentity.of(settings, self.maps)
         notes = (*check.notes(finalists), *self._without_rules(finalists))
         if store is not None:
@@ -279,7 +279,8 @@ class Search:
         asked = self.evaluator.penalty is not None and not settings.objectives
         if targets is None or targets.all_touched or not asked:
             return ()
-        free = Search.of(without_rules(settings), self.maps).run()
+        with phase("a search that no rule stops"):
+            free = Search.of(without_rules(settings), self.maps).run()
         if free.targets is None or len(free.targets.missed) >= len(targets.missed):
             return ("robots that no rule stops touch no more: what is missing is length or levels",)
         rules = rules_broken(self.evaluator, [one.x for one in free.finalists])
@@ -357,7 +358,7 @@ class Search:
         store: RunStore | None,
         begin: Begin,
         ledger: Ledger,
-        stage: Callable[[str], None],
+        recorder: Recorder,
     ) -> tuple[tuple[Finalist, ...], str]:
         """Return the finalists, from the record or evaluated now, and the repair's message."""
         evaluator, settings = self.evaluator, self.settings
@@ -366,13 +367,13 @@ class Search:
         count, further = settings.evaluation.finalists, settings.further_objectives
         conditions = evaluator.final_conditions(settings.search.seed)
         for by_table in (True, False):
-            stage(f"choosing {counted(count, 'finalist')}")
+            recorder.report()
             choice = choose_finalists(history, evaluator, count, further, by_table=by_table)
             with ledger.spending("evaluating"):
                 finalists = reevaluated(choice, begin, conditions, evaluator, self.fresh_maps)
             if not (choice.checked and by_table):
                 break
-            if found := settled(finalists, conditions, evaluator, stage):
+            if found := settled(finalists, conditions, evaluator):
                 return found, choice.repair
         return finalists, choice.repair
 
@@ -417,14 +418,16 @@ def generated_maps(maps: MapSettings) -> tuple[Map, ...]:
     """Return the maps that an environment generates for a run's seeds."""
     options = maps.environment_options()
     make = ENVIRONMENTS[maps.environment].generate
-    return _started((make(maps.seed + index, options) for index in range(maps.count)), maps)
+    seeds = each("maps", range(maps.seed, maps.seed + maps.count))
+    return _started((make(seed, options) for seed in seeds), maps)
 
 
 def training_maps(settings: RunSettings) -> tuple[Map, ...]:
     """Return the training maps of a run: read from its files, or generated."""
     if settings.maps.files:
         with values_hidden():
-            worlds = [Map.read(path) for path in settings.maps.files]
+            files = each("maps", settings.maps.files)
+            worlds = [Map.read(path) for path in files]
         return _started(worlds, settings.maps)
     return generated_maps(settings.maps)
 
@@ -515,7 +518,6 @@ def run_search(  # noqa: PLR0913  options by keyword
     resume: bool = False,
     limits: Mapping[str, float] | None = None,
     workers: int | PointEvaluator = 1,
-    progress: Callable[[Progress], None] | None = None,
     predict: Callable[[Search, RunResult], Mapping[str, Any]] | None = None,
     source: Path | None = None,
     task: Task | None = None,
@@ -535,7 +537,7 @@ def run_search(  # noqa: PLR0913  options by keyword
         what it has under ``origin`` stands in the winner's origin.
     source
         The run file, for error messages.
-    workers, progress, task
+    workers, task
         As in `vinefab.search.run.Search`.
 
     Raises
@@ -566,7 +568,7 @@ def run_search(  # noqa: PLR0913  options by keyword
         recipe = RunRecipe(**kept) if kept else recipe_of(settings)
         if recipe is not None and not kept:
             store.keep("recipe", asdict(recipe))
-        result = search.run(store=store, progress=progress, workers=workers)
+        result = search.run(store=store, workers=workers)
         if recipe is not None:
             result = result.with_recipe(recipe, folder)
         prediction = store.kept("prediction")
@@ -593,16 +595,3 @@ def _raised(settings: RunSettings, limits: Mapping[str, float], folder: Path) ->
             allowed = "nothing: the run has stopped because its best design improves no more"
         raise BadInputError(limit_option(option), value, allowed, path)
     return raised
-
-
-def progress_line(progress: Progress, *, checked: bool) -> str:
-    """Return the progress of a run as a line for the user."""
-    if progress.stage:
-        return progress.stage
-    made = f"  manufacturable: {progress.manufacturable}" if checked else ""
-    touched = f" ({progress.targets_text})" if progress.targets_text else ""
-    return (
-        f"generation {progress.generation}/{progress.generations}  "
-        f"best {progress.best:.4f}{touched}  "
-        f"mean {progress.mean:.4f} +- {progress.spread:.4f}{made}"
-    )

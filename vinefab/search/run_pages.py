@@ -22,6 +22,7 @@ from vinefab.core.errors import (
     UnreadableFileError,
 )
 from vinefab.core.plain_text import counted, json_text
+from vinefab.core.progress import Progress
 from vinefab.core.validation import Floats
 from vinefab.core.view import (
     Answer,
@@ -65,7 +66,7 @@ from vinefab.pages.plan import deployment_plan, draw_deployment, draw_map, draw_
 from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.finalists import LEAST_BEND, feasible_points, knee, minimized, non_dominated
 from vinefab.search.manufacturability import ManufacturabilityPenalty, run_profile
-from vinefab.search.record.generations import Finalist, Generation, Progress, curve_of
+from vinefab.search.record.generations import Finalist, Generation, SearchProgress, curve_of
 from vinefab.search.record.result import (
     RECORD_FILE,
     RunArchive,
@@ -331,7 +332,7 @@ class LivePage:
         self.path = folder / PAGE_NAME
         self.problem = ""
         self._settings, self._again = settings, again
-        self._last: Progress | None = None
+        self._last: SearchProgress | None = None
         self._next_s, self._pause_s = 0.0, LEAST_PAUSE_S
         self._best = _BestSoFar(settings)
 
@@ -347,32 +348,38 @@ class LivePage:
             return
         interrupted = issubclass(kind, KeyboardInterrupt | InterruptedRunError)
         why = "Interrupted" if interrupted else f"Stopped by an error ({error})"
-        self._write(f"{why} after {self._done(self._last)}.", running=False)
+        count = f"{self._last.done} of {self._last.total} {self._last.phase}"
+        self._write(f"{why} after {count}.", running=False)
 
     def update(self, progress: Progress) -> None:
-        """Write the page, unless that was just done."""
-        if self._last is None:  # remove half-written versions of killed sessions
-            with suppress(OSError):
-                for path in self.path.parent.glob(f".{PAGE_NAME}.*"):
-                    path.unlink(missing_ok=True)
-        self._last = progress
-        self._best.look(progress.history)
+        """Write the page, unless that was just done; before the first generation there is none."""
+        if isinstance(progress, SearchProgress) and progress.within is None:
+            self._follow(progress)
+        elif self._last is None or progress.within is not None:
+            return
         began_s, worked_s = time.monotonic(), time.thread_time()
         if began_s < self._next_s or self.problem:
             return
-        left_s = progress.left_s
-        left = f"{round(left_s)} s" if left_s < 90.0 else f"{round(left_s / 60.0)} min"
-        left = left if left_s < 7170.0 else f"{left_s / 3600.0:.1f} h"
-        self._write(f"Running: {self._done(progress)}; about {left} left.", running=True)
+        left = ""
+        if (left_s := progress.left_s) is not None:
+            left = f"{round(left_s)} s" if left_s < 90.0 else f"{round(left_s / 60.0)} min"
+            left = left if left_s < 7170.0 else f"{left_s / 3600.0:.1f} h"
+            left = f"; about {left} left"
+        self._write(f"Running: {progress.count}{left}.", running=True)
         now_s = time.monotonic()
         if self._next_s:
             working_s = (time.thread_time() - worked_s) / _OF_PROCESSOR
             self._pause_s = max(LEAST_PAUSE_S, working_s, (now_s - began_s) / _OF_TIME)
         self._next_s = now_s + self._pause_s
 
-    @staticmethod
-    def _done(progress: Progress) -> str:
-        return progress.stage or f"generation {progress.generation} of {progress.generations}"
+    def _follow(self, progress: SearchProgress) -> None:
+        """Note a generation."""
+        if self._last is None:  # remove half-written versions of killed sessions
+            with suppress(OSError):
+                for path in self.path.parent.glob(f".{PAGE_NAME}.*"):
+                    path.unlink(missing_ok=True)
+        self._last = progress
+        self._best.look(progress.history)
 
     def _write(self, state: str, *, running: bool) -> None:
         try:
@@ -384,7 +391,7 @@ class LivePage:
         progress, settings = self._last, self._settings
         if progress is None:
             raise BadInputError("progress", None, "that of a generation")
-        pace_s = progress.elapsed_s / max(1, progress.generation)
+        pace_s = progress.elapsed_s / max(1, progress.done)
         patience_s = round(_PATIENCE_S + 5.0 * pace_s + self._pause_s)
         return page(
             f"{settings.name}: search for the best design",
@@ -415,7 +422,7 @@ class LivePage:
             ),
         )
 
-    def _headlines(self, progress: Progress) -> Iterator[Fact]:
+    def _headlines(self, progress: SearchProgress) -> Iterator[Fact]:
         best = progress.best
         yield Fact(
             "best fitness so far",

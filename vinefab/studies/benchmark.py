@@ -18,6 +18,7 @@ import numpy as np
 from vinefab.core.atomic import write_text
 from vinefab.core.compiling import rebindable
 from vinefab.core.plain_text import json_text
+from vinefab.core.progress import Progress, announce, each
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import Block, Notes, Number, Rows, Value
@@ -429,13 +430,11 @@ class BenchmarkResult:
         return json_text(_SCHEMA, content)
 
 
-def run_benchmark(
-    progress: Callable[[float, str], None], *, million: bool = False
-) -> BenchmarkResult:
+def run_benchmark(*, million: bool = False) -> BenchmarkResult:
     """Measure everything; takes about a minute."""
     site = PreparedMap.of(square_map(SIZES[0]))
     poses = draw_poses(site.world, GROWTHS, 1)
-    progress(0.0, "memory")
+    announce(Progress(phase="memory"))
     # First of all, because large maps leave the peak where no evaluation could raise it.
     memory, done = {}, 0
     launches = batch_on(site.terrain, poses).launches
@@ -448,8 +447,7 @@ def run_benchmark(
             memory[count] = peak
     walls = (*SIZES, MILLION) if million else SIZES
     sizes = []
-    for index, wanted in enumerate(walls):
-        progress(0.1 + 0.5 * index / len(walls), f"{wanted} walls")
+    for wanted in each("maps of many walls", walls, lambda wanted: f"{wanted:,} walls"):
         world = square_map(wanted)
         began = time.process_time()
         terrain = Terrain.of(world)
@@ -457,7 +455,7 @@ def run_benchmark(
         prepare_s = time.process_time() - began
         per_event = _ns_per_event(batch_on(terrain, free_poses(terrain, GROWTHS)))
         sizes.append(BenchSize(walls=count, prepare_s=prepare_s, ns_per_event=per_event))
-    progress(0.6, "the smallest map")
+    announce(Progress(phase="the smallest map"))
     batch = batch_on(site.terrain, poses)
     branches, count = len(batch) * len(batch.plans.each[0]), events(batch)
     grown_s, evaluated_s = least_each_s(
@@ -465,7 +463,7 @@ def run_benchmark(
     )
     again = [batch_on(site.terrain, (pose,) * GROWTHS) for pose in poses[:FORESEEN_GROWTHS]]
     foreseen_ns = [_ns_per_event(growths) for growths in again]
-    progress(0.8, "threads and batches")
+    announce(Progress(phase="threads and batches"))
     return BenchmarkResult(
         branches_per_s=branches / grown_s,
         evaluations_per_s=len(batch) / evaluated_s,

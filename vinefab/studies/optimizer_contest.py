@@ -22,6 +22,7 @@ from vinefab.core.errors import BadInputError, UnreadableFileError, WorkersLostE
 from vinefab.core.hashing import fingerprint
 from vinefab.core.interruption import end_with_parent, stops_deferred
 from vinefab.core.plain_text import GENERATOR, counted, json_text
+from vinefab.core.progress import phase
 from vinefab.core.statistics import LEVEL, SIGNIFICANT, mean_interval, mean_p
 from vinefab.core.validation import Floats, whole
 from vinefab.core.view import Block, Number, Rows, Value
@@ -185,7 +186,6 @@ def contest_rows(
     record: Path,
     *,
     jobs: int = 1,
-    progress: Callable[[float, str], None] = lambda _, __: None,
     force: bool = False,
 ) -> list[ContestRow]:
     """Do the runs that a record does not hold yet, and return all of them."""
@@ -203,9 +203,9 @@ def contest_rows(
             with located(sources[run.settings.name]):
                 _search(run.settings)
     total, begun = len(contest_runs), len(contest_runs) - len(todo)
-    progress(begun / max(1, total), f"{begun} of {total} runs")
     processes = WorkerProcesses(jobs) if jobs > 1 and len(todo) > 1 else nullcontext()
-    with processes as pool:
+    with processes as pool, phase("runs", total) as told:
+        told.at(begun)
         rows = map(run_contest, todo) if pool is None else pool.map(run_contest, todo)
         for done, row in enumerate(rows, start=begun + 1):
             with folder_to_fill(record.parent), record.open("a", encoding="utf-8") as stream:
@@ -216,7 +216,7 @@ def contest_rows(
                 stream.write(json.dumps(asdict(row)) + "\n")
             known[row.key] = row
             last = f"{row.problem} {row.contender} {row.unseen:.4f}"
-            progress(done / total, f"{done} of {total} runs, the last {last}")
+            told.at(done, f"the last {last}")
     return [known[contest_run.key] for contest_run in contest_runs]
 
 

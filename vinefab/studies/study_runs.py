@@ -23,6 +23,7 @@ from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileE
 from vinefab.core.hashing import fingerprint
 from vinefab.core.limits import rad
 from vinefab.core.plain_text import json_text
+from vinefab.core.progress import each
 from vinefab.core.validation import Floats
 from vinefab.core.view import Answer, Block, Fact, Facts, Rows, Section
 from vinefab.growth.options import GrowthOptions
@@ -305,17 +306,14 @@ _FINISHED_SCHEMA = "vinefab/reproduction-finished-1"
 
 _PART_SCHEMA = "vinefab/reproduction-part-1"
 
-Progress = Callable[[float, str], None]
-
 
 class JobStore:
     """A folder of finished jobs, and processes to do more; closed at the end of its block."""
 
-    def __init__(self, folder: Path, size: StudySize, workers: int, progress: Progress) -> None:
+    def __init__(self, folder: Path, size: StudySize, workers: int) -> None:
         self.folder = folder
         self.size = size
         self.workers = workers
-        self.progress = progress
         self.spent_s = 0.0
         self._pool: ProcessPoolExecutor | None = None
         _begin(folder, size)
@@ -340,11 +338,11 @@ class JobStore:
 
     def train(self, jobs: Sequence[Training]) -> list[dict[str, Any]]:
         """Return the result of each run."""
-        return self.do(jobs, "training")
+        return self.do(jobs, "trainings")
 
     def test(self, jobs: Sequence[Testing]) -> list[Floats]:
         """Return the scores of each test, shape (maps, poses)."""
-        return [np.array(found["scores"]) for found in self.do(jobs, "testing")]
+        return [np.array(found["scores"]) for found in self.do(jobs, "tests")]
 
     def terms(self, jobs: Sequence[Testing], name: str) -> list[Floats]:
         """Return one term of each test, shape (maps, poses)."""
@@ -356,11 +354,10 @@ class JobStore:
         known = {key: self._kept(key) for key in keys}
         todo = {key: job for key, job in zip(keys, jobs, strict=True) if known[key] is None}
         began_s = time.perf_counter()
-        for number, (key, found) in enumerate(self._done(todo), start=1):
+        for key, found in each(words, self._done(todo), total=len(todo)):
             known[key] = found
             text = json_text(_PART_SCHEMA, {"key": key, "result": found})
             write_text(self._path(key), text)
-            self.progress(number / len(todo), f"{words} {number} of {len(todo)}")
         self.spent_s += time.perf_counter() - began_s
         return [result for key in keys if (result := known[key]) is not None]
 
@@ -699,23 +696,22 @@ def do_experiments(
     size: StudySize,
     *,
     workers: int = 1,
-    progress: Progress = lambda _, __: None,
     announce: Callable[[str], None] = lambda _: None,
 ) -> Reproduction:
     """Do some experiments, and write all that the folder holds into one page and one JSON file."""
     wanted = [name for given in names for name in (EXPERIMENTS if given == ALL else [given])]
     for name in wanted:
         EXPERIMENTS[name]
-    with JobStore(folder, size, workers, progress) as store:
+    with JobStore(folder, size, workers) as store:
         ensure_writable(folder / STUDY_PAGE)
         ensure_writable(folder / NUMBERS)
         here = set(store.finished()) | set(wanted)
         findings = []
-        for name, experiment in EXPERIMENTS.items():
-            if name in here:
-                announce(name)
-                findings.append(experiment(store))
-                store.finish(name)
+        asked = {name: EXPERIMENTS[name] for name in EXPERIMENTS if name in here}
+        for name in each("experiments", asked, str):
+            announce(name)
+            findings.append(asked[name](store))
+            store.finish(name)
     done = Reproduction(size=size, findings=tuple(findings), spent_s=store.spent_s)
     write_text(folder / NUMBERS, numbers_text(done))
     blocks = study_blocks(done.findings, done.size)

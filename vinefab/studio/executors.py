@@ -17,12 +17,15 @@ from multiprocessing.pool import ThreadPool
 from typing import Any, Protocol
 
 from vinefab.core.errors import BadInputError, VinefabError
+from vinefab.core.progress import ProgressLine, heard_by, progress_seen
 from vinefab.studio.state import PAGE, StudioState
 
-Progress = Callable[[float, str], None]
+Seen = Callable[[float | None, str], None]
+"""Takes the share of a phase that is done, None where nothing is counted, and its words."""
+
 """Takes the share that is done, 0 to 1, and the name of the present step; from any thread."""
 
-AnswerFunction = Callable[[StudioState, Mapping[str, Any], Progress], dict[str, Any]]
+AnswerFunction = Callable[[StudioState, Mapping[str, Any]], dict[str, Any]]
 """An answer: takes the state of the page and the panel's question; returns plain values."""
 
 LIVE, CUT = "live", "cut"
@@ -56,9 +59,7 @@ class Question:
     ask: Mapping[str, Any]
 
 
-def answer_of(
-    panel: str, state: Mapping[str, Any], ask: Mapping[str, Any], progress: Progress
-) -> Any:  # noqa: ANN401  plain values
+def answer_of(panel: str, state: Mapping[str, Any], ask: Mapping[str, Any]) -> Any:  # noqa: ANN401  plain values
     """Return a panel's answer.
 
     Raises
@@ -70,7 +71,7 @@ def answer_of(
         raise BadInputError("panel", panel, f"one of {', '.join(PANELS)}", PAGE)
     module, _, name = PANELS[panel][0].partition(".")
     function: AnswerFunction = getattr(import_module(f"vinefab.studio.{module}"), name)
-    return function(StudioState.of(state), ask, progress)
+    return function(StudioState.of(state), ask)
 
 
 class Pipe(Protocol):
@@ -100,7 +101,7 @@ class ProcessExecutor:
         self._process: multiprocessing.process.BaseProcess | None = None
         self._scratch: tempfile.TemporaryDirectory[str] | None = None
 
-    async def answer(self, question: Question, progress: Progress) -> Any:  # noqa: ANN401  plain values
+    async def answer(self, question: Question, progress: Seen) -> Any:  # noqa: ANN401  plain values
         """Return the answer; if the caller is cancelled the process is killed.
 
         Raises
@@ -165,15 +166,18 @@ def answer_questions(pipe: Pipe, scratch: str) -> None:
     """
     tempfile.tempdir = scratch
 
-    def progress(share: float, text: str) -> None:
-        pipe.send(("progress", (share, text)))
+    def see(line: ProgressLine) -> None:
+        share = None if line.now is None else line.now.share
+        with suppress(OSError):  # the server is gone
+            pipe.send(("progress", (share, ", ".join(filter(None, (line.what, line.left))))))
 
     # Ctrl-C goes to the server, which ends its executors; one that is killed closes the pipe.
     with suppress(EOFError, OSError, KeyboardInterrupt):
         while True:
             question = pipe.recv()
             try:
-                found = answer_of(question.panel, question.state, question.ask, progress)
+                with progress_seen(see) as listener, heard_by(listener):
+                    found = answer_of(question.panel, question.state, question.ask)
             except VinefabError as error:
                 pipe.send(("error", error))
             else:
@@ -189,12 +193,10 @@ class ThreadExecutor:
         self.answered = asyncio.Event()
         """Set once the page has shown its first answer: what takes long may begin."""
 
-    async def answer(self, question: Question, progress: Progress) -> Any:  # noqa: ANN401  plain values
+    async def answer(self, question: Question, _progress: Seen) -> Any:  # noqa: ANN401  plain values
         """Return the answer; what raises raises here."""
         try:
-            return await self.run(
-                lambda: answer_of(question.panel, question.state, question.ask, progress)
-            )
+            return await self.run(lambda: answer_of(question.panel, question.state, question.ask))
         finally:
             asyncio.get_running_loop().call_later(_PAINTED_S, self.answered.set)
 

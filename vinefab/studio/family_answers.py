@@ -18,7 +18,7 @@ from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import fingerprint
-from vinefab.core.plain_text import counted
+from vinefab.core.progress import Progress, announce, each
 from vinefab.core.statistics import PAIRED_TAILS, group_means, mean_interval
 from vinefab.core.table import Table, validated
 from vinefab.core.validation import Floats
@@ -37,7 +37,6 @@ from vinefab.pages.plan_svg import ground_svg, robot_svg, view_box
 from vinefab.prediction.family_deployments import PreparedFamily
 from vinefab.prediction.measures import COVERAGE, REACH, SEEN, Measure
 from vinefab.prediction.prediction_width import ContactRange, contact_range
-from vinefab.studio.executors import Progress
 from vinefab.studio.live_answers import not_followed, prepared_map
 from vinefab.studio.state import PAGE, Family, StudioState, world_of
 from vinefab.tasks import make_task
@@ -100,7 +99,7 @@ class FamilyRequest(Table):
     ] = {}
 
 
-def family_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+def family_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     """Return the scores of a design on many maps: an entry for each, and their statistics.
 
     Scores are those of `vinefab.score` on the same maps and as many poses, all simulated.
@@ -113,8 +112,8 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress
         A `FamilyRequest`.
     """
     asked = validated(FamilyRequest, ask, PAGE)
-    places = _CACHE.places(state.family, progress)
-    trial = _tried(state, asked, places, progress)
+    places = _CACHE.places(state.family)
+    trial = _tried(state, asked, places)
     by_map = [list(trial.deployments[rows]) for rows in trial.rows]
     means = trial.means
     before = asked.scores_before
@@ -193,17 +192,15 @@ class _Cache:
     # the latest, by its maps and radii: every set of radii is one more copy of all walls
     terrains: dict[tuple[Any, ...], TerrainSet] = field(default_factory=dict)
 
-    def places(self, family: Family, progress: Progress) -> list[FamilyMap]:
+    def places(self, family: Family) -> list[FamilyMap]:
         """Return the maps of a family, prepared."""
         if family.files:
             sources: list[dict[str, Any]] = [{"file": p} for p in dict.fromkeys(family.files)]
         else:
             seeds = range(family.seed, family.seed + family.count)
             sources = [{"environment": family.environment, "seed": seed} for seed in seeds]
-        began, places = time.monotonic(), list[FamilyMap]()
-        for index, source in enumerate(sources):
-            if time.monotonic() - began > SILENT_S:
-                progress(index / len(sources), f"preparing maps: {index} of {len(sources)}")
+        places = list[FamilyMap]()
+        for source in each("maps prepared", sources):
             name, world = json.dumps(source), world_of({"source": source})
             held = self.places_of.get(name)
             if held is None or held.prepared.world is not world:
@@ -220,7 +217,6 @@ class _Cache:
         places: Sequence[FamilyMap],
         radii_mm: Sequence[float],
         most_s: float,
-        progress: Progress,
     ) -> Sequence[FamilyMap]:
         """Build the walls for some body radii; return the maps that have them when time is up."""
         if len(self.walls) > MOST_WALLS:
@@ -229,15 +225,9 @@ class _Cache:
                 place.prepared.terrain.keep_only(radii_mm)
             self.walls = {(place.key, radius_mm) for place in places for radius_mm in radii_mm}
         began = time.monotonic()
-        for index, place in enumerate(places):
-            spent_s = time.monotonic() - began
-            if index >= LEAST_MAPS and spent_s > most_s:
+        for index, place in enumerate(each("walls of maps for these widths", places)):
+            if index >= LEAST_MAPS and time.monotonic() - began > most_s:
                 return places[:index]
-            if spent_s > SILENT_S:
-                progress(
-                    index / len(places),
-                    f"walls for these widths: {index} of {counted(len(places), 'map')}",
-                )
             for radius_mm in radii_mm:
                 place.prepared.terrain.walls(radius_mm)
                 self.walls.add((place.key, radius_mm))
@@ -282,12 +272,10 @@ class _Trial:
         return dict(zip(keys, group_means(self.scores, groups).tolist(), strict=True))
 
 
-def _tried(
-    state: StudioState, asked: FamilyRequest, places: Sequence[FamilyMap], progress: Progress
-) -> _Trial:
+def _tried(state: StudioState, asked: FamilyRequest, places: Sequence[FamilyMap]) -> _Trial:
     """Grow a design and score it, on all maps or, where that would take too long, on the first."""
     task = make_task(state.task)
-    compiled = _COMPILER.has(task, progress, wait=not (asked.quick or asked.soon))
+    compiled = _COMPILER.has(task, wait=not (asked.quick or asked.soon))
     count = state.family.poses
     if not compiled:
         most = MOST_FAMILY_INTERPRETED // (count * state.design.branch_count)
@@ -296,7 +284,7 @@ def _tried(
     radii_mm = plans.spans.radii_mm
     most_s = math.inf if compiled else FIRST_S
     most_s = QUICK_S if asked.quick else most_s
-    places = _CACHE.with_walls(places, radii_mm, most_s, progress)
+    places = _CACHE.with_walls(places, radii_mm, most_s)
     for place in places:
         check_on_map(task, place.prepared.world, place.prepared.context)
     prepared = [place.prepared for place in places]
@@ -304,7 +292,7 @@ def _tried(
     launches = Launches.of(_CACHE.terrain_set(places, radii_mm), poses)
     batch = Batch(plans, launches, options, engine="kernel" if compiled else "interpreted")
     chosen = search_form(task) if asked.quick and compiled else task
-    scores, deployments = _evaluated(batch, chosen, [place.context for place in prepared], progress)
+    scores, deployments = _evaluated(batch, chosen, [place.context for place in prepared])
     if asked.compiled:
         _COMPILER.start(task)
     for row in np.flatnonzero(~np.isfinite(scores)).tolist():  # of a task of the user's own
@@ -324,7 +312,7 @@ _BLOCK = 8
 
 
 def _evaluated(
-    batch: Batch, task: Task, contexts: Sequence[MapContext], progress: Progress
+    batch: Batch, task: Task, contexts: Sequence[MapContext]
 ) -> tuple[Floats, list[Deployment]]:
     """Return the score of every growth of a batch, and the growths."""
 
@@ -332,13 +320,10 @@ def _evaluated(
         grown = [block.deployment(index) for index in range(len(block))]
         return outcomes(task, block, contexts), grown
 
-    began, parts, deployments = time.monotonic(), list[TaskOutcomes](), list[Deployment]()
+    parts, deployments = list[TaskOutcomes](), list[Deployment]()
     for scored, grown in batch.each(both, size=_BLOCK):
         parts.append(scored)
         deployments += grown
-        if time.monotonic() - began > SILENT_S:
-            done, count = len(deployments), len(batch)
-            progress(done / count, f"growing and scoring: {done} of {count}")
     return concatenated_outcomes(parts).score, deployments
 
 
@@ -359,18 +344,18 @@ class _Compiler:
             options = GrowthOptions()
             launches = Launches.of(TerrainSet([room.terrain]), [[start.pose]])
             batch = Batch(Plans.of([vine], options), launches, options)
-            _evaluated(batch, search_form(task), [room.context], lambda _share, _text: None)
+            _evaluated(batch, search_form(task), [room.context])
 
         if task.name not in self.threads:
             self.threads[task.name] = Thread(target=load, daemon=True)
             self.threads[task.name].start()
 
-    def has(self, task: Task, progress: Progress, *, wait: bool) -> bool:
+    def has(self, task: Task, *, wait: bool) -> bool:
         """Tell whether the code of a task is loaded; one without a slower form is waited for."""
         if wait or search_form(task) == task:
             self.start(task)
             if self.threads[task.name].is_alive():
-                progress(0.0, COMPILING)
+                announce(Progress(phase=COMPILING))
                 self.threads[task.name].join()
         return task.name in self.threads and not self.threads[task.name].is_alive()
 
@@ -509,7 +494,7 @@ def _as_from_start(points_mm: Floats, start: Pose) -> Floats:
     return np.asarray(away @ np.array([[cosine, sine], [-sine, cosine]]))
 
 
-def width_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict[str, Any]:  # noqa: ARG001  one form
+def width_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ARG001  one form
     """Return the ends of coverage and reach from the page's start (simulated), as in a report.
 
     Returns

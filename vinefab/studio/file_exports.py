@@ -39,6 +39,7 @@ from vinefab.core.errors import (
 from vinefab.core.front_door import front_door
 from vinefab.core.hashing import marked
 from vinefab.core.plain_text import GENERATOR, plain
+from vinefab.core.progress import each
 from vinefab.core.registry import with_parameters
 from vinefab.core.validation import check_plain, whole
 from vinefab.core.verbs import SHELL, Call, Shell
@@ -56,7 +57,7 @@ from vinefab.model.finding import CheckReport
 from vinefab.model.laser import RecipeStatus
 from vinefab.model.map import Map, Pose, Start, map_text
 from vinefab.pages.plan_svg import legend_rows
-from vinefab.studio.executors import Progress, answer_of
+from vinefab.studio.executors import answer_of
 from vinefab.studio.live_answers import load_kernel
 from vinefab.studio.server import MODULES, PAGE_FOLDER
 from vinefab.studio.state import (
@@ -297,7 +298,7 @@ SNAPSHOT = "snapshot"
 """The export without a command: the page itself."""
 
 
-def export_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+def export_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     """Write an export, or return the commands that write the exports.
 
     Parameters
@@ -322,11 +323,11 @@ def export_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress
                 reference=None if reference is None else mapping_at("reference", reference),
             )
             ensure_writable(path)
-            write_snapshot(mapping_at("state", ask.get("state")), path, options, progress)
+            write_snapshot(mapping_at("state", ask.get("state")), path, options)
             written = {"command": _opens(path), "written": [str(path)]}
             return {**written, "inputs": [], "view": [], "refused": ""}
         kind = _kind(what, ask)
-        return _export(kind, _source(state, ask, kind, ask.get("out")), progress)
+        return _export(kind, _source(state, ask, kind, ask.get("out")))
     except ForeignFileError as error:
         # What the page can do about a file that is not vinefab's: nothing is forced.
         problem = f"it {error.problem}; choose another name"
@@ -350,7 +351,7 @@ def _commands(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     return {"commands": commands, "unverified": unverified}
 
 
-def _export(kind: Export, source: ExportSource, progress: Progress) -> dict[str, Any]:
+def _export(kind: Export, source: ExportSource) -> dict[str, Any]:
     """Call the verb as its command would, and write the inputs that no file has."""
     out, (name, verb) = Path(source.out), _verb(kind)
     if source.inputs:  # before any long work: may they be written?
@@ -363,8 +364,9 @@ def _export(kind: Export, source: ExportSource, progress: Progress) -> dict[str,
         "refused": "",
         "findings": [],
     }
+    # The page hears the progress of the verb.
     shell = Shell(
-        command=name, say=lambda _text: None, progress=lambda _title: nullcontext(progress)
+        command=name, say=lambda _text: None, progress=lambda _title: nullcontext(_silent)
     )
     token = SHELL.set(shell)
     try:
@@ -380,7 +382,6 @@ def _export(kind: Export, source: ExportSource, progress: Progress) -> dict[str,
     finally:
         SHELL.reset(token)
     if source.inputs:
-        progress(0.99, "writing")
         write_folder(source.folder, source.inputs, DESIGN_FILE)
     written, view, findings = [out], found.view(), ()
     if kind.mark:
@@ -545,7 +546,6 @@ def write_snapshot(
     state: Mapping[str, Any],
     path: Path,
     options: SnapshotOptions | None = None,
-    progress: Progress | None = None,
     *,
     force: bool = False,
 ) -> Path:
@@ -563,18 +563,16 @@ def write_snapshot(
     VinefabError
         If something in the state cannot be used, or the file cannot be written.
     """
-    options, progress = options or SnapshotOptions(), progress or _silent
-    progress(0.0, "loading the simulator")
+    options = options or SnapshotOptions()
     load_kernel()  # what has to wait for it on the page is in the file
     panels = ("live", "cut", "rules", *(("family",) if options.family else ()))
     answers = {}
-    for number, panel in enumerate(panels):
-        progress(0.1 + 0.5 * number / len(panels), panel)
-        answers[panel] = answer_of(panel, state, {}, _silent)
+    for panel in each("panels", panels, str):
+        answers[panel] = answer_of(panel, state, {})
     if options.reference is not None:
-        progress(0.6, "the version before")
         before = {**state, "design": options.reference}
-        found = {panel: answer_of(panel, before, {"ground": False}, _silent) for panel in panels}
+        again = each("panels of the version before", panels, str)
+        found = {panel: answer_of(panel, before, {"ground": False}) for panel in again}
         answers["reference"] = {"design": options.reference, "answers": found}
     return write_bytes(path, snapshot_html(state, answers, options), force=force)
 
@@ -713,5 +711,5 @@ def map_source(state: Mapping[str, Any]) -> dict[str, Any]:
     return source if isinstance(source, dict) else {}
 
 
-def _silent(_share: float, _text: str) -> None:
-    """Report no progress."""
+def _silent(_progress: object) -> None:
+    """Show no progress."""

@@ -39,7 +39,6 @@ from vinefab.pages.plan_svg import (
 )
 from vinefab.prediction.deploy import DeployedDesign, places_text, stayed_text, wedged, without_room
 from vinefab.prediction.measures import worst_pressures_of
-from vinefab.studio.executors import Progress
 from vinefab.studio.state import PAGE, EditedMap, StudioState, pose_content
 from vinefab.tasks import TASKS, make_task
 from vinefab.tasks.evaluate import PreparedMap
@@ -165,7 +164,7 @@ COMPILED_TASKS = ("anchoring",)
 """Tasks that cannot be scored before code is compiled."""
 
 
-def live_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict[str, Any]:
+def live_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     """Return growth and scores of the open design.
 
     Parameters
@@ -347,7 +346,7 @@ LEAST_MM = 1.0
 """Branches are dragged no shorter than this."""
 
 
-def tip_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict[str, Any]:
+def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of a level for which the tip of a branch lies where it is dragged to.
 
     The length follows the tip along its last stretch, the fan turns with the part across it; where
@@ -414,7 +413,7 @@ def deployed_robot(state: StudioState) -> DeployedDesign:
     )
 
 
-def front_answer(state: StudioState, ask: Mapping[str, Any], _: Progress) -> dict[str, Any]:
+def front_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     """Return the robot at a front length (simulated); from the full length on, the whole robot.
 
     The page could cut the final shape to length by itself, but a tip that slides along a wall turns

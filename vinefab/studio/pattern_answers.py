@@ -17,7 +17,6 @@ from vinefab.inflation.robot import with_short_tail
 from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.laser import LaserProfile
 from vinefab.pages.plan_svg import area_svg, lines_svg, outline_svg
-from vinefab.studio.executors import Progress
 from vinefab.studio.state import StudioState
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ _WIDER_RAD, _FAN_STEP_RAD = math.radians(120.0), math.radians(1.0)
 """Range and step of the search for the nearest possible fan."""
 
 
-def cut_answer(state: StudioState, _ask: Mapping[str, Any], _progress: Progress) -> dict[str, Any]:
+def cut_answer(state: StudioState, _ask: Mapping[str, Any]) -> dict[str, Any]:
     """Return the flat outline and the cut shape of each level, without any simulation.
 
     Joints come from the table or the user's cache. The rules, once the pointer rests, simulate what
@@ -118,11 +117,9 @@ def _fan(angles_deg: tuple[float, ...]) -> str:
     return f"{fan:.1f}"
 
 
-def inflated_answer(state: StudioState, _: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+def inflated_answer(state: StudioState, _: Mapping[str, Any]) -> dict[str, Any]:
     """Return flat outline, inflated body and designed branches, as `vinefab inflate` draws them."""
-    found = inflation_report.inflate_design(
-        state.design, state.profile, alone=True, progress=progress
-    )
+    found = inflation_report.inflate_design(state.design, state.profile, alone=True)
     shape = found.deployed
     contour = body_outline(with_short_tail(shape.pattern.flat)).contour
     axes = np.stack([shape.designed.start_mm, shape.designed.end_mm], axis=1)

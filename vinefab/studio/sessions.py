@@ -358,7 +358,7 @@ class StudioServer:
         async def prepare() -> None:  # what the first picture needs, while the browser opens
             state = self.workspace.state
             with suppress(VinefabError):  # the page will be told
-                await self.live.run(lambda: answer_of(LIVE, state, {}, lambda _share, _text: None))
+                await self.live.run(lambda: answer_of(LIVE, state, {}))
 
         tasks = [
             asyncio.create_task(work)
@@ -495,7 +495,7 @@ class TabSession:
                 with suppress(TimeoutError):
                     await asyncio.wait_for(live.answered.wait(), _FIRST_PICTURE_S)
 
-            def progress(share: float, text: str) -> None:
+            def progress(share: float | None, text: str) -> None:
                 loop.call_soon_threadsafe(self.put, {**reply, "progress": [share, text]})
 
             question = Question(panel=panel, state=state, ask=ask)

@@ -9,6 +9,7 @@ from typing import Any
 from vinefab.core.errors import BadInputError
 from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted
+from vinefab.core.progress import each
 from vinefab.fabrication.checking import Deployed, checked_design, map_corridors
 from vinefab.fabrication.job.placement import LayoutPlacement
 from vinefab.fabrication.package.bom import BomLine, bill_of_materials, joint_lines
@@ -34,7 +35,6 @@ from vinefab.prediction.deploy import growth_on_maps
 from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task
 from vinefab.prediction.fix_proposal import FIX_TASKS, propose_fix
 from vinefab.search.fix import KEEPS, parsed_keeps
-from vinefab.studio.executors import Progress
 from vinefab.studio.pattern_answers import cut_notes
 from vinefab.studio.state import PAGE, StudioState
 
@@ -47,16 +47,13 @@ MOST_FINDINGS = 200
 """Most findings that are listed and marked, errors first; the others are counted."""
 
 
-def rules_answer(state: StudioState, _: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+def rules_answer(state: StudioState, _: Mapping[str, Any]) -> dict[str, Any]:
     """Return the full check of the design on the page, with the sheet that it is about."""
-    progress(0.1, "growth")
     deployed, problem = deployed_on_page(state)
-    progress(0.2, "rules")
     corridors = () if state.world is None else (map_corridors(state.world, state.design),)
     subject, report = checked_design(
         state.design, state.profile, deployed=deployed, corridors=corridors
     )
-    progress(0.8, "sheet")
     partition, job = subject.partition, subject.job
     count = 1 if partition is None else len(partition.pieces)
     words = counted(count, "piece")
@@ -234,10 +231,8 @@ _KEPT_BY = (
 )
 """The words of `KEEPS` that keep locked values of a design, by the keys of these."""
 
-_SEARCH_SHARE = 0.85
 
-
-def fix_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+def fix_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     """Return the smallest change found that clears the errors of the design on the page.
 
     Parameters
@@ -249,16 +244,13 @@ def fix_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -
     maps: tuple[Map, ...] = ()
     if state.world is not None and state.start is not None:  # the page's start is the only one
         maps = (replace(state.world, starts=(Start(pose=state.start),)),)
-    progress(0.0, "looking for the smallest change")
     proposal = propose_fix(
         state.design,
         state.profile,
         maps=maps,
-        progress=lambda share: progress(_SEARCH_SHARE * share, "looking for the smallest change"),
         growth=state.growth.values,
         keep=keep,
     )
-    progress(_SEARCH_SHARE, "scoring")
     content: dict[str, Any] = {
         "lines": [line.strip().removeprefix("fix: ") for line in proposal.lines()],
         "changes": [change.text for change in proposal.changes],
@@ -279,7 +271,7 @@ def fix_answer(state: StudioState, ask: Mapping[str, Any], progress: Progress) -
     if not maps:
         content["scores_note"] = "no map is open: what it costs in score is not known"
         return content
-    for task in FIX_TASKS:
+    for task in each("scores of the change", FIX_TASKS):
         old, new = (
             score_design_on_task(one, maps, ScorePlan(task=task, poses=1), state.growth)
             for one in (state.design, proposal.design)

@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.search.conftest import followed
 from tests.search.kill import content
 from vinefab.core.errors import BadInputError
 from vinefab.search.record.result import RECORD_FILE, RunArchive, plain_summary
@@ -54,12 +55,12 @@ def test_an_extension_that_is_interrupted_goes_on(tmp_path, small):
     asked = of_generations(small, 2)
 
     def stop(progress):
-        if progress.generation == 3:
+        if progress.done == 3:
             raise KeyboardInterrupt
 
     run_search(asked, tmp_path / "run")
-    with pytest.raises(KeyboardInterrupt):
-        run_search(asked, tmp_path / "run", resume=True, limits={"generations": 5}, progress=stop)
+    with pytest.raises(KeyboardInterrupt), followed(stop):
+        run_search(asked, tmp_path / "run", resume=True, limits={"generations": 5})
     run_search(asked, tmp_path / "run", resume=True)
     run_search(of_generations(small, 5), tmp_path / "whole")
     assert content(tmp_path / "run") == content(tmp_path / "whole")

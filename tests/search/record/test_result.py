@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.search.conftest import optimize
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.cave import cave_map
@@ -172,7 +173,7 @@ def test_a_run_is_followed_while_it_is_recorded(tmp_path, small, maps):
             np.testing.assert_array_equal(one.x, progress.history[one.number].x)
 
     with RunStore.open(tmp_path, RunIdentity.of(small, maps), maps=maps) as store:
-        result = Search.of(small, maps, None).run(store=store, progress=follow)
+        result = optimize(small, maps, store=store, progress=follow)
     tail = RecordTail.read(path, len(seen))
     assert tail is not None
     seen += [generation.number for generation in tail.generations]

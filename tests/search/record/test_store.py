@@ -8,14 +8,14 @@ from typing import ClassVar, cast
 import numpy as np
 import pytest
 
-from tests.search.conftest import made_generation, optimize
+from tests.search.conftest import followed, made_generation, optimize
 from tests.search.kill import content
 from vinefab.core.atomic import is_ours
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError
 from vinefab.model.deployment import Deployment
 from vinefab.search.evaluator import Ledger
 from vinefab.search.record import store as module
-from vinefab.search.record.generations import Generation, Progress, RunIdentity
+from vinefab.search.record.generations import Generation, RunIdentity, SearchProgress
 from vinefab.search.record.result import RECORD_FILE, RunArchive
 from vinefab.search.record.store import Recorder, RunStore
 from vinefab.search.run import run_search
@@ -32,7 +32,7 @@ def recorded(folder, settings, maps, penalty=None, *, resume=False, stop_after=N
     """Run into a folder, breaking off after some generations."""
 
     def interrupt(progress):
-        if progress.generation == stop_after:
+        if progress.done == stop_after:
             raise InterruptedError
 
     with RunStore.open(folder, RunIdentity.of(settings, maps), resume=resume) as store:
@@ -324,9 +324,9 @@ def interrupted(recorder):
 def kept(pause_s, monkeypatch):
     """Return the record of an interrupted run, and its progress reports."""
     monkeypatch.setattr(module, "_PAUSE_S", pause_s)
-    store, reports = FakeStore(), list[Progress]()
-    with pytest.raises(KeyboardInterrupt):
-        interrupted(Recorder(store, reports.append, SEARCH, Ledger(1)))
+    store, reports = FakeStore(), list[SearchProgress]()
+    with pytest.raises(KeyboardInterrupt), followed(reports.append):
+        interrupted(Recorder(store, SEARCH, Ledger(1)))
     return store, reports
 
 
@@ -344,7 +344,7 @@ def test_fast_generations_are_recorded_together_and_none_is_lost(monkeypatch):
 
 def test_every_generation_is_reported_with_the_run_so_far(monkeypatch):
     _, reports = kept(60.0, monkeypatch)
-    assert [progress.generation for progress in reports] == [1, 2, 3, 4, 5]
+    assert [progress.done for progress in reports] == [1, 2, 3, 4, 5]
     assert {progress.best for progress in reports} == {1.0}
     assert reports[-1].elapsed_s == 10.0
     assert reports[-1].left_s == 10.0
@@ -356,7 +356,7 @@ def test_a_record_that_cannot_be_written_ends_the_run_with_its_own_error():
         def add(self, *_):
             raise OSError("full")
 
-    recorder = Recorder(Full(), None, SEARCH, Ledger(1))
+    recorder = Recorder(Full(), SEARCH, Ledger(1))
     with pytest.raises(OSError, match="full"):
         interrupted(recorder)
 
@@ -376,7 +376,7 @@ def test_an_interrupt_while_recording_costs_nothing(when, monkeypatch):
     hits: list[int] = []
     store = Interrupted()
     with pytest.raises(KeyboardInterrupt):
-        interrupted(Recorder(store, None, SEARCH, Ledger(1)))
+        interrupted(Recorder(store, SEARCH, Ledger(1)))
     assert store.entries == [([0], 1), ([1], 2), ([2], 3)]
 
 
@@ -389,7 +389,7 @@ def test_an_interrupt_while_noting_leaves_no_generation_with_the_state_before_it
         FakeStore(),
         [made_generation(0), made_generation(1)],
     )
-    recorder = Recorder(store, None, SEARCH, Ledger(1))
+    recorder = Recorder(store, SEARCH, Ledger(1))
     recorder.note(history[:1], {"generation": 1})
     with pytest.raises(KeyboardInterrupt), recorder:
         recorder.note(history, Slow(generation=2))
@@ -405,7 +405,7 @@ def test_later_changes_of_an_optimizers_state_are_not_recorded():
             entries.append(state)
 
     state: dict[str, object] = {"place": np.zeros(2), "numbers": [[1]]}
-    with Recorder(Keeping(), None, SEARCH, Ledger(1)) as recorder:
+    with Recorder(Keeping(), SEARCH, Ledger(1)) as recorder:
         recorder.note([made_generation(0)], state)
         cast("np.ndarray", state["place"])[:] = 7.0
         cast("list[list[int]]", state["numbers"])[0].append(2)
@@ -428,12 +428,12 @@ def test_a_run_for_a_task_object_is_recorded_and_resumed_only_with_the_same_task
     whole = run_search(small, tmp_path / "whole", task=Film())
 
     def interrupt(progress):
-        if progress.generation == 2:
+        if progress.done == 2:
             raise KeyboardInterrupt
 
     folder = tmp_path / "run"
-    with pytest.raises(KeyboardInterrupt):
-        run_search(small, folder, task=Film(), progress=interrupt)
+    with pytest.raises(KeyboardInterrupt), followed(interrupt):
+        run_search(small, folder, task=Film())
     with pytest.raises(BadInputError, match=r"task\.parameters\.unit_mm is 1\.0; allowed: 1000\.0"):
         run_search(small, folder, task=Film(unit_mm=1.0), resume=True)
     with pytest.raises(BadInputError, match=r"task\.name is 'coverage'; allowed: 'film'"):

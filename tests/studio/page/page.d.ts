@@ -78,7 +78,7 @@ type Follow = (state: StudioState, before: StudioState) => void;
 /** What a question fails with: its words, or that a newer one took its place or that it was stopped. */
 type Failure = { message?: string; stale?: boolean; stopped?: boolean };
 type Reject = (failure: Failure) => void;
-type Progress = (share: number, text: string) => void;
+type Progress = (share: number | null, text: string) => void;
 type Asked = { seq: number; ask: object; state: StudioState; resolve(found: unknown): void; reject: Reject };
 type Slot = { flight: Asked | null; waiting: Asked | null };
 

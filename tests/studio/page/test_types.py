@@ -91,7 +91,7 @@ def answers(workspace):
     state = {**workspace.state, "family": {"environment": "pegs", "count": 4, "seed": 20}}
     for panel in PANELS:
         for ask in PANEL_ASKS.get(panel, [{}]):
-            yield f'Answers["{panel}"]', answer_of(panel, state, ask, lambda *_: None)
+            yield f'Answers["{panel}"]', answer_of(panel, state, ask)
     asks = request_asks(state)
     for name in [*FILE_REQUESTS, *SEARCH_REQUESTS]:
         for ask in [] if name in RUNS else asks.get(name, [{}]):

@@ -11,6 +11,7 @@ import shapely
 
 from vinefab.core.hashing import MANIFEST_NAME, ROOMY_GENERATOR, manifest_text, sha256_of
 from vinefab.core.plain_text import counted
+from vinefab.core.progress import each, phase
 from vinefab.core.validation import Floats
 from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Picture, Rows, Section, Text, Tone
 from vinefab.fabrication.formats.laser_drawing import PRESETS, LaserFileSpec
@@ -159,8 +160,10 @@ def prepare(
     pattern = pattern_of(design, profile)
     cut = pattern.flat
     flat_sheet = replace(sheet, beside=tuple(cut_design(one, profile) for one in sheet.beside))
-    partition = pieces_of(pattern, profile, separate=separate)
-    job = laser_job(cut, profile, flat_sheet, partition)
+    with phase("flat pieces"):
+        partition = pieces_of(pattern, profile, separate=separate)
+    with phase("paths on the sheet"):
+        job = laser_job(cut, profile, flat_sheet, partition)
     flat = Subject.on_sheet(cut, profile, job, separate=separate)
     flat = replace(flat, pattern=pattern, deployments=deployments)
     subject = in_pieces(flat, partition)
@@ -178,7 +181,8 @@ def prepare(
                 f"{sheet_folder(number)}/outline": one
                 for number, one in enumerate(job.sheets, start=1)
             }
-        for stem, one in sheets.items():
+        for stem in each("laser files written and read back", sheets):
+            one = sheets[stem]
             spec = package_spec(one, profile)
             folder, slash, name = stem.rpartition("/")
             written = laser_files(spec, stem=name, requested=(R12_FORMAT,) if r12 else ())

@@ -10,6 +10,7 @@ from typing import TypeVar
 from vinefab.core.errors import UnknownNameError, located
 from vinefab.core.hashing import fingerprint
 from vinefab.core.plain_text import json_text
+from vinefab.core.progress import each
 from vinefab.core.registry import Registry
 from vinefab.core.view import Block, Data, Remark, Result, Rows, Text, document
 from vinefab.fabrication.rules import (
@@ -244,10 +245,14 @@ def run_checks(
     RULES.load_plugins()
     changed = changed_limits(subject.design, subject.profile, limits)
     values = by_rule(changed)
-    outcomes = [
-        (rule, _outcome(rule, subject, rule.limits_with(values.get(rule.id, {}))))
+    rules = [
+        rule
         for rule in RULES.values()
         if (only is None or rule.id in only) and concerns(rule.id, subject.design)
+    ]
+    outcomes = [
+        (rule, _outcome(rule, subject, rule.limits_with(values.get(rule.id, {}))))
+        for rule in each("rules", rules, lambda rule: rule.title)
     ]
     recipe = subject.profile.recipe.name if subject.profile else ""
     report = _report(subject.design.name, outcomes, subject.design.waivers)

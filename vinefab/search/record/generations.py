@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass, replace
-from typing import Any, cast
+from typing import Any, Self, cast
 
 import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.plain_text import counted
+from vinefab.core.progress import Progress
 from vinefab.core.registry import Registry
 from vinefab.core.validation import Floats
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -77,18 +78,20 @@ def touched_text(touched: float, total: float) -> str:
     return f"{touched:.3g} of {total:g} touched"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
-    """The progress of a run, for its user."""
+SEARCHING = "generations"
+"""The phase of a run in which its points are evaluated, counted in generations."""
 
-    generation: int  # number of generations done
-    generations: int  # number of generations at most
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchProgress(Progress):
+    """The progress of a run after a generation; its count is that of the generations."""
+
+    phase: str = SEARCHING
     best: float  # best fitness of the run so far
     mean: float  # of the composite scores of this generation's designs
     spread: float  # their standard deviation
     fabricable_share: float  # share of this generation's points with a manufacturable design
     elapsed_s: float  # of all sessions together
-    left_s: float  # for the rest, at this pace
     evaluations: int = 0  # designs evaluated so far
     history: Sequence[Generation] = ()  # every generation so far
     # Whether the best so far passes the full check, joints by the table; None where that is not
@@ -96,7 +99,6 @@ class Progress:
     passes: bool | None = None
     # Findings on trunk and sheet, or the rules that stop all designs so far, with limits to relax.
     advice: str = ""
-    stage: str = ""  # what is done after the last generation
 
     @property
     def manufacturable(self) -> str:
@@ -125,8 +127,15 @@ class Progress:
     @property
     def share(self) -> float:
         """Share of the run that is done, by the first of its limits that ends it at this pace."""
-        whole_s = self.elapsed_s + self.left_s
-        return self.elapsed_s / whole_s if whole_s > 0.0 else self.generation / self.generations
+        whole_s = self.elapsed_s + (self.left_s or 0.0)
+        return self.elapsed_s / whole_s if whole_s > 0.0 else self.done / self.total
+
+    def told(self, *, checked: bool) -> Self:
+        """Return the same with its facts as words; `checked`: whether rules count."""
+        made = f", manufacturable: {self.manufacturable}" if checked else ""
+        touched = f" ({self.targets_text})" if self.targets_text else ""
+        words = f"best {self.best:.4f}{touched}, mean {self.mean:.4f} +- {self.spread:.4f}{made}"
+        return replace(self, words=words)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

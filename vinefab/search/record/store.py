@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,9 +18,16 @@ import numpy as np
 from vinefab.core.atomic import folder_to_fill, lock_folder
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.core.plain_text import GENERATOR
+from vinefab.core.progress import announce, is_heard
 from vinefab.model.map import Map
 from vinefab.search.evaluator import Ledger, TimeSplit
-from vinefab.search.record.generations import Extension, Finalist, Generation, Progress, RunIdentity
+from vinefab.search.record.generations import (
+    Extension,
+    Finalist,
+    Generation,
+    RunIdentity,
+    SearchProgress,
+)
 from vinefab.search.record.result import (
     BUSY,
     EXTENSION_TABLE,
@@ -362,15 +369,14 @@ class Recorder:
     def __init__(
         self,
         store: RunStore | None,
-        progress: Callable[[Progress], None] | None,
         search: SearchSettings,
         ledger: Ledger,
-        judged: Callable[[Progress], Progress] = lambda progress: progress,
+        judged: Callable[[SearchProgress], SearchProgress] = lambda progress: progress,
     ) -> None:
-        self._store, self._progress, self._search, self._ledger = store, progress, search, ledger
+        self._store, self._search, self._ledger = store, search, ledger
         self._judged = judged
         self._unreported: Sequence[Generation] | None = None
-        self._reported: Progress | None = None
+        self._reported: SearchProgress | None = None
         self._pending = _PendingGenerations((), {})
         self._written_s = -math.inf
 
@@ -384,7 +390,7 @@ class Recorder:
             self._pending = self._pending.after(self._store.recorded)
         self._write()
         if kind is None:
-            self._report_last()
+            self.report()
 
     def note(self, history: Sequence[Generation], state: Mapping[str, object]) -> None:
         """Hold the last generation, and the state after it, to be recorded."""
@@ -397,25 +403,20 @@ class Recorder:
         self._pending = _PendingGenerations((*self._pending.generations, history[-1]), copied)
         self._unreported = history
 
-    def stage(self, what: str) -> None:
-        """Report what is done after the last generation."""
-        self._report_last()
-        if self._reported is not None and self._progress is not None:
-            self._progress(replace(self._reported, stage=what))
-
     def write(self) -> None:
         """Report the last generation; record pending ones unless that was just done."""
         if time.monotonic() - self._written_s >= _PAUSE_S:
             self._write()
-        self._report_last()
+        self.report()
 
-    def _report_last(self) -> None:
+    def report(self) -> None:
+        """Announce the last generation, unless that was done."""
         history, self._unreported = self._unreported, None
-        if history is not None and self._progress is not None:
+        if history is not None and is_heard():
             with self._ledger.spending("store"):
                 progress = _progress_after(self._reported, history, self._search)
                 self._reported = self._judged(progress)
-                self._progress(self._reported)
+                announce(self._reported)
 
     def _write(self) -> None:
         generations, state = self._pending
@@ -441,10 +442,10 @@ class _PendingGenerations(NamedTuple):
 
 
 def _progress_after(
-    before: Progress | None, history: Sequence[Generation], search: SearchSettings
-) -> Progress:
+    before: SearchProgress | None, history: Sequence[Generation], search: SearchSettings
+) -> SearchProgress:
     """Return the progress after the last generation, from that after an earlier one."""
-    new = history if before is None else history[before.generation :]
+    new = history if before is None else history[before.done :]
     best, elapsed_s, evaluations = -math.inf, 0.0, 0
     if before is not None:
         best, elapsed_s, evaluations = before.best, before.elapsed_s, before.evaluations
@@ -459,9 +460,9 @@ def _progress_after(
         shares.append(elapsed_s / search.wall_time_s)
     last = history[-1]
     designs = last.composite[np.isfinite(last.composite)]
-    return Progress(
-        generation=len(history),
-        generations=search.generations,
+    return SearchProgress(
+        done=len(history),
+        total=search.generations,
         best=best,
         mean=float(designs.mean()) if len(designs) else 0.0,
         spread=float(designs.std()) if len(designs) else 0.0,

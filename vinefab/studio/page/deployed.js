@@ -1,6 +1,6 @@
 // The inflated body in place of the flat sheet: simulated off the live path, dropped by a change.
 
-import { button, el, shownBlocks } from "studio/dom.js";
+import { button, el, showShare, shownBlocks } from "studio/dom.js";
 import { problemOf } from "studio/connection.js";
 
 const STILL_MS = 400;
@@ -90,7 +90,7 @@ export function deployedView(app, redraw) {
   }
 
   app.onProgress("inflated", (share, text) => {
-    bar.value = share;
+    showShare(bar, share);
     step.textContent = text;
   });
   app.on("again", () => { if (isOn) { asked = ""; follow(0); } });

@@ -21,6 +21,12 @@ function filled(node, attributes, children) {
   return node;
 }
 
+/** Show a share of a phase; null: nothing is counted. @param {HTMLProgressElement} bar @param {number | null} share */
+export function showShare(bar, share) {
+  if (share === null) bar.removeAttribute("value");
+  else bar.value = share;
+}
+
 /**
  * Return an element; names that begin with "on" are listeners.
  * @template {keyof HTMLElementTagNameMap} K

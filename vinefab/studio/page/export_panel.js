@@ -1,6 +1,6 @@
 // Exports: each with its choices, and the command line that writes the same bytes.
 
-import { button, copyable, el, optionsOf, rested, shownBlocks } from "studio/dom.js";
+import { button, copyable, el, optionsOf, rested, showShare, shownBlocks } from "studio/dom.js";
 import { problemOf } from "studio/connection.js";
 
 const WAIT_MS = 150;
@@ -229,7 +229,7 @@ export function mount(root, app) {
   }
 
   app.onProgress("export", (share, text) => {
-    bar.value = share;
+    showShare(bar, share);
     words.textContent = text;
   });
   dialog.addEventListener("input", showCommands);

@@ -388,7 +388,7 @@ export function mount(root, app) {
     atRest();
   }
 
-  app.onProgress("family", (share, text) => setStatus(`${text} (${number(100 * share, 0)} %)`, true));
+  app.onProgress("family", (_, text) => setStatus(text, true));
   app.store.subscribe((state) => {
     showControls(state);
     markOpen();

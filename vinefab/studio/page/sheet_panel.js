@@ -1,7 +1,7 @@
 // The sheet: what is cut, with findings in place; pressure, film and time; the fix with its preview.
 
 import { deployedView, patternOf } from "studio/deployed.js";
-import { button, counted, el, fillSvg, isHeld, number, optionsOf, svgEl } from "studio/dom.js";
+import { button, counted, el, fillSvg, isHeld, number, optionsOf, showShare, svgEl } from "studio/dom.js";
 import { isStale, problemOf } from "studio/connection.js";
 import { createView } from "studio/view.js";
 
@@ -683,7 +683,7 @@ function fixView(app, rules) {
   }
 
   app.onProgress("fix", (share, text) => {
-    bar.value = share;
+    showShare(bar, share);
     step.textContent = text;
   });
   return { start, box, follow, previewed };

@@ -81,6 +81,22 @@ def test_centre_lines_are_recovered_within_two_millimetres(truth, seen):
     assert seen.fits
 
 
+def test_branches_that_never_came_out_are_no_agreement(truth, seen):
+    out = int(truth.deployed.sum())
+    assert out < len(truth.deployed)  # some stay in, seen and predicted
+    data = json.loads(seen.json_text())
+    assert data["summary"]["same_stop"] == data["summary"]["same_contact_order"] == out
+    assert max(fit["same_stops"] for fit in data["half_angles"]) == out
+    text = "\n".join(seen.summary)
+    assert f"{out} of {out}" in text
+    # A child that is seen although it was predicted to stay in disagrees; one unseen too.
+    branch = next(b for b in seen.compared.branches if b.same_walls)
+    unseen = replace(branch, stop_predicted=Stop.NOT_DEPLOYED.label, order_predicted=())
+    assert unseen.came_out
+    assert not unseen.same_stop
+    assert not replace(unseen, order_observed=()).same_walls
+
+
 def test_what_came_out_where_it_stopped_and_what_it_met_are_seen(truth, seen):
     stops = [Stop(stop).label for stop in truth.stop.tolist()]
     assert [branch.stop_observed for branch in seen.compared.branches] == stops

@@ -724,6 +724,22 @@ class ComparedBranch:
         return self.stop_predicted != Stop.NOT_DEPLOYED.label
 
     @property
+    def came_out(self) -> bool:
+        """Whether it was seen or predicted: what stays in by both is no agreement."""
+        return self.deployed_observed or self.deployed_predicted
+
+    @property
+    def same_stop(self) -> bool:
+        """Whether it came out and stopped as predicted."""
+        return self.came_out and self.stop_observed == self.stop_predicted
+
+    @property
+    def same_walls(self) -> bool:
+        """Whether it came out, as predicted, and met the predicted walls in their order."""
+        both = self.deployed_observed and self.deployed_predicted
+        return both and self.order_observed == self.order_predicted
+
+    @property
     def share(self) -> float | None:
         """Mean distance as a share of the length seen."""
         if self.mean_mm is None or self.traced.length_mm == 0.0:
@@ -786,7 +802,7 @@ class HalfAngleFit:
     half_angle_deg: float
     # mean distance at equal arc lengths over the length of all branches that are in both
     mean_mm: float
-    same_stops: int  # branches that end as predicted
+    same_stops: int  # branches that came out and end as predicted
     log_likelihood: float  # of the shape [assumed errors], less that of the best half-angle
 
 
@@ -964,7 +980,10 @@ def _half_angle_fits(
             away = max(mean, abs(branch.traced.length_mm - grown_mm))
             log -= 0.5 * min(away / error, WORST_ERRORS) ** 2
         stops = [Stop(int(stop)).label for stop in predicted.stop]
-        same = sum(b.stop_observed == stop for b, stop in zip(branches, stops, strict=True))
+        same = sum(
+            b.stop_observed == stop != Stop.NOT_DEPLOYED.label
+            for b, stop in zip(branches, stops, strict=True)
+        )
         fits.append(
             HalfAngleFit(
                 half_angle_deg=round(angle, 6),

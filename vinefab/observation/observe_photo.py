@@ -309,6 +309,9 @@ class Observation(WrittenResult):
         """Yield the verdict, the lines on the photo, and how far they lie from the prediction."""
         compared, film, branches = self.compared, self.film, self.compared.branches
         count, good = len(branches), self.fits and not self.not_as_predicted
+        out = sum(b.came_out for b in branches)
+        same_stops = sum(b.same_stop for b in branches)
+        same_walls = sum(b.same_walls for b in branches)
         angles = ", ".join(f"{angle:g}" for angle in compared.best_half_angles_deg)
         yield Answer(
             f"{self.verdict[0].upper()}{self.verdict[1:]}.",
@@ -361,15 +364,17 @@ class Observation(WrittenResult):
                 ),
                 Fact(
                     "same stop",
-                    sum(b.stop_observed == b.stop_predicted for b in branches),
+                    f"{same_stops} of {out}",
                     "summary.same_stop",
-                    "measured against simulated",
+                    "of those that came out, measured against simulated",
+                    data=same_stops,
                 ),
                 Fact(
                     "same walls met",
-                    sum(b.order_observed == b.order_predicted for b in branches),
+                    f"{same_walls} of {out}",
                     "summary.same_contact_order",
-                    "measured against simulated",
+                    "of those that came out, measured against simulated",
+                    data=same_walls,
                 ),
                 Fact(
                     "film explained",
@@ -515,7 +520,7 @@ def _branch_section(branches: Sequence[ComparedBranch]) -> Section:
             branch.id,
             ", ".join(branch.order_observed) or "-",
             ", ".join(branch.order_predicted) or "-",
-            "yes" if branch.order_observed == branch.order_predicted else "no",
+            "yes" if branch.same_walls else "no",
         )
         for branch in branches
         if branch.order_observed or branch.order_predicted

@@ -220,18 +220,22 @@ class Command:
         terminal = Terminal(quiet=quiet, json_out=json_out, force=bool(force))
         terminal.ensure_json()
         context = copy_context()
-        return context.run(self._called, given, terminal, verbose=verbose)
+        flags = frozenset(flags_in(typed))
+        return context.run(self._called, given, terminal, flags, verbose=verbose)
 
     @property
     def _forces(self) -> bool:
         return any(one.name == "force" for one in self.options)
 
-    def _called(self, given: dict[str, Any], terminal: Terminal, *, verbose: bool) -> int:
+    def _called(
+        self, given: dict[str, Any], terminal: Terminal, typed: frozenset[str], *, verbose: bool
+    ) -> int:
         shell = Shell(
             command=self.name,
             say=terminal.say,
             progress=terminal.progress,
             gives_json=terminal.json_out is not None,
+            typed=typed,
         )
         SHELL.set(shell)
         placed = [given.pop(one.name) for one in self.options if one.starred and one.name in given]
@@ -303,7 +307,7 @@ class Command:
         import cyclopts
 
         flags = [flag for one in all_options(self) for flag in flags_of(one)] + list(HELP)
-        names = [word.partition("=")[0] for word in typed if re.match(r"--?[a-zA-Z]", word)]
+        names = flags_in(typed)
         unknown = next((name for name in names if name not in flags), "")
         match error:
             case cyclopts.UnknownOptionError() | cyclopts.UnusedCliTokensError() if unknown:
@@ -339,6 +343,11 @@ def _common(options: Sequence[Option]) -> tuple[Option, ...]:
 def all_options(command: Command) -> tuple[Option, ...]:
     """Return the options of a command, with those that every command has."""
     return (*command.options, *_common(command.options))
+
+
+def flags_in(typed: Sequence[str]) -> list[str]:
+    """Return the names of options in a command line, as they were typed."""
+    return [word.partition("=")[0] for word in typed if re.match(r"--?[a-zA-Z]", word)]
 
 
 def flags_of(option: Option) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ import re
 import shlex
 import textwrap
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
@@ -156,6 +156,10 @@ class Option:
     def shown(self) -> str:
         """Its name in messages of a shell: a word that stands by itself has no flag."""
         return self.name if self.positional else self.flag
+
+    def shown_as(self, typed: Container[str]) -> str:
+        """Return its name in messages about a command line: the flag that stands there."""
+        return next((flag for flag in self.flags if flag in typed), self.shown)
 
     @property
     def metavar(self) -> str:
@@ -471,6 +475,7 @@ class Shell:
     say: Callable[[str], None]
     progress: Callable[[str], AbstractContextManager[Listener]]
     gives_json: bool = False  # whether ``--json`` is given
+    typed: frozenset[str] = frozenset()  # the flags, as they were typed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -582,7 +587,7 @@ def verb(function: Callable[P, R]) -> Callable[P, R]:
             finally:
                 _CALL.reset(token)
         except (BadInputError, UnknownNameError, ExportRefusedError) as error:
-            raise _renamed(error, function, in_shell=shell is not None) from error
+            raise _renamed(error, function, shell=shell) from error
 
     return called
 
@@ -591,11 +596,12 @@ def _renamed(
     error: BadInputError | UnknownNameError | ExportRefusedError,
     function: Callable[..., Any],
     *,
-    in_shell: bool,
+    shell: Shell | None,
 ) -> VinefabError:
     """Return an error that names parameters as the caller knows them."""
-    if in_shell:
-        flags = {one.name: one.shown for one in options_of(function)}
+    if shell is not None:
+        typed = shell.typed
+        flags = {one.name: one.shown_as(typed) for one in options_of(function)}
         if isinstance(error, BadInputError) and error.source is None and error.key in flags:
             return BadInputError(flags[error.key], error.value, error.allowed)
         return error

@@ -48,6 +48,8 @@ class Number:
         How much of `value` one shown unit is: 0.01 for a share shown in percent.
     decimals
         Decimals in JSON; None: all.
+    least
+        Below it a positive number is shown as ``< least``: a p-value is never 0.
     """
 
     value: float | None
@@ -58,6 +60,7 @@ class Number:
     per: float = 1.0
     decimals: int | None = None
     over: str = ""
+    least: float = 0.0
 
     def __str__(self) -> str:
         """Return the number with its interval, unit and standing; a dash where there is none.
@@ -103,7 +106,31 @@ class Number:
     def _shown(self, value: float | None) -> str:
         if value is None:
             return "-"
+        if 0.0 <= value < self.least:
+            return f"< {self.least:g}"
         return f"{value if self.per == 1.0 else value / self.per:{self.form}}"
+
+
+LEAST_P = 0.001
+
+
+def p_value(p: float, decimals: int | None = None) -> Number:
+    """Return a p-value as it is shown, not closer than 0.001.
+
+    >>> str(p_value(0.0123)), str(p_value(2e-9))
+    ('0.012', '< 0.001')
+    """
+    return Number(p, form=".3f", least=LEAST_P, decimals=decimals)
+
+
+def p_equation(p: float) -> str:
+    """Return a p-value as part of a sentence.
+
+    >>> p_equation(0.0123), p_equation(0.0)
+    ('p = 0.012', 'p < 0.001')
+    """
+    shown = p_value(p).text
+    return f"p {shown}" if shown.startswith("<") else f"p = {shown}"
 
 
 def bracketed(ends: tuple[str, str] | None, over: str) -> str:

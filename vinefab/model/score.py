@@ -28,6 +28,9 @@ def composite_text(kind: str, reference_deviation: float = STANDARD_DEVIATION) -
     return f"{MEAN_SHARE:g} mean + {rest:g} (1 - std / {reference_deviation:g})"
 
 
+NOTHING_STEADY = "nothing earned, so that to be steady is worth nothing"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
     """One deployment's score.
@@ -177,12 +180,21 @@ class Score(Result):
                     f"composite.{kind}",
                     detail="; ".join(filter(None, [composite_text(kind), "simulated"])),
                 )
+                if self.earned or kind != "min_deviation"
+                else Fact(kind, "-", f"composite.{kind}", NOTHING_STEADY, data=value)
                 for kind, value in composite.items()
             ),
             lead=True,
         )
         yield Data({"growth": {**self.growth}, "parts": {**parts}})
         yield Notes(self.notes, "notes")
+
+    @property
+    def earned(self) -> bool:
+        """Whether any deployment earned anything: it touched a target, or has a score above 0."""
+        if self.targets is not None:
+            return any(any(one.touched) for one in self.targets.outcomes)
+        return bool((self.scores > 0.0).any())
 
     @property
     def title_of_task(self) -> str:

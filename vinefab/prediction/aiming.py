@@ -343,9 +343,14 @@ class AimResult(Result):
             best.mean, form=".3f", interval=best.interval, standing="simulated", over=best.over
         )
         touched = f"{self.targets.headline}; " if self.targets else ""
+        one = (
+            f"put the base of {first.name} at {best.pose.text}: {touched}expected "
+            f"{self.task.name} score {score}."
+        )
+        team = first.team
         yield Answer(
-            f"Best found: put the base of {first.name} at {best.pose.text}: {touched}expected "
-            f"{self.task.name} score {score}.",
+            f"Best found: {one}" if team is None else f"{team.answer(first.name)} The best of "
+            f"one robot: {one}",
             self.targets.tone if self.targets else "plain",
         )
         yield Picture(

@@ -25,6 +25,8 @@ from vinefab.core.view import (
     Rows,
     Section,
     Value,
+    p_equation,
+    p_value,
 )
 from vinefab.growth.options import growth_text
 from vinefab.model.design import Design
@@ -102,7 +104,7 @@ class PairedDifference(MeanValue):
     @property
     def cells(self) -> tuple[Value, ...]:
         """The difference as a row: measure, pair, mean, p values, wins, pairs, better."""
-        chance = partial(Number, form=".5f", decimals=5)
+        chance = partial(p_value, decimals=5)
         return (
             self.measure.label,
             self.pair,
@@ -132,7 +134,7 @@ class PairedDifference(MeanValue):
         by = f"{self.interval}{unit}"
         if self.pairs == 1:
             return f"{self.measure.title}: {self.pair}: {by}, no p value"
-        pair = f"{self.pair}: {by}, p = {self.p_adjusted:.5f}"
+        pair = f"{self.pair}: {by}, {p_equation(self.p_adjusted)}"
         if self.is_clear:
             return f"{self.measure.title}: {self.winner} is better; {pair}"
         return f"{self.measure.title}: no clear difference; {pair}"

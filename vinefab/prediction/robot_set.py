@@ -14,8 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from vinefab.core.plain_text import counted
 from vinefab.core.statistics import mean_interval
 from vinefab.core.validation import Floats, Ints
+from vinefab.core.view import Number
 from vinefab.growth.batch import GrowthBlock
 from vinefab.model.deployment import Deployment
 from vinefab.prediction.pose_search import (
@@ -24,6 +26,7 @@ from vinefab.prediction.pose_search import (
     PoseErrors,
     PoseLandscape,
     PoseTrial,
+    pose_of,
     printed_pose,
 )
 from vinefab.tasks.areas import Cover
@@ -124,6 +127,19 @@ class RobotSet:
     shown: tuple[Deployment, ...]  # each at that draw
     candidates: int
     cover: Cover  # what can be covered
+
+    def answer(self, name: str) -> str:
+        """Return where to put all of them, and what they cover together."""
+        count, mean, low, high, _ = union_curve(self)[-1]
+        over = counted(self.fresh.shape[1], "draw")
+        together = Number(
+            mean, "%", ".1f", (low, high), per=0.01, over=over, standing="simulated"
+        )
+        places = "; ".join(pose_of(row).text for row in self.poses)
+        return (
+            f"Best found for {count} robots {name} together: bases at {places}: "
+            f"{self.cover.words} {together}."
+        )
 
     @property
     def least_share(self) -> float:

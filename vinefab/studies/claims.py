@@ -11,7 +11,7 @@ from scipy.stats import t as student
 from vinefab.core.rng import child
 from vinefab.core.statistics import NumberRange, holm
 from vinefab.core.validation import Floats
-from vinefab.core.view import Picture
+from vinefab.core.view import Picture, p_value
 
 _RESAMPLES = 1000
 
@@ -344,7 +344,7 @@ def percent_text(found: ConfidenceInterval) -> str:
 
 def p_text(p: float) -> str:
     """Return a p-value, not closer than 0.001."""
-    return "< 0.001" if p < 0.001 else f"{p:.3f}"
+    return p_value(p).text
 
 
 def _plain(found: ConfidenceInterval) -> dict[str, float]:

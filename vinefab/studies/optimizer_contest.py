@@ -25,7 +25,7 @@ from vinefab.core.plain_text import GENERATOR, counted, json_text
 from vinefab.core.progress import phase
 from vinefab.core.statistics import LEVEL, SIGNIFICANT, mean_interval, mean_p
 from vinefab.core.validation import Floats, whole
-from vinefab.core.view import Block, Number, Rows, Value
+from vinefab.core.view import Block, Number, Rows, Value, p_value
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.files.run_context import package_versions
 from vinefab.pages.page_files import page_svg
@@ -347,7 +347,7 @@ def _cells(entry: Mapping[str, Any], over: str) -> tuple[Value, ...]:
         ends = more["low"], more["high"]
         above = (
             number(more["mean"], form="+.4f", interval=ends),
-            Number(more["p_adjusted"], form=".3f"),
+            p_value(more["p_adjusted"]),
         )
     return entry["problem"], entry["optimizer"], score, *above
 

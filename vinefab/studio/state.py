@@ -137,8 +137,10 @@ def edited_map(content: Mapping[str, Any]) -> EditedMap:
     """
     source = mapping_at("map.source", content.get("source"))
     edits = content.get("edits") or []
-    if not isinstance(edits, list) or len(edits) > MOST_EDITS:
-        raise BadInputError("map.edits", "edits", f"a list of at most {MOST_EDITS}", PAGE)
+    if not isinstance(edits, list):
+        raise BadInputError("map.edits", edits, "a list of edits", PAGE)
+    if len(edits) > MOST_EDITS:
+        raise BadInputError("map.edits", counted(len(edits), "edit"), f"at most {MOST_EDITS}", PAGE)
     stamp = file_stamp(path_given("map.file", source["file"])) if "file" in source else ""
     return _edited_map(json.dumps(source, sort_keys=True), json.dumps(edits), stamp)
 

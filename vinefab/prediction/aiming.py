@@ -349,8 +349,9 @@ class AimResult(Result):
         )
         team = first.team
         yield Answer(
-            f"Best found: {one}" if team is None else f"{team.answer(first.name)} The best of "
-            f"one robot: {one}",
+            f"Best found: {one}"
+            if team is None
+            else f"{team.answer(first.name)} The best of one robot: {one}",
             self.targets.tone if self.targets else "plain",
         )
         yield Picture(

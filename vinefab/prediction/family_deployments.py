@@ -1,6 +1,7 @@
 """A design deployed on families of maps from many poses, and the measures of each deployment."""
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -47,6 +48,7 @@ from vinefab.pages.panel import (
     blended,
     jitter,
     page_of,
+    page_of_rows,
     plan_panel,
     series_colour,
     upright,
@@ -452,6 +454,35 @@ def deployment_picture(
     plan = deployment_plan(
         world, deployment, widths_mm, longest_pt=COLUMN_PT, whole=whole, touched=touched
     )
+    return _page_bytes(plan, design)
+
+
+_COUNT = re.compile(r" \(\d+( of \d+)?\)$")
+
+
+def deployment_pictures(
+    design: Design, deployed: Sequence[tuple[Map, Deployment]], options: GrowthOptions
+) -> tuple[bytes, ...]:
+    """Return deployments on their whole maps for one row: the first has the legend for all."""
+    widths_mm = options.drawn_widths_mm(design.build.widths_mm)
+    panels = [
+        panel
+        for world, deployment in deployed
+        for panel in deployment_plan(
+            world, deployment, widths_mm, longest_pt=COLUMN_PT, whole=True
+        ).panels
+    ]
+    legend = {  # how many there are differs from map to map
+        _COUNT.sub("", words): entry for panel in panels for words, entry in panel.legend.items()
+    }
+    for panel in panels:
+        panel.legend_shown = False
+    plans = [page_of_rows([[panel]], None if number else legend)
+             for number, panel in enumerate(panels)]  # fmt: skip
+    return tuple(_page_bytes(plan, design) for plan in plans)
+
+
+def _page_bytes(plan: Page, design: Design) -> bytes:
     return page_bytes(plan, ".png" if design.branch_count > TOO_FINE else ".svg", dpi=130)
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from itertools import chain
 from pathlib import Path
 
@@ -64,7 +64,7 @@ from vinefab.prediction.family_deployments import (
     PreparedFamily,
     deploy_family,
     deployment_notes,
-    deployment_picture,
+    deployment_pictures,
     deployment_section,
     heat_blocks,
     heat_map_of,
@@ -491,21 +491,30 @@ class Predicted(WrittenResult):
         yield assumption_section(profile, model_assumptions(self.plan.options))
 
     def _typical(self) -> Iterator[Picture]:
-        """Yield the worst, the median and the best deployment by the measure asked for."""
+        """Yield the median, the worst and the best deployment by the measure asked for.
+
+        One legend, below the first, explains all of them.
+        """
         found, main = self.asked, self.main
         indices = typical(main.outcomes, [share for share, _ in _SHARES], found.key, SEEN.key)
         shown = dict(zip(indices[::-1], [words for _, words in _SHARES[::-1]], strict=True))
         if len(shown) == 1:  # one deployment is its own worst, median and best
             shown = dict.fromkeys(shown, "Deployment")
-        for index, words in sorted(shown.items(), key=lambda pair: indices.index(pair[0])):
+        middle = indices[len(indices) // 2]
+        order = [middle, *(index for index in indices if index != middle)]
+        named = sorted(shown.items(), key=lambda pair: order.index(pair[0]))
+
+        @cache
+        def pictures() -> tuple[bytes, ...]:
+            deployed = [(main.prepared_map(i).world, main.deployments[i]) for i, _ in named]
+            return deployment_pictures(self.prepared.design, deployed, self.plan.options)
+
+        for number, (index, words) in enumerate(named):
             yield Picture(
-                image=partial(
-                    deployment_picture, self.prepared.design, main.prepared_map(index).world,
-                    main.deployments[index], self.plan.options, whole=True,
-                ),
+                image=partial(lambda at: pictures()[at], number),
                 caption=f"{words}: {self._caption(main, index)} (simulated).",
                 file=words.lower(),
-            )  # fmt: skip
+            )
 
     def _headlines(self, targets: TargetsResult | None) -> Iterator[Fact]:
         """Yield the numbers to take away: what was asked, failures, pressure, making."""

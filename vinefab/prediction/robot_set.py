@@ -132,9 +132,7 @@ class RobotSet:
         """Return where to put all of them, and what they cover together."""
         count, mean, low, high, _ = union_curve(self)[-1]
         over = counted(self.fresh.shape[1], "draw")
-        together = Number(
-            mean, "%", ".1f", (low, high), per=0.01, over=over, standing="simulated"
-        )
+        together = Number(mean, "%", ".1f", (low, high), per=0.01, over=over, standing="simulated")
         places = "; ".join(pose_of(row).text for row in self.poses)
         return (
             f"Best found for {count} robots {name} together: bases at {places}: "

@@ -116,14 +116,20 @@ _THIN, _PLAIN = Ink(line=INK, width_pt=0.4), Ink(line=INK)
 
 
 def rig_pictures(
-    rig: Rig, world: Map, outlines: Mapping[int, BaseGeometry], jobs: Mapping[str, Job]
+    rig: Rig,
+    world: Map,
+    fixtures: Fixtures,
+    outlines: Mapping[int, BaseGeometry],
+    jobs: Mapping[str, Job],
 ) -> dict[str, bytes]:
     """Return the assembly drawing and a picture of every sheet for the laser, by file name."""
     sheets = {f"{Path(name).stem}.svg": page_svg(sheet_plan(job)) for name, job in jobs.items()}
-    return {"assembly.svg": page_svg(assembly_plan(rig, world, outlines)), **sheets}
+    return {"assembly.svg": page_svg(assembly_plan(rig, world, fixtures, outlines)), **sheets}
 
 
-def assembly_plan(rig: Rig, world: Map, outlines: Mapping[int, BaseGeometry]) -> Page:
+def assembly_plan(
+    rig: Rig, world: Map, fixtures: Fixtures, outlines: Mapping[int, BaseGeometry]
+) -> Page:
     """Return the numbered plan of a rig, in millimetres of the rig from its lower left corner.
 
     Parameters
@@ -139,7 +145,21 @@ def assembly_plan(rig: Rig, world: Map, outlines: Mapping[int, BaseGeometry]) ->
     plate = on_rig(rig.plate)
     _, _, wide_mm, deep_mm = plate.bounds
     long_mm, count = max(wide_mm, deep_mm), len(outlines)
-    panel = plan_panel((0.0, 0.0, wide_mm + 0.05 * long_mm, deep_mm), 504.0)
+    # Markers and holder lie around the rig, in its plan.
+    shift = -np.array(rig.on_plan(rig.plate).bounds[:2])
+
+    def beside(shape: BaseGeometry) -> BaseGeometry:
+        return translate(shape, *shift)
+
+    whole = shapely.union(plate, beside(outside_of(fixtures)))
+    left, low_mm, right, high_mm = whole.bounds
+    panel = plan_panel((left, low_mm, right + 0.05 * long_mm, high_mm), 504.0)
+    panel.polygons([beside(pad.outline) for pad in fixtures.pads], Ink(line=SOFT))
+    for pad in fixtures.pads:
+        _draw_cells(panel, pad, tuple(shift.tolist()))
+    if (base := fixtures.base) is not None:
+        holder = Ink(line=level_colour(3), fill=level_colour(3), fill_alpha=0.15)
+        panel.polygons([beside(base.outline)], holder, rank=3, label="holder of the base")
     panel.x_name = panel.y_name = "mm of the rig"
     panel.polygons([plate], _PAPER)
     walls = shapely.simplify(on_rig(rig.walls), UNSEEN_DETAIL * long_mm)
@@ -163,7 +183,7 @@ def assembly_plan(rig: Rig, world: Map, outlines: Mapping[int, BaseGeometry]) ->
     if places:
         dot = Ink(fill=INK, line="#ffffff")
         panel.marks(shapely.get_coordinates(places), "o", 4.5, dot, rank=6, label="start")
-    at_mm, arrow = wide_mm + 0.04 * long_mm, Ink(line=INK, width_pt=1.6)
+    at_mm, arrow = right + 0.04 * long_mm, Ink(line=INK, width_pt=1.6)
     panel.arrow((at_mm, 0.86 * deep_mm), (at_mm, 0.94 * deep_mm), arrow, head_pt=8.0, rank=8)
     panel.words((at_mm, 0.97 * deep_mm), "N", anchor="middle")
     thickened = "; yellow: thickened to print" if rig.thickened.area else ""
@@ -668,7 +688,7 @@ def make_rig(
     if request.pictures:
         outlines = {piece.number: rig.on_map(piece.outline) for piece in pieces} or footprints(rig)
         with phase("pictures of the rig"):
-            made = replace(made, pictures=rig_pictures(rig, world, outlines, jobs))
+            made = replace(made, pictures=rig_pictures(rig, world, fixtures, outlines, jobs))
         files |= {**made.pictures, "report.html": made.page().encode()}
     files["parts.csv"] = parts_text(rig, printing).encode()
     digests = {name: sha256_of(data) for name, data in files.items()}

@@ -1,7 +1,8 @@
 """Pictures of a laser job: the sheet, findings at their places, the laser's path in motion."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from html import escape
 
 import numpy as np
@@ -29,6 +30,7 @@ from vinefab.pages.panel import (
     Marks,
     Page,
     Panel,
+    Primitive,
     Shape,
     level_colour,
     page_of,
@@ -54,12 +56,38 @@ _CROPPED = 0.6
 _RIM_MM = 15.0
 
 
+SHEETS_IN_ROW = 3
+
+
 def job_plan(job: Job, findings: tuple[Finding, ...] = ()) -> Page:
     """Return a plan of the sheet: every path in its operation's colour, with arrows and order.
 
+    Several sheets have a plan each, with its own axes and order: each is a run of the machine.
     Where the paths take a small part of the bed, that part is shown and the title says so. Marks
     come first and have neither arrows nor numbers: their order does not matter.
     """
+    if len(job.sheets) < 2:
+        return page_of(_sheet_panel(job, lambda cropped: _title(job, findings, cropped), 648.0))
+    count, longest_pt = len(job.sheets), 648.0 / min(SHEETS_IN_ROW, len(job.sheets))
+    panels = [
+        _sheet_panel(sheet, partial(_sheet_title, number, count), max(longest_pt, 288.0))
+        for number, sheet in enumerate(job.sheets, 1)
+    ]
+    # In short lines: a long one would push the other columns away.
+    head = _title(job, findings, cropped=False).replace("; ", ";\n").replace("order, ", "order,\n")
+    panels[0].title = f"{head}\n{panels[0].title}"
+    legend = dict[str, Primitive]()
+    for operation in Operation:
+        for panel, sheet in zip(panels, job.sheets, strict=True):
+            if (entry := panel.legend.get(_label(sheet, operation))) is not None:
+                legend.setdefault(_label(job, operation), entry)
+            panel.legend_shown = False
+    rows = [panels[k : k + SHEETS_IN_ROW] for k in range(0, count, SHEETS_IN_ROW)]
+    return page_of_rows(rows, legend)
+
+
+def _sheet_panel(job: Job, title: Callable[[bool], str], longest_pt: float) -> Panel:
+    """Return the plan of one bed, or of film in tiles."""
     box: Box = (0.0, 0.0, job.sheet_width_mm, job.sheet_height_mm)
     cropped = False
     if job.paths:
@@ -68,21 +96,18 @@ def job_plan(job: Job, findings: tuple[Finding, ...] = ()) -> Page:
         cropped = (used[2] - used[0]) * (used[3] - used[1]) <= _CROPPED * box[2] * box[3]
         whole = min(used[0], 0.0), min(used[1], 0.0), max(used[2], box[2]), max(used[3], box[3])
         box = used if cropped else whole
-    panel = plan_panel(box, 648.0)
+    panel = plan_panel(box, longest_pt)
     bed = shapely.box(0.0, 0.0, job.sheet_width_mm, job.sheet_height_mm)
     panel.polygons([bed.intersection(shapely.box(*box))], Ink(fill="#fbfcfd", line=SOFT))
-    for number in range(1, len(job.sheets)):
-        x = number * job.sheets[0].sheet_width_mm
-        panel.line([(x, panel.box[1]), (x, panel.box[3])], Ink(line=SOFT, width_pt=0.8))
     for operation in Operation:
-        _draw_operation(panel, job.along(operation), longer_mm(box) / 16.0)
+        _draw_operation(panel, job, operation, longer_mm(box) / 16.0)
     paths = run_paths(job)
     for number, path in enumerate(paths if len(paths) <= MOST_NUMBERS else (), start=1):
         x, y = path.contour.points_mm[0].tolist()
         colour = OPERATION_COLOURS[path.operation]
         panel.words((x, y), str(number), TICK_PT, colour=colour, shift_pt=(4.0, 6.0))
-    panel.title = _title(job, findings, cropped=cropped)
-    return page_of(panel)
+    panel.title = title(cropped)
+    return panel
 
 
 def run_paths(job: Job) -> tuple[LaserPath, ...]:
@@ -101,13 +126,17 @@ def path_points_mm(path: LaserPath, tolerance_mm: float = 0.05) -> Floats:
     return np.vstack([points, points[:1]]) if path.contour.closed else points
 
 
-def _draw_operation(panel: Panel, paths: Sequence[LaserPath], spacing_mm: float) -> None:
-    if not paths:
+def _label(job: Job, operation: Operation) -> str:
+    return f"{operation.layer} ({len(job.along(operation))})"
+
+
+def _draw_operation(panel: Panel, job: Job, operation: Operation, spacing_mm: float) -> None:
+    lines = [path_points_mm(path) for path in job.along(operation)]
+    if not lines:
         return
-    operation, lines = paths[0].operation, [path_points_mm(path) for path in paths]
     colour, thin = OPERATION_COLOURS[operation], operation is Operation.MARK
-    label = f"{operation.layer} ({len(paths)})"
-    panel.lines(lines, Ink(line=colour, width_pt=0.6 if thin else 1.0), label=label)
+    ink = Ink(line=colour, width_pt=0.6 if thin else 1.0)
+    panel.lines(lines, ink, label=_label(job, operation))
     if thin or not operation.is_machined:
         return
     panel.marks(np.array([line[0] for line in lines]), "o", 3.5, Ink(fill=colour))
@@ -136,16 +165,20 @@ def _arrows(lines: Sequence[Floats], spacing_mm: float) -> tuple[Floats, Floats]
     return np.array(places), np.array(directions)
 
 
-def _title(job: Job, findings: tuple[Finding, ...], *, cropped: bool) -> str:
+def _sheet_title(number: int, count: int, cropped: bool) -> str:  # noqa: FBT001  as a callback
+    return f"sheet {number} of {count}{', its lower left' if cropped else ''}"
+
+
+def _title(job: Job, findings: tuple[Finding, ...], cropped: bool) -> str:  # noqa: FBT001
     order = "numbers give the order, dots the start, arrows the direction"
-    if len(run_paths(job)) > MOST_NUMBERS:
+    if any(len(run_paths(sheet)) > MOST_NUMBERS for sheet in job.sheets or (job,)):
         order = "dots give the start of each path, arrows its direction"
     sheet = "film, in tiles," if job.tiles else "bed"
     bed = f"{sheet} {job.sheet_width_mm:g} x {job.sheet_height_mm:g} mm"
     if len(job.sheets) > 1:
         one = job.sheets[0]
         size = f"{one.sheet_width_mm:g} x {one.sheet_height_mm:g} mm"
-        bed = f"{counted(len(job.sheets), 'sheet')} side by side, each on a bed of {size}"
+        bed = f"{counted(len(job.sheets), 'sheet')}, each on a bed of {size}"
     where = f"lower left of the {bed}" if cropped else bed
     # A separate line: with the name of a design, one line is too long.
     parts = [job.name, f"{order};\n{where}"] if job.sheets else [job.name, order, where]

@@ -400,7 +400,6 @@ class RunResult(Result):
             data=tuple({"composite": dict(one.score.composite)} for one in self.finalists),
             folded=True,
         )  # fmt: skip
-        yield Notes(self.notes, "notes")
         drift = "; ".join(self.drift)
         yield Notes(
             (
@@ -411,8 +410,12 @@ class RunResult(Result):
                   if drift else []),
             )
         )  # fmt: skip
+        missed = self.targets is not None and not self.targets.all_touched
+        why = f"{self.targets.headline}: " if missed and self.targets is not None else ""
+        yield Notes(tuple(f"{why}{note}" for note in self.notes))  # last, with the verdict
         yield Data(
             {
+                "notes": [*self.notes],
                 "repair": self.repair,
                 "extensions": [asdict(extension) for extension in self.extensions],
                 "prediction": {k: v for k, v in self.prediction.items() if k != "origin"} or None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
@@ -79,7 +80,7 @@ def new(
     if is_new:
         wrote(path, "" if name == path.stem else f", named {name}")
     there = f"{path} is there already and left as it is; --force writes it anew"
-    steps = (f"next: {_NEXT_STEPS[kind].format(path, name)}",)
+    steps = (f"next: {_NEXT_STEPS[kind].format(shlex.quote(str(path)), name)}",)
     return WrittenFile(path=path, summary=steps if is_new else (there, *steps), is_new=is_new)
 
 

@@ -46,8 +46,9 @@ EXIT_BROKEN_PIPE = 141
 
 def main(arguments: Sequence[str]) -> int:
     """Run one command line and return its exit code."""
-    if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
-        # Names of files and designs may hold letters that the terminal cannot show.
+    if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors in ("strict", "surrogateescape"):
+        # Names of files and designs may hold letters that the terminal cannot show. In the locale
+        # C the stream passes bytes on, and no letters.
         sys.stdout.reconfigure(errors="backslashreplace")
     with stop_requests() as request:
         stop_with_input()

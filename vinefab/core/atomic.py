@@ -14,7 +14,7 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,6 +23,7 @@ from vinefab.core.errors import (
     CannotWriteError,
     ForeignFileError,
     KeptAsideWarning,
+    ReadBackError,
     VinefabError,
 )
 from vinefab.core.front_door import imported_later
@@ -39,7 +40,7 @@ from vinefab.core.hashing import (
     sha256_of,
     sha256_of_file,
 )
-from vinefab.core.plain_text import GENERATOR, OWN_MARK
+from vinefab.core.plain_text import GENERATOR, OWN_MARK, readable
 
 if TYPE_CHECKING:
     import fcntl
@@ -118,16 +119,22 @@ def write_bytes(
         Whether only the user may read it.
     """
     with folder_to_fill(path.parent), _system_errors(path):
-        _check_writable(path, force=force)
-        if path.exists() and not force:
-            if _kind(_ends(path)) != _kind(data[:_LOOK_BYTES]):
-                raise ForeignFileError(path, "is another kind of file")
-            unsealed = _authorship(path) is Authorship.UNSEALED
-            if unsealed and marked(path.read_bytes()) != marked(data):
-                words = f"{path} may have been changed by hand: kept as {keep_aside(path)}"
-                warnings.warn(words, KeptAsideWarning, stacklevel=2)
-        _put(path, marked(data) if sealed else data, private=private)
+        checked = _checked(path, data, force=force)
+        _put(path, marked(checked) if sealed else checked, private=private)
     return path
+
+
+def _checked(path: Path, data: bytes, *, force: bool) -> bytes:
+    """Return what is to be written, once it may be; keep aside a file that may be changed."""
+    _check_writable(path, force=force)
+    if path.exists() and not force:
+        if _kind(_ends(path)) != _kind(data[:_LOOK_BYTES]):
+            raise ForeignFileError(path, "is another kind of file")
+        unsealed = _authorship(path) is Authorship.UNSEALED
+        if unsealed and marked(path.read_bytes()) != marked(data):
+            words = f"{path} may have been changed by hand: kept as {keep_aside(path)}"
+            warnings.warn(words, KeptAsideWarning, stacklevel=3)
+    return data
 
 
 def keep_aside(path: Path) -> Path:
@@ -141,6 +148,13 @@ def keep_aside(path: Path) -> Path:
 
 def _put(path: Path, data: bytes, *, private: bool = False) -> None:
     """Put a file in place, with the permissions of the one that it replaces."""
+    with _staged(path, data, private=private) as put:
+        put()
+
+
+@contextmanager
+def _staged(path: Path, data: bytes, *, private: bool = False) -> Iterator[Callable[[], object]]:
+    """Write a file under a temporary name; what is yielded puts it in place."""
     target = Path(os.path.realpath(path))
     mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~_umask()
     handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
@@ -151,14 +165,28 @@ def _put(path: Path, data: bytes, *, private: bool = False) -> None:
             stream.flush()
             os.fsync(stream.fileno())
         temporary.chmod(0o600 if private else mode)
-        temporary.replace(target)
+        yield partial(temporary.replace, target)
     finally:
         temporary.unlink(missing_ok=True)
 
 
+def write_files(files: Mapping[Path, bytes], *, force: bool = False) -> None:
+    """Write several files as `write_bytes` does, or none: all are on the disk before one is put."""
+    with ExitStack() as made:
+        steps = list[tuple[Path, Callable[[], object]]]()
+        for path, data in files.items():
+            made.enter_context(folder_to_fill(path.parent))
+            with _system_errors(path):
+                checked = _checked(path, data, force=force)
+                steps.append((path, made.enter_context(_staged(path, marked(checked)))))
+        for path, put in steps:
+            with _system_errors(path):
+                put()
+
+
 def write_text(path: Path, text: str, *, force: bool = False) -> Path:
     """Write a text file in one step, as `write_bytes` does, in UTF-8 with plain newlines."""
-    return write_bytes(path, text.encode("utf-8"), force=force)
+    return write_bytes(path, readable(text).encode("utf-8"), force=force)
 
 
 @contextmanager
@@ -196,7 +224,8 @@ def _filled_beside(path: Path, *, force: bool) -> Iterator[Path]:
         with _system_errors(path):
             temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
         try:
-            yield temporary
+            with _named_in_place(temporary, path):
+                yield temporary
             with _system_errors(path):
                 _add_manifest(temporary)
                 temporary.chmod(0o777 & ~_umask())
@@ -215,7 +244,8 @@ def _filled_in_place(path: Path, *, force: bool) -> Iterator[Path]:
         with _system_errors(path):
             staging = staging_folder(path)
         try:
-            yield staging / NEW
+            with _named_in_place(staging / NEW, path):
+                yield staging / NEW
             with _system_errors(path):
                 _add_manifest(staging / NEW)
                 replace_files(path, staging, force=force)
@@ -226,6 +256,30 @@ def _filled_in_place(path: Path, *, force: bool) -> Iterator[Path]:
     finally:
         if handle is not None:
             os.close(handle)
+
+
+@contextmanager
+def _named_in_place(staging: Path, folder: Path) -> Iterator[None]:
+    """Name files of a hidden folder in errors by the places that they are made for."""
+    try:
+        yield
+    except (CannotWriteError, ForeignFileError, ReadBackError) as error:
+        path = _in_place(error.path, staging, folder)
+        if path is None:
+            raise
+        raise type(error)(path, error.problem) from error
+    except VinefabError:
+        raise
+    except OSError as error:
+        path = _in_place(error.filename or "", staging, folder)
+        if path is None:
+            raise
+        raise CannotWriteError(path, error.strerror or str(error)) from error
+
+
+def _in_place(path: str | os.PathLike[str], staging: Path, folder: Path) -> Path | None:
+    place = Path(os.fsdecode(path))
+    return folder / place.relative_to(staging) if place.is_relative_to(staging) else None
 
 
 @contextmanager

@@ -5,6 +5,7 @@ JSON as vinefab writes it is deterministic, without NaN; numpy values are allowe
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -15,8 +16,25 @@ def visible(text: str) -> str:
     """Return a text to print: what a terminal would obey (escapes, marks of direction) is shown."""
     return "".join(
         letter if letter.isprintable() or letter == "\n" else "\N{REPLACEMENT CHARACTER}"
-        for letter in text
+        for letter in readable(text)
     )
+
+
+def readable(text: str) -> str:
+    r"""Return a text with the bytes of file names that the locale cannot read as UTF-8 letters.
+
+    Bytes that are no UTF-8 either are shown as escapes, so that each text can be written.
+
+    >>> readable("r\udcc3\udcb6hre")
+    'röhre'
+    """
+    if text.isascii():
+        return text
+    data = text.encode("utf-8", "surrogatepass" if _HIGH.search(text) else "surrogateescape")
+    return data.decode("utf-8", "backslashreplace")
+
+
+_HIGH = re.compile("[\ud800-\udc7f\udd00-\udfff]")  # surrogates that stand for no byte
 
 
 def one_line(text: str) -> str:

@@ -40,6 +40,7 @@ from vinefab.core.errors import (
 )
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import MOST_SEED, number, whole
+from vinefab.core.plain_text import readable
 from vinefab.core.progress import Listener, Progress, heard_by, is_heard, progress_shown
 
 P = ParamSpec("P")
@@ -499,7 +500,7 @@ class Call:
             given.pop(name, None)
         if self.shell is None:
             return self._written(given)
-        return Call(function=self.function, given=given).typed(self.shell.command)
+        return readable(Call(function=self.function, given=given).typed(self.shell.command))
 
     def to(self, function: Callable[..., Any], **given: Any) -> "Call":  # noqa: ANN401
         """Return a call of another verb by the same caller."""

@@ -74,7 +74,7 @@ from vinefab.pages.plan import (
     page_bytes,
 )
 from vinefab.prediction.deploy import pose_text
-from vinefab.prediction.family_deployments import numbered_names
+from vinefab.prediction.family_deployments import names_apart
 from vinefab.prediction.pose_search import (
     MOST_PLACING_DEG,
     MOST_PLACING_MM,
@@ -584,7 +584,7 @@ def aim_robots(
     prepared = PreparedMap.of(world)
     check_on_map(task, world, prepared.context)
     cover = cover_of(search_form(task), prepared.context) if plan.robots > 1 else None
-    names = numbered_names([design.name for design in designs])
+    names = names_apart(designs)
     robots = list[AimedRobot]()
     with ThreadPoolExecutor(workers or min(8, os.cpu_count() or 1)) as pool:
         asked = each("robots", list(zip(names, designs, strict=True)), lambda one: one[0])

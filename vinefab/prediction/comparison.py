@@ -50,7 +50,7 @@ from vinefab.prediction.family_deployments import (
     deploy_family,
     deployment_notes,
     deployment_picture,
-    numbered_names,
+    names_apart,
     spread_pictures,
 )
 from vinefab.prediction.measures import (
@@ -347,7 +347,7 @@ def compare_designs(
     worlds = tuple(world for family in families for world in family.worlds)
     label = " and ".join(family.label for family in families)
     prepared = PreparedFamily.of(MapFamily(label=label, worlds=worlds), plan)
-    names = numbered_names([design.name for design in designs])
+    names = names_apart(designs)
     each_one = each("designs", designs, lambda design: design.name)
     results = [deploy_family(design, prepared, plan) for design in each_one]
     if measure is None:

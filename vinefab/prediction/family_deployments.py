@@ -1,12 +1,14 @@
 """A design deployed on families of maps from many poses, and the measures of each deployment."""
 
 import math
+import os
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from shapely import LineString
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.limits import MOST_SEED, deg, rad
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import counted, one_line
 from vinefab.core.progress import each
 from vinefab.core.registry import with_parameters
 from vinefab.core.validation import Floats, whole
@@ -128,6 +130,26 @@ def numbered_names(names: Sequence[str]) -> tuple[str, ...]:
     for name in names:
         seen[name] += 1
         found.append(f"{name} ({seen[name]})" if total[name] > 1 else name)
+    return tuple(found)
+
+
+def names_apart(designs: Sequence[Design]) -> tuple[str, ...]:
+    """Return names of designs that are all different: equal ones get their folder, or a number.
+
+    The winners of several runs have one name, and the run's folder says which it is.
+    """
+    numbered = numbered_names([design.name for design in designs])
+    found = list[str]()
+    for design, usual in zip(designs, numbered, strict=True):
+        folders = [one.folder for one in designs if one.name == design.name]
+        places = {folder.resolve() for folder in folders if folder is not None}
+        if design.folder is None or len(places) < len(folders) or len(folders) == 1:
+            found.append(usual)
+            continue
+        above = Path(os.path.commonpath([str(place) for place in places]))
+        place = design.folder.resolve()
+        where = place.relative_to(above).as_posix() if place != above else place.name
+        found.append(f"{design.name} ({one_line(where)})")
     return tuple(found)
 
 

@@ -151,8 +151,7 @@ def assembly_plan(
     def beside(shape: BaseGeometry) -> BaseGeometry:
         return translate(shape, *shift)
 
-    whole = shapely.union(plate, beside(outside_of(fixtures)))
-    left, low_mm, right, high_mm = whole.bounds
+    left, low_mm, right, high_mm = shapely.union(plate, beside(outside_of(fixtures))).bounds
     panel = plan_panel((left, low_mm, right + 0.05 * long_mm, high_mm), 504.0)
     panel.polygons([beside(pad.outline) for pad in fixtures.pads], Ink(line=SOFT))
     for pad in fixtures.pads:

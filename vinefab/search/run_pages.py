@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vinefab.core.atomic import write_bytes, write_text
+from vinefab.core.atomic import write_bytes, write_files, write_text
 from vinefab.core.errors import (
     BadInputError,
     CannotWriteError,
@@ -262,14 +262,15 @@ def rebuild(folder: Path, out: Path, *, force: bool = False) -> tuple[Path, ...]
     """Write the winner and the figures of a run from its record alone."""
     archive = RunArchive.read(folder / RECORD_FILE)
     best = design_text(archive.result().best)
-    written = [write_text(out / "best.toml", best, force=force)]
-    if archive.recipe is not None:
-        archive.recipe.write(out)
+    files = {"best.toml": best.encode()}
     pictures = {"history.svg": page_svg(history_figure(archive.history))}
     for world in archive.maps:
         plan = map_plan(world, targets=task_targets(run_task(archive.settings), world))
         pictures[f"map_{world.name}.svg"] = page_svg(plan)
-    written += [write_bytes(out / name, data, force=force) for name, data in pictures.items()]
+    written = {out / name: data for name, data in (files | pictures).items()}
+    write_files(written, force=force)
+    if archive.recipe is not None:
+        archive.recipe.write(out)
     return tuple(written)
 
 

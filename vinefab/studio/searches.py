@@ -41,7 +41,7 @@ from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.finalists import minimized, non_dominated, spread_out
 from vinefab.search.manufacturability import with_build_for_film
 from vinefab.search.record.generations import Generation, first_difference, touched_text
-from vinefab.search.record.result import RECORD_FILE, RecordTail, RunArchive
+from vinefab.search.record.result import RECORD_FILE, RecordTail, RunArchive, records_below
 from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings, read_run
 from vinefab.search.space import COSTS, Space
 from vinefab.studio.file_store import Broadcast
@@ -384,7 +384,7 @@ class SearchManager:
 
     def runs(self) -> dict[str, Any]:
         """Return the runs below the folders, the latest first."""
-        paths, is_whole = _records_below(self.roots)
+        paths, is_whole = records_below(self.roots, most=MOST_FOLDERS, deepest=DEEPEST_FOLDER)
         newest = sorted(paths, key=_stamp, reverse=True)
         running = self._running.record.path if self._running is not None else None
         rows = []
@@ -714,27 +714,6 @@ def _remove_unchanged(written: Mapping[Path, str]) -> None:
         with suppress(OSError):
             if path.read_bytes() == marked(text.encode()):
                 path.unlink()
-
-
-def _records_below(roots: tuple[Path, ...]) -> tuple[list[Path], bool]:
-    """Return the records in folders and below, and whether all folders were looked at.
-
-    Links and hidden folders are left out.
-    """
-    found: dict[Path, None] = {}
-    looked = 0
-    for root in roots:
-        for name, below, _ in os.walk(root):
-            folder = Path(name)
-            looked += 1
-            if looked > MOST_FOLDERS:
-                return list(found), False
-            path = folder / RECORD_FILE
-            if path.is_file():
-                found[path] = None
-            is_deepest = len(folder.relative_to(root).parts) >= DEEPEST_FOLDER
-            below[:] = [] if is_deepest else sorted(n for n in below if not n.startswith("."))
-    return list(found), True
 
 
 def _stamp(path: Path) -> tuple[int, int]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import shapely
 
-from vinefab.core.atomic import ensure_writable, write_bytes, write_text
+from vinefab.core.atomic import ensure_writable, write_files, write_text
 from vinefab.core.errors import BadInputError, ForeignFileError, UnknownNameError, nearest
 from vinefab.core.limits import rad
 from vinefab.core.plain_text import one_line
@@ -150,8 +150,7 @@ def copy_examples(chosen: Mapping[str, Path], out: Path, *, force: bool = False)
     }
     for place in missing:
         ensure_writable(place, force=force)
-    for place, path in missing.items():
-        write_bytes(place, path.read_bytes(), force=force)
+    write_files({place: path.read_bytes() for place, path in missing.items()}, force=force)
     return list(missing)
 
 

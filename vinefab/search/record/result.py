@@ -789,13 +789,33 @@ def system_errors(path: Path) -> Iterator[None]:
         problem = BUSY
         raise CannotWriteError(path, problem) from error
     except sqlite3.OperationalError as error:
-        raise CannotWriteError(path, str(error)) from error
+        raise CannotWriteError(path, _system_problem(error) or str(error)) from error
     except sqlite3.DatabaseError as error:
         raise UnreadableFileError(path, str(error)) from error
     except UnicodeDecodeError as error:  # SQLite quotes damaged bytes
         raise UnreadableFileError(path, f"is damaged or no record ({error})") from error
     except OSError as error:
         raise CannotWriteError(path, error.strerror or str(error)) from error
+
+
+_NO_ROOM = "the disk is full, or a file may not become so large (ulimit -f)"
+_WRITE_FAILED = (
+    sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE, sqlite3.SQLITE_IOERR_FSYNC,
+    sqlite3.SQLITE_IOERR_TRUNCATE, sqlite3.SQLITE_IOERR_SHMSIZE, sqlite3.SQLITE_IOERR_SHMMAP,
+)  # fmt: skip
+
+
+def _system_problem(error: Exception) -> str:
+    """Return the system's problem that an error of SQLite reports; empty if the file is at fault.
+
+    Even a reader writes: it makes the index of the write-ahead log.
+    """
+    code = getattr(error, "sqlite_errorcode", None)  # none of an error that Python itself raises
+    if code in _WRITE_FAILED:
+        return _NO_ROOM
+    of_system = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM)
+    locked = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
+    return str(error) if code is not None and code & 0xFF in (*of_system, *locked) else ""
 
 
 BUSY = "another process is working on the same run"
@@ -810,6 +830,8 @@ def damage_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except (sqlite3.Error, *_DAMAGE) as error:
+        if problem := _system_problem(error):
+            raise CannotWriteError(path, problem) from error
         reason = " ".join(str(error).split())[:80]
         raise UnreadableFileError(path, f"is damaged or no record ({reason})") from error
     except OSError as error:
@@ -974,11 +996,62 @@ def is_record(path: Path) -> bool:
     return head[_WAL_PLACE:] == _WAL_VERSIONS
 
 
-def records_in(folder: Path) -> list[Path]:
-    """Return the paths of all records in a folder and below, in order."""
+MOST_FOLDERS = 20_000
+"""Folders that are looked into for records: a walk over a whole disk would not end."""
+
+
+def records_in(folder: Path, *, most: int = MOST_FOLDERS, deepest: int = 64) -> list[Path]:
+    """Return the paths of all records in a folder and below, in order.
+
+    Links and hidden folders are left out, and other file systems.
+
+    Raises
+    ------
+    UnreadableFileError
+        If there is no such folder, or if there are too many below.
+    """
     if not folder.is_dir():
         raise UnreadableFileError(folder, "there is no such folder")
-    return sorted(folder.rglob(RECORD_FILE))
+    found, is_whole = records_below((folder,), most=most, deepest=deepest)
+    if not is_whole:
+        problem = f"has more than {most:,} folders below; name folders of runs"
+        raise UnreadableFileError(folder, problem)
+    return sorted(found)
+
+
+def records_below(roots: Sequence[Path], *, most: int, deepest: int) -> tuple[list[Path], bool]:
+    """Return the records in folders and below, and whether all folders were looked at.
+
+    Links and hidden folders are left out, and other file systems.
+    """
+    found: dict[Path, None] = {}
+    looked = 0
+    for root in roots:
+        device = root.stat().st_dev if root.is_dir() else None
+        for name, below, files in os.walk(root):
+            folder = Path(name)
+            looked += 1
+            if looked > most:
+                return list(found), False
+            if RECORD_FILE in files:
+                found[folder / RECORD_FILE] = None
+            is_deepest = len(folder.relative_to(root).parts) >= deepest
+            below[:] = (
+                []
+                if is_deepest
+                else sorted(
+                    one for one in below if one[0] != "." and _device(folder / one) == device
+                )
+            )
+    return list(found), True
+
+
+def _device(folder: Path) -> int | None:
+    """Return the file system that a folder lies on; None if it cannot be asked."""
+    try:
+        return folder.stat().st_dev
+    except OSError:
+        return None
 
 
 def plain_summary(archive: RunArchive) -> dict[str, Any]:

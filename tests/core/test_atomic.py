@@ -1,3 +1,4 @@
+import errno
 import io
 import os
 import stat
@@ -17,6 +18,7 @@ from vinefab.core.atomic import (
     is_ours,
     lock_folder,
     new_folder,
+    write_files,
     write_folder,
     write_text,
 )
@@ -328,3 +330,30 @@ def test_a_folder_is_held_until_its_process_dies_and_nothing_is_left(tmp_path):
 
 def test_a_folder_that_is_not_there_is_no_matter_here(tmp_path):
     assert lock_folder(tmp_path / "none", "taken") is None
+
+
+def test_several_files_are_written_or_none(tmp_path, monkeypatch):
+    kept = tmp_path / "kept.txt"
+    write_files({kept: b"old, vinefab"}, force=True)
+    real, count = os.fsync, iter(range(9))
+
+    def full(handle):
+        if next(count) == 2:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(handle)
+
+    monkeypatch.setattr(os, "fsync", full)
+    files = {tmp_path / "a" / "one": b"1", kept: b"new", tmp_path / "b" / "two": b"2"}
+    with pytest.raises(CannotWriteError, match="No space left"):
+        write_files(files, force=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["kept.txt"]
+    assert kept.read_bytes() == b"old, vinefab"
+
+
+def test_errors_name_the_place_and_not_a_hidden_folder(tmp_path):
+    out = tmp_path / "package"
+    for _ in range(2):  # beside, and in place
+        with pytest.raises(CannotWriteError) as caught, new_folder(out, "mark") as folder:
+            raise OSError(errno.ENOSPC, "full", str(folder / "sheet_1" / "outline.dxf"))
+        assert str(caught.value) == f"{out}/sheet_1/outline.dxf: cannot be written: full"
+        out.mkdir(exist_ok=True)

@@ -725,7 +725,7 @@ class ComparedBranch:
 
     @property
     def came_out(self) -> bool:
-        """Whether it was seen or predicted: what stays in by both is no agreement."""
+        """Whether it was seen or predicted to come out; only such branches can agree."""
         return self.deployed_observed or self.deployed_predicted
 
     @property

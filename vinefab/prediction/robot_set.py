@@ -129,7 +129,7 @@ class RobotSet:
     cover: Cover  # what can be covered
 
     def answer(self, name: str) -> str:
-        """Return where to put all of them, and what they cover together."""
+        """Return the bases of all robots, and their cover together."""
         count, mean, low, high, _ = union_curve(self)[-1]
         over = counted(self.fresh.shape[1], "draw")
         together = Number(mean, "%", ".1f", (low, high), per=0.01, over=over, standing="simulated")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.search.conftest import optimize
-from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.cave import cave_map
 from vinefab.model.design import PieceSettings, Pouch
@@ -20,6 +20,7 @@ from vinefab.search.record.result import (
     RECORD_FILE,
     RecordTail,
     RunArchive,
+    damage_errors,
     map_from_text,
     map_to_text,
     plain_summary,
@@ -212,3 +213,17 @@ def test_a_recipe_stands_in_records_as_before_it_was_a_table():
     weldcut = profile["recipe"]["operations"]["weldcut"]
     assert (weldcut["tool"], weldcut["dwell_s"]) == ("laser", None)
     assert "schema_" not in {*profile["machine"], *profile["material"]}
+
+
+def test_a_full_disk_is_no_damage_and_walks_have_limits(tmp_path):
+    full = sqlite3.OperationalError("disk I/O error")
+    full.sqlite_errorcode = sqlite3.SQLITE_IOERR_WRITE
+    with pytest.raises(CannotWriteError, match="the disk is full"), damage_errors(tmp_path):
+        raise full
+    with pytest.raises(UnreadableFileError, match="is damaged"), damage_errors(tmp_path):
+        raise sqlite3.DatabaseError("file is not a database")
+    for name in "abc":
+        (tmp_path / name).mkdir()
+    assert records_in(tmp_path, most=4) == []
+    with pytest.raises(UnreadableFileError, match="more than 3 folders"):
+        records_in(tmp_path, most=3)

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from html import escape
 from types import SimpleNamespace
 
 import hypothesis.extra.numpy as hnp
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.stats import t as student
 
 from vinefab.core.statistics import PAIRED_TAILS, mean_interval, mean_p
+from vinefab.core.view import p_value
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Design
 from vinefab.pages.panel import Marks, Shape
@@ -131,7 +133,7 @@ def test_words_json_and_page_say_the_same(found):
     assert document["designs"]["short"][REACH.key]["count"] == 12
     for difference in document["duels"]:
         if difference["measure"] == REACH.key:
-            assert f"{difference['p_adjusted']:.5f}" in page
+            assert escape(p_value(difference["p_adjusted"]).text) in page
             low = difference["low"]
             ends = "(6 maps: no interval)" if low is None else f"[{low:.1f}, "
             assert any(f"{difference['mean']:.1f} {ends}" in line for line in lines)
@@ -190,14 +192,14 @@ def test_ties_count_as_half_a_win():
 def test_rows_and_chart_show_a_known_difference():
     clear, open_ = known_difference(), known_difference(low=-1.5, p_adjusted=0.2)
     row, other = (tuple(map(str, r)) for r in paired_difference_table([clear, open_]).rows)
-    assert row[2:] == ("4.0 [1.5, 6.0; 8 maps]", "0.01000", "0.03000", "75 %", "8", "a")
-    assert other[2:] == ("4.0 [-1.5, 6.0; 8 maps]", "0.01000", "0.20000", "75 %", "8", "not clear")
+    assert row[2:] == ("4.0 [1.5, 6.0; 8 maps]", "0.010", "0.030", "75 %", "8", "a")
+    assert other[2:] == ("4.0 [-1.5, 6.0; 8 maps]", "0.010", "0.200", "75 %", "8", "not clear")
     drawn = paired_difference_chart(SEEN, [clear, open_]).panels[0].primitives
     lines = [one.chains[0][:, 0].tolist() for one in drawn if isinstance(one, Shape)]
     assert lines[1:] == [[1.5, 6.0], [-1.5, 6.0]]
     assert [one.points[0, 0] for one in drawn if isinstance(one, Marks)] == [4.0, 4.0]
     assert clear.words.startswith("free space seen by sensors: a is better; ")
-    assert clear.words.endswith("4.0 [1.5, 6.0; 8 maps] %, p = 0.03000")
+    assert clear.words.endswith("4.0 [1.5, 6.0; 8 maps] %, p = 0.030")
 
 
 def test_a_difference_is_clear_below_five_percent():

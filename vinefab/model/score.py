@@ -180,7 +180,7 @@ class Score(Result):
                     f"composite.{kind}",
                     detail="; ".join(filter(None, [composite_text(kind), "simulated"])),
                 )
-                if self.earned or kind != "min_deviation"
+                if self._earned or kind != "min_deviation"
                 else Fact(kind, "-", f"composite.{kind}", NOTHING_STEADY, data=value)
                 for kind, value in composite.items()
             ),
@@ -190,7 +190,7 @@ class Score(Result):
         yield Notes(self.notes, "notes")
 
     @property
-    def earned(self) -> bool:
+    def _earned(self) -> bool:
         """Whether any deployment earned anything: it touched a target, or has a score above 0."""
         if self.targets is not None:
             return any(any(one.touched) for one in self.targets.outcomes)

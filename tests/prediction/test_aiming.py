@@ -13,7 +13,7 @@ from shapely import Point
 
 import vinefab as vf
 from tests.prediction.test_pose_search import OPTIONS, ROOM, TREE
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, BrokenPluginError
 from vinefab.core.rng import child
 from vinefab.core.view import Origin
 from vinefab.growth.batch import grow_on
@@ -210,7 +210,7 @@ class Broken:
 
 
 def test_a_task_that_gives_no_number_is_refused():
-    with pytest.raises(BadInputError, match="score of task broken"):
+    with pytest.raises(BrokenPluginError, match=r"task 'broken' .*its score is nan"):
         aim_robots([TREE], ROOM, Broken(), AimPlan(deployments=5000, options=OPTIONS))
 
 

@@ -176,7 +176,7 @@ def test_the_median_map_comes_first_then_worst_and_best(made):
         "median", "worst", "best", "contacts"
     ]  # fmt: skip
     # One legend, below the first, explains the row.
-    assert ["branch tip" in drawing for drawing in page.drawings[:3]] == [True, False, False]
+    assert [b">level 1<" in drawing for drawing in page.drawings[:3]] == [True, False, False]
 
 
 def test_pictures_are_drawings_without_addresses(made):

@@ -332,7 +332,7 @@ LINES = {
     "new thing a.toml": "kind is ",
     "new design a.json": "file is ",
     "new map a.toml": "file is ",
-    "new map a.geojson --from table": "--original is ",
+    "new map a.geojson --from table": "--from is ",
     "new recipe 'my film.toml'": "for a recipe a file name of letters",
     "new run a.toml --from contest/bench_reach.toml": "contest/bench_reach.toml",
     "new design plain.toml --from cave_explorer": "plain.toml: exists; --force overwrites it",

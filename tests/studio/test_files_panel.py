@@ -198,6 +198,26 @@ def test_work_on_a_file_that_was_changed_since_asks_before_it_is_saved(open_tab,
     assert twig.read_text() == with_length(140.0)
 
 
+def test_a_moved_start_is_unsaved_work_until_it_is_saved_with_the_map(studio, open_tab):
+    tab = open_tab()
+    assert "●" not in tab.page.title()
+    pose = {"x_mm": 150.0, "y_mm": 40.0, "heading_deg": 80.0}
+    tab.page.evaluate("(pose) => studio.store.change('', (s) => { s.pose = pose; })", pose)
+    assert "●" in tab.page.title()
+    tab.until("() => studio.request('autosaves').then((found) => found.autosaves.length === 1)")
+    tab.page.evaluate(
+        "() => studio.store.change('', (s) => { s.map = {source: {environment: 'grid', seed: 5},"
+        " edits: []}; })"
+    )
+    tab.page.get_by_role("button", name="Save map").click()
+    tab.page.fill("#save-map-path", "started")
+    tab.page.keyboard.press("Enter")
+    tab.until("() => studio.store.get().map.source.file === 'started.geojson'")
+    assert "●" not in tab.page.title()
+    start = Map.read(studio.folder / "started.geojson").starts[0].pose
+    assert (start.x_mm, start.y_mm) == (150.0, 40.0)
+
+
 def test_changes_of_the_map_alone_are_unsaved_work_and_a_map_is_saved(studio, open_tab):
     world = generate("pegs", 1)
     tab = open_tab()

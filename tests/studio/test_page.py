@@ -10,12 +10,15 @@ import pytest
 import shapely
 
 import vinefab as vf
-from tests.studio.conftest import PATIENCE_S, TWIG, TabSession
+from tests.studio.conftest import PATIENCE_S, TWIG, WINDOW, TabSession
+from vinefab.core.view import Picture
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.files.run_context import ChosenRecipe
+from vinefab.pages.html import page as html_page
 from vinefab.pages.plan_svg import outline_svg, robot_svg
+from vinefab.search.record.result import RunArchive
 from vinefab.studio.pattern_answers import cut_notes
 from vinefab.studio.state import Frame
 from vinefab.tasks import make_task
@@ -361,6 +364,39 @@ def test_scale_bar_cursor_measure_snap_and_legend(tab):
     assert tab.page.inner_text(".cursor").startswith(f"{x:.0f}")
     tab.page.locator(".legend summary").click()
     assert tab.page.locator(".legend li:visible").count() >= 10
+    assert tab.page.evaluate(MEASURED)["covers"] == 0
+    tab.page.locator(".legend summary").click()
+
+
+def test_the_ground_is_of_the_state_however_fast_it_changes(tab, grid):
+    walls = tab.page.locator("#map [data-obstacle]")
+    tab.rest()
+    tab.page.evaluate(
+        """() => {
+          globalThis.seen = 0;
+          studio.onAnswer("live", () => { seen += 1; });
+          studio.store.change("", (state) => { state.map.edits.push(["remove", 0]); });
+          studio.store.undo();
+        }"""
+    )
+    tab.until("() => seen >= 2")
+    tab.soon(len(grid.obstacles), walls.count)
+
+
+def test_names_of_targets_are_not_cut_by_the_edge_of_the_plan(tab, grid):
+    right = grid.bounds.bounds[2]
+    targets = [
+        {"name": "a shelf with a long name", "point_mm": [right - 10, 50], "tolerance_mm": 5}
+    ]
+    tab.page.set_viewport_size({"width": 390, "height": 844})
+    tab.page.evaluate(
+        "(targets) => studio.store.change('', (s) => { s.map.targets = targets; })", targets
+    )
+    name = tab.page.locator(".target-layer text", has_text="missed")
+    name.wait_for()
+    tab.painted()
+    right_of = "(one) => one.getBoundingClientRect().right"
+    assert name.evaluate(right_of) <= tab.page.locator("#map svg.plan").evaluate(right_of)
 
 
 def test_how_sure_scores_are_is_asked_for_once_the_hand_is_away(tab):
@@ -664,12 +700,57 @@ def test_late_answers_are_dropped(tab):
     ) == [[["b", "stale"], ["a", "A"], ["c", "C"]], ["a", "c"]]
 
 
+def test_a_search_takes_map_and_targets_of_the_page_and_says_what_the_command_says(tab, studio):
+    search = tab.page.locator("#search")
+    tab.page.get_by_role("tab", name="Search").click()
+    tab.until("() => document.getElementById('search-maps').value === 'shown'")
+    assert tab.page.input_value("#search-task") == "coverage"
+
+    # An unedited generated map is the page's map, too: the first choice, and what is taken.
+    tab.page.evaluate(
+        "() => studio.store.change('', (s) => { s.map = {source: {environment: 'grid', seed: 3,"
+        " options: {columns: 2, rows: 2, size_mm: 300}}, edits: []}; s.pose = null; })"
+    )
+    tab.painted()
+    tab.soon("shown", lambda: tab.page.input_value("#search-maps"))
+    first = tab.page.locator("#search-maps option").first
+    assert first.inner_text() == "the map on this page"
+
+    tab.page.evaluate(
+        """() => studio.store.change("", (state) => {
+          const points = [["A", 150, 60], ["B", 150, 100], ["C", 20, 180]];
+          state.map.targets = points.map(([name, ...point_mm]) =>
+            ({name, point_mm, tolerance_mm: 20}));
+        })"""
+    )
+    tab.soon("reach", lambda: tab.page.input_value("#search-task"))
+    assert tab.page.input_value("#search-maps") == "shown"
+    for name, value in (("population", 4), ("generations", 2)):
+        tab.page.fill(f"#search-{name}", str(value))
+        tab.page.press(f"#search-{name}", "Tab")
+    tab.page.uncheck("#search-fabricable")
+    tab.page.fill("#search-folder", "run_targets")
+    tab.page.press("#search-folder", "Tab")
+    search.get_by_role("button", name="Start", exact=True).click()
+    tab.page.wait_for_selector(
+        "#search .card [data-state=ended]:has-text('run_targets')", timeout=3000 * PATIENCE_S
+    )
+    archive = RunArchive.read(studio.folder / "run_targets" / "run.sqlite")
+    assert archive.settings.task.name == "reach"
+    assert [[one.name for one in world.targets] for world in archive.maps] == [["A", "B", "C"]]
+    result = archive.result()
+    said = search.locator(".best .value")
+    tab.soon(result.targets.headline, said.inner_text)
+    assert re.match(r"\d of 3 touched", result.targets.headline)
+    assert result.answer.text.startswith(result.targets.headline), "as the command ends"
+
+
 def test_a_search_is_started_and_stopped(tab, studio):
     tab.page.get_by_role("tab", name="Search").click()
     start = tab.page.locator("#search").get_by_role("button", name="Start", exact=True)
     folder = tab.page.locator("#search-folder")
     tab.until("() => document.getElementById('search-folder').value !== ''")
-    for name, value in (("population", 4), ("generations", 200), ("count", 1)):
+    for name, value in (("population", 4), ("generations", 200)):
         tab.page.locator(f"#search-{name}").fill(str(value))
         tab.page.locator(f"#search-{name}").press("Tab")
     folder.fill("run_page")
@@ -796,7 +877,13 @@ MEASURED = """() => {
   const overlaps = heads.filter((one, index) => heads.slice(index + 1).some((two) =>
     one.left < two.right && two.left < one.right && one.top < two.bottom && two.top < one.bottom));
   const {left, top, right, bottom} = box(document.querySelector("#map svg.plan"));
+  const around = [...document.querySelectorAll("#map .zoom, #map .rulers > *, #map .legend")];
+  const map = document.getElementById("map");
+  const cut = [map, ...map.children].filter((one) => one.scrollWidth > one.clientWidth + 1);
   return {
+    covers: around.map(box).filter((one) => one.left < right && left < one.right
+      && one.top < bottom - 1 && top < one.bottom).length,
+    cut: cut.filter(seen).map((one) => one.className),
     small: small.map(name), overlaps: overlaps.length,
     wide: document.documentElement.scrollWidth, map: [left, top, right, bottom],
   };
@@ -826,6 +913,8 @@ def test_the_map_is_in_view_at_every_width(tab):
         assert found["small"] == [], width
         assert found["overlaps"] == 0, width
         assert found["wide"] <= width
+        assert found["covers"] == 0, f"{width}: the map is covered"
+        assert found["cut"] == [], width
         left, top, right, bottom = found["map"]
         assert 0 <= left < right <= width
         assert bottom - top >= least, width
@@ -839,6 +928,21 @@ def test_the_map_is_in_view_at_every_width(tab):
             box = tab.box(selector)
             assert box["x"] >= 0
             assert box["x"] + box["width"] <= width
+
+
+def test_pictures_of_pages_fit_a_narrow_window_and_scroll_at_full_size(tab, tmp_path):
+    wide = b'<svg xmlns="http://www.w3.org/2000/svg" width="740" height="90" viewBox="0 0 74 9"/>'
+    path = tmp_path / "report.html"
+    path.write_text(html_page("A rig", [Picture(image=wide, caption="plan")]))
+    tab.page.set_viewport_size({"width": 390, "height": 844})
+    tab.page.goto(path.as_uri())
+    width = "document.querySelector('figure img').getBoundingClientRect().width"
+    assert tab.page.evaluate(width) <= 390
+    tab.page.get_by_role("button", name="Full size").click()
+    assert tab.page.evaluate(width) == 740
+    assert tab.page.evaluate("document.documentElement.scrollWidth") == 390
+    tab.page.set_viewport_size(WINDOW)
+    assert not tab.page.get_by_role("button", name="Full size").is_visible()
 
 
 def test_growth_options_are_seen_and_changed_in_one_place(tab, grid):

@@ -212,6 +212,21 @@ def test_a_level_with_locked_values_cannot_be_left_out(tmp_path):
         run_files(state, {"levels": [2, 3]}, tmp_path)
 
 
+@pytest.mark.parametrize("targets", [None, [{"name": "A", "point_mm": [150, 150]}]])
+def test_a_search_is_proposed_on_what_is_open(targets):
+    """A generated map that is not edited, too; with targets the task is to reach them."""
+    given = page(task="anchoring")
+    given["map"]["targets"] = targets
+    state = StudioState.of(given)
+    proposed = run_proposal(state)["settings"]
+    assert proposed["maps"]["shown"]
+    assert proposed["task"] == ("reach" if targets else "anchoring")
+    assert state.family.environment == "grid"
+    given["map"]["source"] = {"environment": "cave", "seed": 1}
+    assert StudioState.of(given).family.environment == "cave", "many maps are of its kind"
+    assert not run_proposal(StudioState.of({**given, "map": None}))["settings"]["maps"]["shown"]
+
+
 def test_a_proposal_says_what_a_search_leaves_out():
     given = page("six_branch_anchor")
     given["design"]["build"]["taper"] = [1.0, 0.9]

@@ -88,7 +88,7 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
     """Return the form of a search around the page's design, with its proposals."""
     deeper, depth = SpaceSettings(), state.design.depth
     environment = state.world.environment if state.world else ""
-    # What stands on the page is what is searched for: its targets, and its map where that is one.
+    # What stands on the page is what is searched for: its targets, and its map.
     has_targets = state.world is not None and bool(state.world.targets)
     generated = {
         "environment": environment if environment in ENVIRONMENTS else "grid",
@@ -123,7 +123,7 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
         "settings": {
             "task": "reach" if has_targets else state.task,
             "objectives": [],
-            "maps": {**generated, "shown": has_targets or state.is_own_map},
+            "maps": {**generated, "shown": state.world is not None},
             "fabricable": True,
             "population": 24,
             "generations": 300,

@@ -52,7 +52,7 @@ _EMPTY: Mapping[str, Any] = {
     "pose": None,
     "recipe": None,
     "task": "coverage",
-    "family": {"environment": "grid", "count": 40, "seed": 1000},
+    "family": {"count": 40, "seed": 1000},
     "growth": {},
     "locks": [],
 }
@@ -186,7 +186,7 @@ class StudioWorkspace:
                 "map": {"source": source, "edits": []},
                 **of_run,
                 **({"recipe": options.recipe} if options.recipe else {}),
-                "family": {"environment": options.environment, "count": 40, "seed": 1000},
+                "family": _EMPTY["family"],
             }
         return {
             "version": __version__,

@@ -293,7 +293,6 @@ class StudioState:
     ground: EditedMap | None  # the same without the page's targets
     pose: Pose | None  # None: the map's first start
     profile: LaserProfile
-    is_own_map: bool  # a file, or with changes: no map that an environment generates
     recipe: str  # what the profile was opened by
     task: str
     family: Family
@@ -313,17 +312,18 @@ class StudioState:
         design = design_of(mapping_at("design", given.get("design")), PAGE)
         recipe = _text("recipe", given.get("recipe") or DEFAULT_RECIPE)
         shown = None if given.get("map") is None else mapping_at("map", given["map"])
+        # Many maps are of the open map's kind until the page asks for another.
+        source = {} if shown is None else member(shown, "source")
+        usual = {"environment": source["environment"]} if "environment" in source else {}
         return cls(
             design=design,
             world=None if shown is None else world_of(shown),
             ground=None if shown is None else edited_map(shown),
             pose=start_of(given.get("pose")),
-            is_own_map=shown is not None
-            and ("file" in member(shown, "source") or bool(shown.get("edits"))),
             profile=current_profile(recipe),
             recipe=recipe,
             task=_text("task", given.get("task") or "coverage"),
-            family=Family.of(mapping_at("family", given.get("family") or {})),
+            family=Family.of({**usual, **mapping_at("family", given.get("family") or {})}),
             growth=GrowthChoice.of(
                 [design], mapping_at("growth", given.get("growth") or {})
             ).options,

@@ -6,6 +6,7 @@ const button = (place, text, act) => {
   made.textContent = text;
   made.onclick = act;
   place.append(" ", made);
+  return made;
 };
 
 for (const figure of document.querySelectorAll("figure")) {
@@ -22,6 +23,12 @@ for (const figure of document.querySelectorAll("figure")) {
     link.download = `${name}.${kind}`;
     link.click();
   });
+  // On a narrow window a picture is as wide as the page, or scrolls at its own size.
+  const full = button(place, "Full size", () => {
+    full.setAttribute("aria-pressed", String(figure.classList.toggle("full")));
+  });
+  full.className = "narrow";
+  full.setAttribute("aria-pressed", "false");
   button(place, "PDF", () => {
     const root = document.documentElement.classList;
     root.add("alone");

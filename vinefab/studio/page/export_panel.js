@@ -2,6 +2,7 @@
 
 import { button, copyable, el, optionsOf, rested, showShare, shownBlocks } from "studio/dom.js";
 import { problemOf } from "studio/connection.js";
+import { environmentOf } from "studio/family_panel.js";
 
 const WAIT_MS = 150;
 
@@ -20,7 +21,7 @@ const EXPORTS = [
     name: "report", title: "Report", about: "predictions (simulated), rules, materials", out: "report.html", place: "File",
     options: [
       { key: "poses", label: "poses per map", kind: "number", value: 3, least: 1, most: 1000 },
-      { key: "environment", label: "also unseen maps of", kind: "select", value: "", choices: (state) => ["", state.family?.environment ?? "grid"] },
+      { key: "environment", label: "also unseen maps of", kind: "select", value: "", choices: (state) => ["", environmentOf(state)] },
       { key: "count", label: "how many", kind: "number", value: 40, least: 1, most: 10000 },
     ],
   },

@@ -28,9 +28,12 @@ export function signed(value, digits = 3) {
 }
 
 /** Conditions of scores, other than the design: only those of the same conditions are compared. @param {StudioState} state */
-export function familyConditions({ family, task, growth }) {
-  return JSON.stringify([family, task, growth]);
+export function familyConditions(state) {
+  return JSON.stringify([state.family, environmentOf(state), state.task, state.growth]);
 }
+
+/** Return the kind of many maps: that of the open map until another is chosen. @param {StudioState} state */
+export const environmentOf = ({ family, map }) => family.environment ?? map?.source.environment ?? "grid";
 
 /** Tell whether the interval of a paired difference leaves out none at all. @param {{ low: number | null, high: number | null }} difference */
 export function isClear({ low, high }) {
@@ -298,14 +301,14 @@ export function mount(root, app) {
   /** @param {StudioState} state */
   function showControls(state) {
     const { family } = state;
-    const names = answer?.environments ?? [family.environment ?? "grid"];
+    const names = answer?.environments ?? [environmentOf(state)];
     if (environment.dataset.names !== names.join()) {
       environment.dataset.names = names.join();
       environment.replaceChildren(...optionsOf([...names.map((name) => [name]), ["files", "map files"]]));
     }
     const isFiles = Boolean(family.files?.length);
     if (isFiles && filesLine.hidden && app.live) showFiles();
-    environment.value = isFiles ? "files" : family.environment ?? "grid";
+    environment.value = isFiles ? "files" : environmentOf(state);
     environment.disabled = files.disabled = listed.disabled = !app.live;
     filesLine.hidden = !isFiles;
     markListed();

@@ -672,7 +672,7 @@ function createSaveAsDialog(root, app, { id, title, ending, renames: question, p
 }
 
 /** Tell whether the map has changes that no file has. @param {StudioState} state */
-export const isEdited = ({ map }) => Boolean(map?.edits.length || map?.targets);
+export const isEdited = ({ map, pose }) => Boolean(map && (map.edits.length || map.targets || pose));
 
 /** @param {string} path */
 function nameOf(path) {

@@ -41,7 +41,10 @@ export function mount(root, app) {
     "aria-label": "Map with the robot. Arrow keys move what is selected; plus and minus zoom.",
   }, ...Object.values(layers));
   const tools = mapTools(app, layers.tool);
-  const view = createView(svg, tools.scale);
+  const view = createView(svg, (perPx) => {
+    tools.scale(perPx);
+    keepNamesInside();
+  });
   const front = el("input", { type: "range", id: "front", min: 0, max: 1000, step: 1, value: 1000 });
   const frontOut = el("output", { for: "front", class: "value" });
   const play = button("Grow", () => {
@@ -87,7 +90,7 @@ export function mount(root, app) {
     button("−", () => view.zoom(ZOOM), { "aria-label": "Zoom out" }),
     button("⤢", () => view.fit(), { "aria-label": "Whole map", title: "Whole map" }));
 
-  const canvas = el("div", { class: "canvas" }, svg, zoom, ...tools.overlay);
+  const canvas = el("div", { class: "canvas" }, svg, zoom, tools.rulers);
   const things = thingsRow(app, { choose, change: changeThing, remove: removeChosen, home: () => app.store.change("start of the map", (state) => { state.pose = null; }) });
   root.append(
     canvas,
@@ -182,9 +185,20 @@ export function mount(root, app) {
     }
   }
 
+  /** Move the names of targets that the edge of the plan would cut off. */
+  function keepNamesInside() {
+    const texts = layers.target.querySelectorAll("text");
+    for (const text of texts) text.style.transform = "";
+    const { right } = svg.getBoundingClientRect();
+    for (const [text, over] of [...texts].map((text) => /** @type {const} */ ([text, text.getBoundingClientRect().right - right]))) {
+      if (over > 0) text.style.transform = `translateX(${-over - 8}px)`;
+    }
+  }
+
   /** Show targets, and of an obstacle that is chosen its shape with frame and handles. @param {LiveAnswer} found */
   function showThings(found) {
     fillSvg(layers.target, found.targets_svg ?? "");
+    keepNamesInside();
     const shaped = chosen?.kind === "obstacle" && chosen.id === found.obstacle?.index ? found.obstacle : null;
     fillSvg(layers.edit, shaped && app.live ? shaped.svg : "");
     if (shaped) obstacle(shaped.index)?.setAttribute("d", shaped.path);
@@ -251,6 +265,8 @@ export function mount(root, app) {
     if (found.ground_svg !== null && found.ground_svg !== undefined) {
       fillSvg(layers.ground, found.ground_svg);
       ground = found.ground_key;
+    } else if (found.ground_key && found.ground_key !== ground && !isShape(dragging)) {
+      ask(); // it was asked before the answer that drew another ground
     }
     if (found.view_box) view.whole(/** @type {Box} */ (found.view_box.split(/[ ,]+/).map(Number)));
     fullMm = found.front_full_mm ?? 0;
@@ -464,7 +480,7 @@ export function mount(root, app) {
     const names = new Set([...(app.hello.environments ?? []), environment].filter(Boolean));
     const file = path.split("/").at(-1);
     const edited = isEdited(state) ? ", changed" : "";
-    keep.disabled = !app.live || !state.map || !(isEdited(state) || state.pose);
+    keep.disabled = !app.live || !state.map || !isEdited(state);
     const options = optionsOf([...names].map((name) => [name]));
     if (file || !state.map) options.unshift(el("option", { value: "" }, file || "none"));
     options.find((option) => option.value === environment)?.append(edited);

@@ -39,8 +39,8 @@ export function mapTools(app, layer) {
   /** What a hand sets needs no more digits than a laser has. @param {number} value @param {number} size */
   const snapTo = (value, size) => Math.round(100 * (size ? Math.round(value / size) * size : value)) / 100;
   return {
-    overlay: [legend, el("div", { class: "rulers" }, bar, cursor)],
-    controls: [el("label", {}, "Snap ", step), measure],
+    rulers: el("div", { class: "rulers" }, bar, cursor),
+    controls: [el("label", {}, "Snap ", step), measure, legend],
     scale, isOn, turn,
     /** @param {number} value */
     mm: (value) => snapTo(value, Number(step.value)),

@@ -824,7 +824,8 @@ def test_an_unknown_parameter_of_any_function_is_an_error_that_names_it():
             vf.reproduce,
         )
         needed = {"out": Path("none")} if function in writing else {}
-        needed |= {"maps": PEGS} if function is vf.score else {}
+        needed |= {"out": Path("none.html")} if function is vf.report else {}
+        needed |= {"maps": PEGS} if function in (vf.score, vf.compare, vf.report) else {}
         needed |= {"optimizers": "x"} if function is vf.contest else {}
         needed |= {"start": "x"} if function is vf.maps.start else {}
         with pytest.raises((vf.VinefabError, TypeError)) as caught:

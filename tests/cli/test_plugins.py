@@ -1,14 +1,20 @@
 """Parts of somebody else's package, installed beside vinefab."""
 
+import json
 import os
 import subprocess
 import sys
 
 import pytest
 
+import vinefab as vf
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.design import design_content
 from vinefab.search.optimizers.optimizer import OPTIMIZERS
+from vinefab.studio.live_answers import live_answer
+from vinefab.studio.run_request import run_proposal
+from vinefab.studio.state import StudioState
 from vinefab.tasks import TASKS
 
 MODULE = """
@@ -123,6 +129,150 @@ def test_a_run_is_optimized_for_a_task_of_another_package(vinefab, run_file, gri
     assert code == 0
     assert "depth" in words
     assert "theirs 1.0" in (tmp_path / "run/best.toml").read_text()
+
+
+VERBS = {
+    "score": (("score", "plain_vine"), "task", "depth"),
+    "compare": (("compare", "plain_vine", "three_level_tree"), "measure", "task_score"),
+    "report": (("report", "plain_vine", "--out", "page.html"), "task", "depth"),
+    "aim": (("aim", "plain_vine", "--deployments", "5000", "--alone"), "task", "depth"),
+}
+
+
+@pytest.mark.usefixtures("their_package")
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_that_scores_takes_a_task_of_another_package(
+    verb, vinefab, grid, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    words, key, value = VERBS[verb]
+    more = ("--map", grid, "--task", "depth", "--set", "unit_mm=50", "--json", "found.json")
+    code, _, complaint = vinefab(*words, *more, "-q")
+    assert (code, complaint) == (0, "")
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert found[key] == value
+    scored = vf.score("plain_vine", "depth", maps=grid, unit_mm=50.0).composite["mean"]
+    if verb == "report":
+        assert found["fields"][0]["spread"]["task_score"]["mean"] == round(scored, 4)
+        assert "plain_vine scores" in (tmp_path / "page.html").read_text()
+        assert "on task depth" in (tmp_path / "page.html").read_text()
+    if verb == "compare":
+        spread = found["designs"]["plain_vine"]["task_score"]
+        assert spread["mean"] == round(scored, 4)
+
+
+@pytest.mark.usefixtures("their_package")
+def test_a_report_is_about_the_task_of_the_run_that_another_package_offers(
+    vinefab, run_file, grid, tmp_path
+):
+    run_file.write_text(f'{run_file.read_text()}[task]\nname = "depth"\nunit_mm = 50\n')
+    assert vinefab("optimize", run_file, "--out", tmp_path / "run", "-q", "--no-page")[0] == 0
+    best = tmp_path / "run/best.toml"
+    found = vf.report(best, out=tmp_path / "page.html", maps=grid, progress=False)
+    assert found.asked.key == "task_score"
+    assert vf.Design.read(best).origin["task"] == "depth"
+    scored = vf.score(best, maps=grid)
+    assert scored.task == "depth"
+    assert found.main.outcomes.spread(found.asked).mean == pytest.approx(scored.composite["mean"])
+
+
+class Grown:
+    """A task of the user's own: no dataclass, and made with an argument."""
+
+    name, lowest = "grown", 0.0
+
+    def __init__(self, unit_mm):
+        self.unit_mm = unit_mm
+
+    def evaluate(self, deployment, _ground):
+        return float(deployment.grown_mm.sum()) / self.unit_mm, {
+            "tips": float(len(deployment.tree))
+        }
+
+
+def test_every_verb_that_scores_takes_a_task_as_an_object(grid, tmp_path):
+    task, quiet = Grown(100.0), {"progress": False}
+    scored = vf.score("grid_explorer", task, maps=grid)
+    mean = scored.composite["mean"]
+    assert mean > 0.1
+    page = tmp_path / "page.html"
+    report = vf.report("grid_explorer", out=page, maps=grid, task=task, **quiet)
+    assert report.numbers["task"] == "grown"
+    assert report.main.outcomes.spread(report.asked).mean == pytest.approx(mean)
+    assert f"scores {mean:.4f} on task grown" in page.read_text()
+    both = vf.compare(["plain_vine", "grid_explorer"], grid, task=task, **quiet)
+    assert both.means["grid_explorer"] == pytest.approx(mean)
+    assert both.measure.key == "task_score"
+    by_name = vf.compare(both.designs, grid, task=task, measure="task_score", **quiet)
+    assert by_name.means == both.means
+    seen = vf.compare(both.designs, grid, task=task, measure="seen_percent", **quiet)
+    assert seen.measure.key == "seen_percent"
+    aimed = vf.aim("grid_explorer", grid, task, deployments=5000, alone=True, **quiet)
+    assert aimed.task is task
+    assert aimed.mean > mean
+
+
+@pytest.mark.parametrize("verb", ["score", "report", "compare", "aim"])
+def test_a_task_that_is_no_number_is_refused_wherever_it_is_taken(verb, grid, tmp_path):
+    class Broken(Grown):
+        def evaluate(self, _deployment, _ground):
+            return float("nan"), {}
+
+    task, quiet = Broken(1.0), {"progress": False}
+    asked = {
+        "score": lambda: vf.score("plain_vine", task, maps=grid),
+        "report": lambda: vf.report("plain_vine", out=tmp_path / "r.html", maps=grid, task=task),
+        "compare": lambda: vf.compare(["plain_vine"] * 2, grid, task=task, **quiet),
+        "aim": lambda: vf.aim("plain_vine", grid, task, deployments=5000, alone=True, **quiet),
+    }
+    with pytest.raises(
+        vf.VinefabError,
+        match=r"task 'grown' of module .*test_plugins breaks down \(its score is nan",
+    ):
+        asked[verb]()
+    assert not (tmp_path / "r.html").exists()
+
+
+@pytest.mark.usefixtures("their_package")
+def test_a_score_over_unseen_maps_is_that_of_the_comparison(vinefab, tmp_path):
+    unseen = ("--environment", "yard", "--count", "3", "--seed", "4", "--set", "columns=3")
+    out = ("--json", tmp_path / "score.json")
+    code, _, complaint = vinefab("score", "plain_vine", "--task", "depth", *unseen, *out)
+    assert (code, complaint) == (0, "")
+    score = json.loads((tmp_path / "score.json").read_text())
+    out = ("--task", "depth", "--json", tmp_path / "both.json")
+    assert vinefab("compare", "plain_vine", "grid_explorer", *unseen, *out)[0] == 0
+    both = json.loads((tmp_path / "both.json").read_text())
+    assert len(score["evaluations"]) == 9
+    assert both["maps"] == len({one["map"] for one in score["evaluations"]}) == 3
+    mean = both["designs"]["plain_vine"]["task_score"]["mean"]
+    assert mean == round(score["composite"]["mean"], 4)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("score", "plain_vine"), "--maps"),
+        (("compare", "plain_vine", "grid_explorer", "--environment", "grid", "--set", "a=1"), "a"),
+        (("score", "plain_vine", "--environment", "grid", "--set", "a=1"), "task.a"),
+    ],
+)
+def test_a_parameter_of_neither_task_nor_environment_is_refused(words, said, vinefab):
+    code, _, complaint = vinefab(*words)
+    assert (code, complaint.count("\n")) == (2, 1)
+    assert said in complaint
+
+
+@pytest.mark.usefixtures("their_package")
+def test_the_studio_offers_parts_of_other_packages():
+    given = {"design": design_content(vf.Design.read("plain_vine"))}
+    state = StudioState.of({**given, "map": {"source": {"environment": "yard"}, "edits": []}})
+    proposal = run_proposal(state)
+    assert "depth" in proposal["tasks"]
+    assert "yard" in proposal["environments"]
+    assert "dice" in proposal["optimizers"]
+    scores = live_answer(state, {})["scores"]
+    assert scores["depth"] > 0.0
 
 
 @pytest.mark.usefixtures("their_package")

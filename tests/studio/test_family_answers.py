@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 import vinefab as vf
-from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.errors import BadInputError, BrokenPluginError, UnreadableFileError
 from vinefab.core.progress import heard_by
 from vinefab.core.statistics import PAIRED_TAILS, mean_interval
 from vinefab.growth.batch import grow_on
@@ -235,7 +235,7 @@ def test_a_task_that_gives_no_number_is_named(monkeypatch):
             return math.nan, {}
 
     monkeypatch.setattr(panel, "make_task", lambda _: Empty())
-    with pytest.raises(BadInputError, match=r"score of task empty.*a number on grid_1000"):
+    with pytest.raises(BrokenPluginError, match=r"task 'empty' of module .*its score is nan"):
         family_answer(state_of(), {})
 
 

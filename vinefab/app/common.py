@@ -73,12 +73,17 @@ UnseenEnvironment = Annotated[
     Doc("Unseen maps of this environment too."),
 ]
 UnseenCount = Annotated[int, Doc("How many unseen maps.")]
-EnvironmentOptions = Annotated[
-    Pairs | None, also("--set"), Doc("The environment's options, such as size_mm=300.")
-]
+EnvironmentOptions = Annotated[Pairs | None, Doc("The environment's options, such as size_mm=300.")]
 TaskParameters = Annotated[
     object, PAIRS, also("--set"), Doc("Parameters of a task that is named, such as radius_mm=60.")
 ]
+EitherParameters = Annotated[
+    object,
+    PAIRS,
+    also("--set"),
+    Doc("Parameters of a task that is named, such as radius_mm=60, and options of the environment, "
+        "such as size_mm=300: names that the environment has are its own."),
+]  # fmt: skip
 BodyWidth = Annotated[
     Literal["inflated", "centerline"],
     Doc("How wide a body is; default: as the design was trained."),
@@ -230,7 +235,8 @@ def context_of(
         As the caller gave them, None where not; left out by a verb that does not use them.
     usual_task, parameters
         The task where neither caller nor run names one, ``reach`` where all maps have targets; and
-        the caller's parameters of the task.
+        the caller's parameters of the task. Empty: no task there, and none of vinefab's own of a
+        run.
     worlds, targets
         The maps, and the targets that the caller put on them: those of a run hold on the maps that
         it trained on, where the caller gave none.
@@ -266,7 +272,9 @@ def context_of(
         else:
             placed = run.with_places(worlds)
             moved = any(one is not world for one, world in zip(placed, worlds, strict=True))
-            used += ["targets"] * (moved or (task is not ... and run.has_places))
+            used += ["targets"] * (
+                moved or (task is not ... and bool(usual_task) and run.has_places)
+            )
     scored = None
     if task is not ...:
         scored, of_task = _task_of(run, task, usual_task, typed, placed)
@@ -321,11 +329,15 @@ def _recipe_of(design: Design, run: RunContext, recipe: Any) -> tuple[LaserProfi
 
 def _task_of(
     run: RunContext, task: Any, usual: str, parameters: Mapping[str, object], worlds: Sequence[Map]
-) -> tuple[Task, _Words]:
-    """Return the task to score by, and whose it is."""
+) -> tuple[Task | None, _Words]:
+    """Return the task to score by, if there is one, and whose it is."""
     from vinefab.tasks import TASKS
 
     words: _Words = _NOTHING
+    if task is None and not usual and not _is_plugin(run.task):
+        for name, value in parameters.items():
+            raise BadInputError(name, value, "together with task, whose parameter it is")
+        return None, words
     if task is None and worlds and usual != "reach" and all(world.targets for world in worlds):
         usual, words = "reach", ((), ("task reach: the maps have targets",))
     if task is not None and task != run.task:
@@ -337,9 +349,17 @@ def _task_of(
             task_of(run.task, {**run.task_parameters, **parameters}),
             ((f"task {run.task}",), ()),
         )
-    if run.task:
+    if run.task and usual:
         note(f"task {run.task} of {run.title} is not installed here: used is {usual}")
     return task_of(usual, parameters), words
+
+
+def _is_plugin(name: str) -> bool:
+    """Return whether a task is one that another package offers."""
+    from vinefab.core.foreign import is_own
+    from vinefab.tasks import TASKS
+
+    return name in TASKS and not is_own(TASKS[name])
 
 
 def note_seen(context: Context, families: Sequence[MapFamily]) -> None:
@@ -371,6 +391,22 @@ def families_of(
     return map_families(as_maps(maps, start, targets), unseen)
 
 
+def parted(
+    environment: str | None, options: object, given: Mapping[str, object]
+) -> tuple[dict[str, object], dict[str, object]]:
+    """Return the options of an environment, and the parameters that are left for a task."""
+    from vinefab.core.registry import parameter_names
+    from vinefab.maps.generators.environments import ENVIRONMENTS
+
+    known = () if environment is None else parameter_names(ENVIRONMENTS[environment].options)
+    of_environment = {name: value for name, value in given.items() if name in known}
+    chosen = dict(as_mapping("options", options))
+    for name in of_environment.keys() & chosen.keys():
+        raise BadInputError(name, of_environment[name], "given once")
+    left = {name: value for name, value in given.items() if name not in known}
+    return {**chosen, **of_environment}, left
+
+
 def task_of(task: str | Task, parameters: Mapping[str, object]) -> Task:
     """Return a task by its name, or the one passed."""
     from vinefab.tasks import TASKS, make_task
@@ -382,6 +418,9 @@ def task_of(task: str | Task, parameters: Mapping[str, object]) -> Task:
         raise BadInputError("task", task, allowed)
     for name, value in parameters.items():
         raise BadInputError(name, value, "a parameter of a task that is named, not of an object")
+    from vinefab.tasks.task import ensure_task
+
+    ensure_task(task)
     return task
 
 

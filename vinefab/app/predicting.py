@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from vinefab.app.common import (
     BodyWidth,
+    EitherParameters,
     EnvironmentOptions,
     PageFile,
     PictureFile,
@@ -22,6 +23,7 @@ from vinefab.app.common import (
     families_of,
     note_seen,
     page_path,
+    parted,
     with_origin,
     write_page,
     write_shown,
@@ -54,7 +56,6 @@ from vinefab.model.inputs import (
     TargetsLike,
     as_design,
     as_map,
-    as_maps,
     as_path,
     as_several,
     as_starts,
@@ -189,16 +190,19 @@ def score(
     design: DesignLike,
     task: TaskLike | None = None,
     *,
-    maps: Annotated[MapsLike, also("--map")],
+    maps: Annotated[MapsLike, also("--map")] = (),
     start: StartsLike = (),
     targets: TargetsLike = (),
+    environment: UnseenEnvironment | None = None,
+    count: UnseenCount = 100,
+    options: EnvironmentOptions = None,
     poses: PoseCount = 3,
     seed: Seed = 0,
     body: BodyWidth | None = None,
     head_on_half_angle_deg: HalfAngle | None = None,
     contacts: ContactsLike | None = None,
     growth: GrowthLike | None = None,
-    **parameters: TaskParameters,
+    **parameters: EitherParameters,
 ) -> Score:
     """Score a design on a task over maps and poses (simulated).
 
@@ -209,8 +213,7 @@ def score(
         the design, with its parameters where you give no others, else reach where all maps have
         targets, else coverage.
     maps
-        Maps or paths of map files, at least one: --maps *.geojson. Poses are drawn around their
-        starts.
+        Maps or paths of map files: --maps *.geojson. Poses are drawn around their starts.
     seed
         Seed of the poses; map ``i`` gets ``seed + i``.
 
@@ -222,15 +225,16 @@ def score(
     Raises
     ------
     BadInputError
-        If a value cannot be used.
+        If a value cannot be used, or there are neither maps nor an environment.
     UnknownNameError
-        If there is no such design or task.
+        If there is no such design, task or environment.
     UnreadableFileError
         If a file cannot be read.
 
     Examples
     --------
     $ vinefab score three_level_tree --task coverage --maps grid.geojson pegs.geojson
+    $ vinefab score three_level_tree --task coverage --environment grid --count 50
 
     >>> from vinefab import maps
     >>> found = score("plain_vine", "reach", maps=maps.pegs(seed=1), poses=2)
@@ -239,13 +243,13 @@ def score(
     """
     from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task
 
-    worlds = as_maps(maps, start, targets)
-    if not worlds:
-        raise BadInputError("maps", "none", "at least one map")
+    chosen, of_task = parted(environment, options, parameters)
+    families = families_of(maps, start, environment, count, seed, chosen, targets=targets)
+    worlds = [world for family in families for world in family.worlds]
     context = context_of(
         design,
         task=task,
-        parameters=parameters,
+        parameters=of_task,
         worlds=worlds,
         targets=targets,
         growth=growth,
@@ -383,6 +387,7 @@ def compare(
     designs: DesignsLike,
     maps: Annotated[MapsLike, also("--map")] = (),
     *,
+    task: TaskLike | None = None,
     start: StartsLike = (),
     environment: UnseenEnvironment | None = None,
     count: UnseenCount = 100,
@@ -397,6 +402,7 @@ def compare(
     out: PageFile | None = None,
     progress: ProgressLike = True,
     force: Force = False,
+    **parameters: EitherParameters,
 ) -> DesignComparison:
     """Compare designs on the same maps and poses, with paired statistics (simulated).
 
@@ -404,9 +410,12 @@ def compare(
     ----------
     designs
         Two to twelve designs, their paths or their names.
+    task
+        Whose score, ``task_score``, is compared too: a name, in Python also a task of your own;
+        default: that of the run that found the first design, where it is a plug-in's.
     measure
-        What counts most, such as reach_percent; default: targets touched where all maps have
-        targets, else coverage_score.
+        What counts most, such as reach_percent; default: the score of ``task``, else targets
+        touched where all maps have targets, else coverage_score.
 
     Returns
     -------
@@ -420,7 +429,7 @@ def compare(
     ForeignFileError
         If ``out`` is something else.
     UnknownNameError
-        If there is no such design, environment or measure.
+        If there is no such design, task, environment or measure.
 
     Examples
     --------
@@ -433,22 +442,29 @@ def compare(
     """
     from vinefab.prediction.comparison import compare_designs, measure_named
     from vinefab.prediction.family_deployments import PredictionPlan
+    from vinefab.prediction.measures import TASK_SCORE
 
     page = page_path("out", out, force=force)
-    main = None if measure is None else measure_named(measure)
+    if task is None and measure is not None and measure != TASK_SCORE:
+        measure_named(measure)  # refused before any work
     with told(progress):
+        chosen, of_task = parted(environment, options, parameters)
+        families = families_of(maps, start, environment, count, seed, chosen)
         context = context_of(
             as_several(designs),
             key="designs",
+            task=task,
+            usual_task="",
+            parameters=of_task,
             growth=growth,
             body=body,
             head_on_half_angle_deg=head_on_half_angle_deg,
             contacts=contacts,
         )
         choice, robots = context.growth, context.as_grown
-        families = families_of(maps, start, environment, count, seed, options)
         note_seen(context, families)
-        plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
+        main = None if measure is None else measure_named(measure, context.task)
+        plan = PredictionPlan(poses=poses, seed=seed, options=choice.options, task=context.task)
         found = compare_designs(robots, families, plan, measure=main, growth_notes=choice.notes)
         found = with_origin(found, robots, families)
         content = "" if page is None else found.page()
@@ -463,6 +479,7 @@ def report(
     recipe: RecipeLike | None = None,
     *,
     out: PageFile,
+    task: TaskLike | None = None,
     maps: Annotated[MapsLike, also("--map")] = (),
     start: StartsLike = (),
     targets: TargetsLike = (),
@@ -477,8 +494,15 @@ def report(
     growth: GrowthLike | None = None,
     progress: ProgressLike = True,
     force: Force = False,
+    **parameters: EitherParameters,
 ) -> Predicted:
     """Write predictions (simulated), rules and materials of a design as one HTML page.
+
+    Parameters
+    ----------
+    task
+        Whose score the page begins with: a name, in Python also a task of your own; default: what
+        the run that found the design asked for.
 
     Returns
     -------
@@ -492,7 +516,7 @@ def report(
     ForeignFileError
         If ``out`` is something else.
     UnknownNameError
-        If there is no such design, recipe or environment.
+        If there is no such design, recipe, task or environment.
 
     Examples
     --------
@@ -509,10 +533,14 @@ def report(
     path = page_path("out", out, force=force)
     assert path is not None  # noqa: S101  it is required
     with told(progress):
-        families = families_of(maps, start, environment, count, seed, options, targets=targets)
+        chosen, of_task = parted(environment, options, parameters)
+        families = families_of(maps, start, environment, count, seed, chosen, targets=targets)
         context = context_of(
             design,
             recipe=recipe,
+            task=task,
+            usual_task="",
+            parameters=of_task,
             worlds=[world for family in families for world in family.worlds],
             targets=targets,
             growth=growth,
@@ -526,7 +554,9 @@ def report(
             for family in families
         )
         note_seen(context, families)
-        plan = PredictionPlan(poses=poses, seed=seed, options=context.growth.options)
+        plan = PredictionPlan(
+            poses=poses, seed=seed, options=context.growth.options, task=context.task
+        )
         found = predict(robot, profile, families, plan)
         found = replace(with_origin(found, [robot], families, profile), path=path)
         content = found.page()

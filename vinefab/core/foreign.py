@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
-from importlib.metadata import distributions, packages_distributions
+from importlib.metadata import distribution, distributions, packages_distributions
 from math import isfinite
 from numbers import Real
 from pathlib import Path
@@ -166,8 +166,19 @@ def _owner_of(module: str) -> str:
         for point in package.entry_points:
             if point.group.startswith(f"{_HOUSE}.") and point.module.partition(".")[0] == first:
                 return f"of package {package.name}"
-    names = packages_distributions().get(first, ())
-    return f"of package {names[0]}" if names else f"of module {module or '?'}"
+    name = _package_of(first, getattr(sys.modules.get(module), "__file__", None))
+    return f"of package {name}" if name else f"of module {module or '?'}"
+
+
+def _package_of(first: str, file: str | None) -> str:
+    """Return the package whose file a module is: its name alone may be that of another one's."""
+    for name in dict.fromkeys(packages_distributions().get(first, ())) if file else ():
+        package = distribution(name)
+        there = Path(file or "").resolve()
+        files = (one for one in package.files or () if one.name == there.name)
+        if any(Path(str(package.locate_file(one))).resolve() == there for one in files):
+            return name
+    return ""
 
 
 def line_of(error: BaseException) -> str:
@@ -183,11 +194,11 @@ def line_of(error: BaseException) -> str:
 
 def _reader(error: BaseException) -> str:
     """Return the package of the innermost frame that is neither ours nor Python's, if there is."""
-    modules = [frame.f_globals.get("__name__", "") for frame, _ in walk_tb(error.__traceback__)]
-    for module in reversed(modules):
-        first = module.partition(".")[0]
+    frames = [frame.f_globals for frame, _ in walk_tb(error.__traceback__)]
+    for found in reversed(frames):
+        first = found.get("__name__", "").partition(".")[0]
         if first not in (_HOUSE, "", "contextlib") and first not in sys.stdlib_module_names:
-            return (packages_distributions().get(first) or [first])[0]
+            return _package_of(first, found.get("__file__")) or first
     return "the reader"
 
 

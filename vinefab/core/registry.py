@@ -79,6 +79,17 @@ class Registry(Mapping[str, T], Generic[T]):
     def __len__(self) -> int:
         return len(self._parts)
 
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all parts, those of plug-ins too.
+
+        Raises
+        ------
+        BrokenPluginError
+            As `load_plugins` does.
+        """
+        self.load_plugins()
+        return tuple(self._parts)
+
     def load_plugins(self) -> None:
         """Add the parts that installed packages offer, once.
 

@@ -55,14 +55,16 @@ from vinefab.prediction.family_deployments import (
 )
 from vinefab.prediction.measures import (
     COVERAGE,
-    MEASURES,
     TOUCHED,
     MeanValue,
     Measure,
     MeasureTable,
     means_by_map,
+    measures_with,
     samples_text,
     spreads_content,
+    task_content,
+    task_measure,
 )
 from vinefab.prediction.prediction_width import (
     ContactRange,
@@ -71,6 +73,7 @@ from vinefab.prediction.prediction_width import (
     contact_words,
 )
 from vinefab.tasks.reach import touched_targets
+from vinefab.tasks.task import Task
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -227,7 +230,8 @@ class DesignComparison(Result):
         found = {
             name: touched
             for name, result in zip(self.names, self.results, strict=True)
-            if (touched := touched_targets(result.aimed())) is not None
+            if (touched := touched_targets(result.aimed(self.plan.task), self.plan.task))
+            is not None
         }
         yield Rows(
             caption="Targets (simulated; tolerances assumed)",
@@ -238,7 +242,8 @@ class DesignComparison(Result):
             data=tuple({"design": name, "of": one.content} for name, one in found.items()),
         )
         yield Data({"standing": "simulated", "growth": self.plan.options.content,
-                    "measure": measure.key, "maps": some.map_count})  # fmt: skip
+                    "measure": measure.key, **task_content(self.plan.task),
+                    "maps": some.map_count})  # fmt: skip
         yield Data(lambda: {"designs": {name: spreads_content(o) for name, o in outcomes.items()}})
         # Charts of every measure, designs over contacts and on the same map.
         words = (
@@ -338,7 +343,8 @@ def compare_designs(
     Parameters
     ----------
     measure
-        What counts most; None: targets touched where all maps have some, else coverage.
+        What counts most; None: the plan's task, else targets touched where all maps have some, else
+        coverage.
     growth_notes
         Why they are grown by these rules, a sentence each.
     """
@@ -350,11 +356,14 @@ def compare_designs(
     names = names_apart(designs)
     each_one = each("designs", designs, lambda design: design.name)
     results = [deploy_family(design, prepared, plan) for design in each_one]
+    measures = results[0].outcomes.measures
+    if measure is None and plan.task is not None:
+        measure = task_measure(plan.task)
     if measure is None:
         touched = np.concatenate([result.outcomes.values[TOUCHED.key] for result in results])
         measure = COVERAGE if np.isnan(touched).any() else TOUCHED
     if not any(result.outcomes.spread(measure) for result in results):
-        known = [m.key for m in MEASURES if any(r.outcomes.spread(m) for r in results)]
+        known = [m.key for m in measures if any(r.outcomes.spread(m) for r in results)]
         raise BadInputError("--measure", measure.key, f"one that a design has: {', '.join(known)}")
     return DesignComparison(
         names=names,
@@ -362,13 +371,13 @@ def compare_designs(
         results=tuple(results),
         differences=tuple(
             difference
-            for measure in MEASURES
+            for one in measures
             for difference in paired_differences(
-                measure, names, [result.outcomes for result in results]
+                one, names, [result.outcomes for result in results]
             )
         ),
         contacts=tuple(
-            contact_range(design, prepared, plan.options)
+            contact_range(design, prepared, plan.options, plan.task)
             for design in each("designs over contacts", designs, lambda design: design.name)
         ),
         plan=plan,
@@ -413,13 +422,13 @@ def paired_differences(
 
 def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Rows:
     """Return every measure of every design, as numbers."""
-    spreads = [(m, [found.spread(m) for found in outcomes.values()]) for m in MEASURES]
+    some = next(iter(outcomes.values()))
+    spreads = [(m, [found.spread(m) for found in outcomes.values()]) for m in some.measures]
     rows = tuple(
         (measure.label, *("-" if one is None else one.shown(measure) for one in some))
         for measure, some in spreads
         if any(some)
     )
-    some = next(iter(outcomes.values()))
     return Rows(
         caption=f"Means over {some.label} with 95 % intervals, "
         f"{counted(len(some), 'deployment')} of each design (simulated)",
@@ -501,9 +510,9 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
     )
 
 
-def measure_named(key: str) -> Measure:
-    """Return a measure by its key, with or without the unit at its end."""
-    known = {measure.key: measure for measure in MEASURES}
+def measure_named(key: str, task: Task | None = None) -> Measure:
+    """Return a measure by its key, with or without the unit at its end; a task's is one too."""
+    known = {measure.key: measure for measure in measures_with(task)}
     meant = [name for name in known if name == key or name.startswith(f"{key}_")]
     if len(meant) != 1:
         raise UnknownNameError("measure", key, known)

@@ -66,10 +66,10 @@ from vinefab.pages.plan import (
 )
 from vinefab.prediction.deploy import stayed_text
 from vinefab.prediction.measures import (
-    MEASURES,
     Measure,
     MeasureTable,
     measured_shapes,
+    measures_with,
     spreads_content,
     worst_pressures_of,
 )
@@ -83,8 +83,8 @@ from vinefab.tasks.evaluate import (
     score_design,
     trunks_with_room,
 )
-from vinefab.tasks.reach import design_touches
-from vinefab.tasks.task import Task, score_parts
+from vinefab.tasks.reach import design_touches, task_targets
+from vinefab.tasks.task import Task, check_on_map, score_parts
 
 FIRST_UNSEEN = 10_000_000
 """Maps for predictions have seeds from here on, out of the way of those that designs train on."""
@@ -161,6 +161,7 @@ class PredictionPlan:
     seed: int = 0  # seed of the poses; map ``i`` of a family gets ``seed + i``
     options: GrowthOptions = field(default_factory=GrowthOptions)  # the growth model's choices
     anchoring: Anchoring = field(default_factory=Anchoring)  # how anchoring is scored
+    task: Task | None = None  # whose score is a measure too
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -180,6 +181,9 @@ class PreparedFamily:
     def of(cls, family: MapFamily, plan: PredictionPlan) -> "PreparedFamily":
         """Return a family made ready, with its poses drawn."""
         maps = tuple(PreparedMap.of(world) for world in each("maps prepared", family.worlds))
+        if plan.task is not None:
+            for prepared in maps:
+                check_on_map(plan.task, prepared.world, prepared.context)
         seeds = [plan.seed + index for index in range(len(maps))]
         repeats = plan.options.draws
         poses = poses_on(maps, plan.poses, seeds, repeats=repeats)
@@ -228,9 +232,9 @@ class FamilyDeployments:
         """Return the map of one deployment."""
         return self.prepared.maps[self.map_of[index]]
 
-    def aimed(self) -> Iterator[tuple[Deployment, Map]]:
-        """Yield each deployment with its map; none where no map has targets."""
-        if any(prepared.world.targets for prepared in self.prepared.maps):
+    def aimed(self, task: Task | None = None) -> Iterator[tuple[Deployment, Map]]:
+        """Yield each deployment with its map; none where no map and no task has targets."""
+        if any(task_targets(task, prepared.world) for prepared in self.prepared.maps):
             for index, deployment in enumerate(self.deployments):
                 yield deployment, self.prepared_map(index).world
 
@@ -247,11 +251,14 @@ def deploy_family(
     if plan.options.pressure_stop and design.build.pressure_kpa > 0.0:
         free = plan.options.changed(pressure_stop=False)
         unpressed = Batch(Plans.of([design], free), launches, free).regrown()
-    columns = np.empty((len(deployments), len(MEASURES)))
+    measures = measures_with(plan.task)
+    columns = np.empty((len(deployments), len(measures)))
     terrain = launches.terrain.tolist()
     contexts = [prepared_map.context for prepared_map in prepared.maps]
     done = 0
-    for rows in batch.each(lambda block: measured_shapes(block, design, contexts, plan.anchoring)):
+    for rows in batch.each(
+        lambda block: measured_shapes(block, design, contexts, plan.anchoring, plan.task)
+    ):
         columns[done : done + len(rows), :-2] = rows
         done += len(rows)
     one_by_one, first = iter(unpressed), 0
@@ -263,7 +270,8 @@ def deploy_family(
         label=prepared.label,
         map_names=tuple(names[index] for index in terrain),
         poses=launches.poses,
-        values={m.key: columns[:, i].copy() for i, m in enumerate(MEASURES)},
+        values={m.key: columns[:, i].copy() for i, m in enumerate(measures)},
+        measures=measures,
     )
     return FamilyDeployments(
         prepared=prepared,
@@ -380,7 +388,7 @@ def spread_pictures(named: Mapping[str, MeasureTable]) -> tuple[Picture, ...]:
 
     every = (
         (m, {name: found.values[m.key] for name, found in named.items() if found.spread(m)})
-        for m in MEASURES
+        for m in next(iter(named.values())).measures
     )
     return tuple(chart(measure, shown) for measure, shown in every if shown)
 
@@ -408,7 +416,7 @@ def spread_blocks(families: Sequence[MeasureTable]) -> Iterator[Data | Section]:
             rows=tuple(
                 (measure.label, spread.shown(measure),
                  *(measure.of(getattr(spread, name)) for name in spread.NUMBERS[3:]), spread.count)
-                for measure in MEASURES
+                for measure in outcomes.measures
                 if (spread := outcomes.spread(measure)) is not None
             ),
         )
@@ -438,17 +446,18 @@ def _every_deployment(outcomes: MeasureTable) -> Rows:
     # A robot that never emerged needs no pressure: there is no number then.
     return Rows(
         caption=f"Every deployment on {outcomes.label}",
-        headings=("map", "x mm", "y mm", "heading deg", *(m.label for m in MEASURES)),
+        headings=("map", "x mm", "y mm", "heading deg", *(m.label for m in outcomes.measures)),
         rows=tuple(
             (name, place(pose.x_mm), place(pose.y_mm), place(deg(pose.heading_rad)),
-             *(m.of(outcomes.values[m.key][index]) for m in MEASURES))
+             *(m.of(outcomes.values[m.key][index]) for m in outcomes.measures))
             for index, (name, pose) in enumerate(
                 zip(outcomes.map_names, outcomes.poses, strict=True)
             )
         ),
         folded=True,
         key="deployments",
-        keys=("map", "pose.x_mm", "pose.y_mm", "pose.heading_deg", *(m.key for m in MEASURES)),
+        keys=("map", "pose.x_mm", "pose.y_mm", "pose.heading_deg",
+              *(m.key for m in outcomes.measures)),
     )  # fmt: skip
 
 

@@ -27,6 +27,7 @@ from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.reach import Reach
+from vinefab.tasks.task import Task, outcomes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,6 +195,35 @@ MEASURES = (
     LOOSE_PRESSURE, TIGHT_PRESSURE,
 )  # fmt: skip
 
+TASK_SCORE = "task_score"
+"""Key of the measure that `task_measure` returns."""
+
+
+def task_measure(task: Task) -> Measure:
+    """Return the score of a task as a measure; coverage at its defaults is one already."""
+    if isinstance(task, Coverage) and task == Coverage():
+        return COVERAGE
+    return Measure(
+        key=TASK_SCORE,
+        title=f"{task.name} score",
+        unit="",
+        digits=4,
+        better="more",
+        meaning=f"what task {task.name} gives for the final state",
+        does=("scores", f"on task {task.name}"),
+        least=task.lowest,
+    )
+
+
+def task_content(task: Task | None) -> dict[str, object]:
+    """Return the task that was asked for, as it stands in JSON."""
+    return {} if task is None else {"task": task.name}
+
+
+def measures_with(task: Task | None) -> tuple[Measure, ...]:
+    """Return all measures of a deployment, the score of a task that was asked for first."""
+    return MEASURES if task is None else tuple(dict.fromkeys((task_measure(task), *MEASURES)))
+
 
 def samples_text(count: int, maps: Sequence[str]) -> str:
     """Return over how many independent samples an interval is, see `means_by_map`."""
@@ -276,6 +306,7 @@ class MeasureTable:
     poses: tuple[Pose, ...]  # pose of each deployment
     # for each measure, by its key, one value per deployment, shape (n,); NaN where there is none
     values: Mapping[str, Floats]
+    measures: tuple[Measure, ...] = MEASURES  # which these are, in the order in which they stand
 
     def __post_init__(self) -> None:
         for key, column in self.values.items():
@@ -313,7 +344,7 @@ class MeasureTable:
 def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
     """Return how every measure is spread, rounded as it is shown, by the measures' keys."""
     spreads: dict[str, object] = {}
-    for measure in MEASURES:
+    for measure in outcomes.measures:
         spread = outcomes.spread(measure)
         if spread is not None:
             numbers = {
@@ -324,9 +355,13 @@ def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
 
 
 def measured_shapes(
-    block: GrowthBlock, design: Design, contexts: Sequence[MapContext], anchoring: Anchoring
+    block: GrowthBlock,
+    design: Design,
+    contexts: Sequence[MapContext],
+    anchoring: Anchoring,
+    task: Task | None = None,
 ) -> Floats:
-    """Return all but the last two of `MEASURES`, which are the pressures, a row per growth."""
+    """Return all but the last two of `measures_with`, which are the pressures, a row per growth."""
     coverage = Coverage().evaluate_block(block, contexts)
     reach = Reach().evaluate_block(block, [one.without_targets for one in contexts])
     held_by = []
@@ -339,7 +374,10 @@ def measured_shapes(
         held_by.append(both)
     areas = coverage.score, 100.0 * coverage.terms["area"], 100.0 * reach.score
     anchored, touched = np.array(held_by).T, touched_percent(block, contexts)
-    return np.column_stack([*areas, touched, *anchored, *block_shares_percent(block)])
+    shapes = [*areas, touched, *anchored, *block_shares_percent(block)]
+    if task is not None and task_measure(task) is not COVERAGE:
+        shapes.insert(0, outcomes(task, block, contexts).score)
+    return np.column_stack(shapes)
 
 
 def touched_percent(block: GrowthBlock, contexts: Sequence[MapContext]) -> Floats:

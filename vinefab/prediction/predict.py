@@ -81,6 +81,8 @@ from vinefab.prediction.measures import (
     Measure,
     MeasureTable,
     means_by_map,
+    task_content,
+    task_measure,
 )
 from vinefab.prediction.prediction_width import (
     ANGLE_TOLERANCE_DEG,
@@ -111,7 +113,7 @@ from vinefab.prediction.pressure_window import (
 from vinefab.search.needed_code import PREDICTION
 from vinefab.tasks.anchoring_force import IDLE_SHARE, Anchoring
 from vinefab.tasks.coverage import Coverage
-from vinefab.tasks.reach import Reach, touched_targets
+from vinefab.tasks.reach import Reach, counts_targets, touched_targets
 
 # --- Anchoring: the simulated holding force, and the formula's ideal case -------------------------
 
@@ -392,7 +394,8 @@ class Predicted(WrittenResult):
     @property
     def targets(self) -> TargetsResult | None:
         """Which targets of the maps it touches, in which share of deployments; None without any."""
-        return touched_targets(pair for result in self.results for pair in result.aimed())
+        task = self.plan.task
+        return touched_targets((pair for one in self.results for pair in one.aimed(task)), task)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -411,7 +414,9 @@ class Predicted(WrittenResult):
 
     @property
     def asked(self) -> Measure:
-        """The measure that shows whether the robot does what its search asked for."""
+        """The measure that shows whether the robot does what was asked for, else its search."""
+        if self.plan.task is not None:
+            return task_measure(self.plan.task)
         if self.main.outcomes.spread(TOUCHED) is not None:
             return TOUCHED
         return _ASKED.get(str(self.prepared.design.origin.get("task")), SEEN)
@@ -434,14 +439,15 @@ class Predicted(WrittenResult):
         design, profile = prepared.design, prepared.profile
         words, tone = verdict_on(prepared.report, self.window, profile.recipe.status)
         targets = self.targets
+        asked = targets if counts_targets(self.plan.task) else None
         spread, (does, what) = outcomes.spread(self.asked), self.asked.does
         share = "-" if spread is None else self.asked.text(spread.mean)
-        deed = f" {does} {share} {what}" if targets is None else f": {targets.headline}"
+        deed = f" {does} {share} {what}" if asked is None else f": {asked.headline}"
         yield Answer(f"{design.name}{deed}; {words}", tone, "verdict")
         if targets is not None:
             yield Data({"targets_headline": targets.headline})
         yield from self._typical()
-        yield Facts(tuple(self._headlines(targets)), lead=True)
+        yield Facts(tuple(self._headlines(asked)), lead=True)
         yield Picture(
             image=lambda: page_svg(cost_chart(*contact_costs(self.contacts, outcomes, self.asked))),
             caption=COST_CAPTION,
@@ -457,6 +463,7 @@ class Predicted(WrittenResult):
                 "design": design.name,
                 "recipe": profile.recipe.name,
                 "standing": "simulated",
+                **task_content(self.plan.task),
                 "growth": self.plan.options.content,
                 "tone": tone,
                 "pressure_window": None,
@@ -529,6 +536,8 @@ class Predicted(WrittenResult):
                 tone=targets.tone,
                 standing="simulated",
             )
+        elif self.plan.task is not None:
+            yield replace(measured(outcomes, self.asked), name=f"asked: {self.plan.task.name}")
         elif prepared.design.origin.get("task") == "anchoring" or held.has_pouches:
             yield anchoring_headline(held)
         else:
@@ -595,7 +604,7 @@ def predict(
             predict_anchoring(grown, result, plan.anchoring, mass_g) for result in results
         ),
         heat=heat,
-        contacts=contact_range(grown, main.prepared, plan.options),
+        contacts=contact_range(grown, main.prepared, plan.options, plan.task),
         pressure=pressure_range(grown, main.prepared, plan.options, main.outcomes),
         effects=effects,
         tolerance=scatter,

@@ -59,6 +59,7 @@ from vinefab.prediction.measures import (
     Measure,
     MeasureTable,
     block_shares_percent,
+    task_measure,
     touched_percent,
     worst_pressures_of,
 )
@@ -66,10 +67,16 @@ from vinefab.prediction.pressure_window import PressureRange
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import Poses
 from vinefab.tasks.reach import Reach
-from vinefab.tasks.task import outcomes
+from vinefab.tasks.task import Task, outcomes
 
 CONTACT_MEASURES = (COVERAGE, SEEN, REACH, GROWN, STUCK, TOUCHED)
 """Targets where a family's maps have any."""
+
+
+def contact_measures_with(task: Task | None) -> tuple[Measure, ...]:
+    """Return the measures over contacts, the score of a task that was asked for first."""
+    first = () if task is None else (task_measure(task),)
+    return tuple(dict.fromkeys((*first, *CONTACT_MEASURES)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +89,7 @@ class ContactRange:
     angles_deg: tuple[float, ...]  # the head-on half-angles
     standing: str  # where their ends come from: ``assumed``, or ``measured`` and how
     rules: tuple["RuleRange", ...] = ()  # what else is assumed; none for a robot without branches
+    measures: tuple[Measure, ...] = CONTACT_MEASURES  # those that ``values`` may have
 
     def ends(self, measure: Measure) -> tuple[float, float]:
         """Return the least and the greatest mean of a measure over the range."""
@@ -113,11 +121,12 @@ class RuleRange:
     over: str  # the range in a few words
     standing: str  # ``assumed``, or ``measured`` and how
     values: Mapping[str, tuple[MeanValue, ...]]  # by measure key, one for each choice
+    measures: tuple[Measure, ...] = CONTACT_MEASURES  # those that ``values`` may have
 
     @property
     def content(self) -> dict[str, object]:
         """The means as they stand in JSON."""
-        means = {m.key: [m.rounded(v.mean) for v in self.values[m.key]] for m in known(self.values)}
+        means = {m.key: [m.rounded(v.mean) for v in self.values[m.key]] for m in known(self)}
         standing = {} if self.standing == "assumed" else {"standing": self.standing}
         return {"choices": list(self.choices), **standing, "means": means}
 
@@ -140,12 +149,19 @@ def contact_angles_words(angles_deg: Sequence[float], standing: str) -> str:
     return f"head-on half-angles of {angles_deg[0]:g} to {angles_deg[-1]:g} deg ({short})"
 
 
-def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptions) -> ContactRange:
-    """Deploy a design from a family's poses under all that contacts may be like."""
-    prepared = prepared.distinct
-    return range_over_contacts(
-        design, prepared, options, partial(_contact_measures, design, prepared)
-    )
+def contact_range(
+    design: Design, prepared: PreparedFamily, options: GrowthOptions, task: Task | None = None
+) -> ContactRange:
+    """Deploy a design from a family's poses under all that contacts may be like.
+
+    Parameters
+    ----------
+    task
+        Whose score is a measure too.
+    """
+    prepared, measures = prepared.distinct, contact_measures_with(task)
+    measured = partial(_contact_measures, design, prepared, task)
+    return range_over_contacts(design, prepared, options, measured, measures)
 
 
 def range_over_contacts(
@@ -153,6 +169,7 @@ def range_over_contacts(
     prepared: PreparedFamily,
     options: GrowthOptions,
     measured: Callable[[GrowthOptions], Mapping[str, Floats]],
+    measures: tuple[Measure, ...] = CONTACT_MEASURES,
 ) -> ContactRange:
     """Return values at every half-angle, and under every other choice that contacts leave open.
 
@@ -160,6 +177,8 @@ def range_over_contacts(
     ----------
     measured
         Returns the values from every pose by growth options, by name, shape (n,) each.
+    measures
+        The measures that names may mean.
     """
     names, chances = prepared.launch_names, options.emergences
     told = Phase(Progress(phase="assumptions on contacts"))
@@ -180,7 +199,9 @@ def range_over_contacts(
 
     def rule(option: str, choices: Sequence[str | float], **words: Any) -> RuleRange:  # noqa: ANN401
         values = means([options.changed(**{option: choice}) for choice in choices], {})
-        return RuleRange(option=option, choices=tuple(choices), values=values, **words)
+        return RuleRange(
+            option=option, choices=tuple(choices), values=values, measures=measures, **words
+        )
 
     angles_deg = options.contact_angles_deg
     at_angles = [options.changed(head_on_half_angle_rad=rad(angle)) for angle in angles_deg]
@@ -206,22 +227,24 @@ def range_over_contacts(
     return ContactRange(
         label=prepared.label,
         deployments=len(names),
-        values=means(at_angles, {one.key: one for one in CONTACT_MEASURES}),
+        values=means(at_angles, {one.key: one for one in measures}),
         angles_deg=angles_deg,
         standing=options.contact_angles_standing,
         rules=rules,
+        measures=measures,
     )
 
 
-def known(values: Mapping[str, object]) -> tuple[Measure, ...]:
+def known(found: ContactRange | RuleRange) -> tuple[Measure, ...]:
     """Return the measures that a range has."""
-    return tuple(measure for measure in CONTACT_MEASURES if measure.key in values)
+    return tuple(measure for measure in found.measures if measure.key in found.values)
 
 
 def _contact_measures(
-    design: Design, prepared: PreparedFamily, options: GrowthOptions
+    design: Design, prepared: PreparedFamily, task: Task | None, options: GrowthOptions
 ) -> dict[str, Floats]:
-    """Return `CONTACT_MEASURES` of every deployment by their keys, shape (deployments,) each."""
+    """Return the measures of every deployment by their keys, shape (deployments,) each."""
+    measures = contact_measures_with(task)
     contexts = [prepared_map.context for prepared_map in prepared.maps]
     areas = [context.without_targets for context in contexts]
 
@@ -230,11 +253,14 @@ def _contact_measures(
         reach = outcomes(Reach(area="fast"), block, areas)
         grown, stuck, _ = block_shares_percent(block)
         rows = (coverage.score, 100 * coverage.terms["area"], 100 * reach.score, grown, stuck)
-        return np.array([*rows, touched_percent(block, contexts)])
+        first = []
+        if task is not None and len(measures) > len(CONTACT_MEASURES):
+            first.append(outcomes(task, block, contexts).score)
+        return np.array([*first, *rows, touched_percent(block, contexts)])
 
     batch = Batch(Plans.of([design], options), prepared.launches(), options)
     table = np.concatenate(list(batch.each(measured)), axis=1)
-    every = zip(CONTACT_MEASURES, table, strict=True)
+    every = zip(measures, table, strict=True)
     return {measure.key: values for measure, values in every if not np.isnan(values).all()}
 
 
@@ -323,7 +349,7 @@ def width_blocks(
                     "deployments": contacts.deployments,
                     "means": {
                         m.key: [m.rounded(v.mean) for v in contacts.values[m.key]]
-                        for m in known(contacts.values)
+                        for m in known(contacts)
                     },
                 },
                 **{rule.option: rule.content for rule in contacts.rules},
@@ -337,12 +363,12 @@ def width_blocks(
         headings=("measure", *(f"{angle:g} deg" for angle in contacts.angles_deg)),
         rows=tuple(
             (m.label, *(m.of(v.mean, v.low, v.high, over=v.over) for v in contacts.values[m.key]))
-            for m in known(contacts.values)
+            for m in known(contacts)
         ),
     )
     tables, words = [over_contacts], [contact_words(contacts)]
     if contacts.rules:
-        tables += [rule.rows(known(rule.values)) for rule in contacts.rules]
+        tables += [rule.rows(known(rule)) for rule in contacts.rules]
         words.append(RULE_WORDS)
     if pressure is not None:
         percent = partial(Number, unit="%", form=".1f", decimals=1)

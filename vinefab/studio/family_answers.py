@@ -6,6 +6,7 @@ import json
 import math
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from threading import Thread
 from typing import Annotated, Any
@@ -16,7 +17,7 @@ from annotated_types import Interval
 from pydantic import Field
 from typing_extensions import Doc
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BrokenPluginError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.progress import Progress, announce, each
 from vinefab.core.statistics import PAIRED_TAILS, group_means, mean_interval
@@ -158,7 +159,7 @@ def family_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
         "compiling": COMPILING if trial.compiling else None,
         "maps": entries,
         "evaluated": len(by_map),
-        "environments": list(ENVIRONMENTS),
+        "environments": list(ENVIRONMENTS.names()),
         "distribution": _distribution(list(means.values()), list(before.values())),
         "difference": _difference(pairs, QUICK_ERROR if asked.quick else 0.0),
         "grown_share": float(np.mean([entry["grown_share"] for entry in entries[: len(by_map)]])),
@@ -295,9 +296,6 @@ def _tried(state: StudioState, asked: FamilyRequest, places: Sequence[FamilyMap]
     scores, deployments = _evaluated(batch, chosen, [place.context for place in prepared])
     if asked.compiled:
         _COMPILER.start(task)
-    for row in np.flatnonzero(~np.isfinite(scores)).tolist():  # of a task of the user's own
-        where = f"a number on {prepared[launches.terrain[row]].world.name}"
-        raise BadInputError(f"score of task {task.name}", float(scores[row]), where)
     return _Trial(
         places=places,
         counts=[len(poses_here) for poses_here in poses],
@@ -344,7 +342,8 @@ class _Compiler:
             options = GrowthOptions()
             launches = Launches.of(TerrainSet([room.terrain]), [[start.pose]])
             batch = Batch(Plans.of([vine], options), launches, options)
-            _evaluated(batch, search_form(task), [room.context])
+            with suppress(BrokenPluginError):  # which the answer names
+                _evaluated(batch, search_form(task), [room.context])
 
         if task.name not in self.threads:
             self.threads[task.name] = Thread(target=load, daemon=True)

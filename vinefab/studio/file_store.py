@@ -176,7 +176,7 @@ class FileStore:
             found[kind] += [*own, *shipped]
         environments = [
             {"name": name, "about": made.description, "options": parameter_values(made.options())}
-            for name, made in ((name, ENVIRONMENTS[name]) for name in ENVIRONMENTS)
+            for name, made in ((name, ENVIRONMENTS[name]) for name in ENVIRONMENTS.names())
         ]
         return {
             "designs": found["design"],

@@ -98,6 +98,7 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
     costs = {name: f"little {name.replace('_', ' ')}" for name in COSTS}
     costs["branches"] = "few branches"
     build = state.design.build  # a search leaves some of it out
+    tasks = TASKS.names()
     left = [name for name, given in (("taper", build.taper), ("collar", build.collar)) if given]
     notes = [f"{' and '.join(left)}: not in a search; what it finds has none"] if left else []
     if state.design.limits:
@@ -111,13 +112,13 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
             for name, key in _LEVEL.items()
         },
         "notes": notes,
-        "tasks": list(TASKS),
+        "tasks": list(tasks),
         "objectives": [
             *({"name": name, "kind": "cost", "words": words} for name, words in costs.items()),
-            *({"name": name, "kind": "task", "words": f"{name} score"} for name in TASKS),
+            *({"name": name, "kind": "task", "words": f"{name} score"} for name in tasks),
         ],
-        "optimizers": list(OPTIMIZERS),
-        "environments": list(ENVIRONMENTS),
+        "optimizers": list(OPTIMIZERS.names()),
+        "environments": list(ENVIRONMENTS.names()),
         "has_map": state.world is not None,
         "has_targets": has_targets,
         "settings": {

@@ -192,7 +192,7 @@ class StudioWorkspace:
             "version": __version__,
             "started": self._started,
             "folder": str(options.folder),
-            "environments": list(ENVIRONMENTS),
+            "environments": list(ENVIRONMENTS.names()),
             "form": design_form(),
             "growth_form": growth_form(),
             "legend": legend_rows(),

@@ -333,6 +333,11 @@ def task_targets(task: Task | None, world: Map) -> tuple[Target, ...]:
     return world.targets if of_task is None else of_task(world.targets)
 
 
+def counts_targets(task: Task | None) -> bool:
+    """Return whether a task is about targets, as it is taken to be where none is named."""
+    return task is None or hasattr(_inner(task), "goals")
+
+
 def _inner(task: Task | None) -> Task | None:
     """Return the task that others are wrapped around."""
     while (inside := getattr(task, "task", None)) is not None:
@@ -342,7 +347,7 @@ def _inner(task: Task | None) -> Task | None:
 
 def check_targets_on(task: Task, worlds: Sequence[Map]) -> None:
     """Raise `BadInputError` where a task would count targets on some maps and areas on others."""
-    if not hasattr(_inner(task), "goals"):
+    if not counts_targets(task):
         return
     aimed = [bool(task_targets(task, world)) for world in worlds]
     if any(aimed) and not all(aimed):

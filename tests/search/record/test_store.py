@@ -440,3 +440,74 @@ def test_a_run_for_a_task_object_is_recorded_and_resumed_only_with_the_same_task
         run_search(small, folder, resume=True)
     assert run_search(small, folder, task=Film(), resume=True).best == whole.best
     assert RunArchive.read(folder / RECORD_FILE).result().best == whole.best
+
+
+CHANGES = {
+    "generation": "UPDATE generation SET fitness = (SELECT composite FROM generation WHERE "
+    "number = 0), composite = fitness WHERE number = 2",
+    "time": "UPDATE generation SET seconds = seconds + 1.0 WHERE number = 2",
+    "term": "UPDATE term SET value = zeroblob(length(value)) WHERE generation = 2",
+    "taken away": "DELETE FROM generation WHERE number = 2",
+    "taken with its digest": "DELETE FROM generation WHERE number = 2; "
+    "DELETE FROM digest WHERE part = 'generation' AND number = 2",
+    "all after it": "DELETE FROM generation WHERE number >= 2",
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_record_with_a_changed_row_is_refused_by_its_generation(tmp_path, small, maps, change):
+    with pytest.raises(InterruptedError):
+        recorded(tmp_path, small, maps, stop_after=4)
+    with sqlite3.connect(tmp_path / RECORD_FILE) as connection:
+        connection.executescript(CHANGES[change])
+    connection.close()
+    words = r"run\.sqlite: is damaged .*\(generation 3 is not as it was recorded"
+    with pytest.raises(UnreadableFileError, match=words):
+        recorded(tmp_path, small, maps, resume=True)
+    with pytest.raises(UnreadableFileError, match=words):
+        RunArchive.read(tmp_path / RECORD_FILE)
+
+
+@pytest.mark.parametrize(
+    ("part", "change"),
+    [
+        ("finalists", "UPDATE finalist SET place = 1 - place WHERE place < 0; "
+                      "UPDATE finalist SET fitness = fitness + 1.0 WHERE place = 0"),
+        ("finalists", "DELETE FROM finalist WHERE place = 0"),
+    ],
+)  # fmt: skip
+def test_a_record_with_changed_finalists_is_refused(tmp_path, small, maps, part, change):
+    recorded(tmp_path, small, maps)
+    with sqlite3.connect(tmp_path / RECORD_FILE) as connection:
+        connection.executescript(change)
+    connection.close()
+    with pytest.raises(UnreadableFileError, match=f"its part {part} is not as it was recorded"):
+        recorded(tmp_path, small, maps, resume=True)
+    with pytest.raises(UnreadableFileError, match=f"its part {part} is not as it was recorded"):
+        RunArchive.read(tmp_path / RECORD_FILE)
+
+
+def test_a_changed_state_of_the_optimizer_is_refused(tmp_path, small, maps):
+    with pytest.raises(InterruptedError):
+        recorded(tmp_path, small, maps, stop_after=2)
+    with sqlite3.connect(tmp_path / RECORD_FILE) as connection:
+        connection.execute("UPDATE optimizer SET state = state || ' '")
+    connection.close()
+    with pytest.raises(UnreadableFileError, match="its part optimizer is not as it was recorded"):
+        recorded(tmp_path, small, maps, resume=True)
+
+
+def test_a_record_without_digests_is_resumed_and_gets_them(tmp_path, small, maps):
+    whole = recorded(tmp_path / "whole", small, maps)
+    folder = tmp_path / "run"
+    with pytest.raises(InterruptedError):
+        recorded(folder, small, maps, stop_after=2)
+    with sqlite3.connect(folder / RECORD_FILE) as connection:
+        connection.execute("DROP TABLE digest")
+    connection.close()
+    assert recorded(folder, small, maps, resume=True).best == whole.best
+    with sqlite3.connect(folder / RECORD_FILE) as connection:
+        connection.execute("UPDATE generation SET seconds = seconds + 1.0 WHERE number = 0")
+    connection.close()
+    with pytest.raises(UnreadableFileError, match="generation 1 is not as it was recorded"):
+        RunArchive.read(folder / RECORD_FILE)

@@ -18,6 +18,7 @@ from shapely.errors import ShapelyError
 
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError, VinefabError
+from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.core.view import (
@@ -724,18 +725,81 @@ def _connected(path: Path) -> sqlite3.Connection:
     return sqlite3.connect(f"{Path(os.path.realpath(path)).as_uri()}?mode=rw", uri=True)
 
 
-def read_generations(connection: sqlite3.Connection, first: int = 0) -> list[Generation]:
-    """Return every generation recorded, in order, from a number on."""
+DIGEST_TABLE = (
+    "CREATE TABLE IF NOT EXISTS digest (part TEXT NOT NULL, number INTEGER NOT NULL, "
+    "value TEXT NOT NULL, PRIMARY KEY (part, number))"
+)
+"""By part: of every generation, chained with the one before; of the optimizer's state and of the
+finalists, number 0, chained with the last generation."""
+
+
+def chained_digest(before: str, row: Sequence[object], *more: object) -> str:
+    """Return the digest of a row of a record, and of its terms, after an earlier digest."""
+    return sha256_of(repr((before, tuple(row), *more)).encode())
+
+
+def recorded_digests(connection: sqlite3.Connection, part: str, first: int = 0) -> dict[int, str]:
+    """Return the digests of a part by number, from a number on; none in a record without any."""
+    named = "SELECT 1 FROM sqlite_master WHERE name = 'digest'"
+    if connection.execute(named).fetchone() is None:
+        return {}
+    query = "SELECT number, value FROM digest WHERE part = ? AND number >= ?"
+    return dict(connection.execute(query, (part, first)).fetchall())
+
+
+def last_digest(connection: sqlite3.Connection) -> str:
+    """Return the digest of the last generation; empty before there is one."""
+    query = "SELECT value FROM digest WHERE part = 'generation' ORDER BY number DESC LIMIT 1"
+    row = connection.execute(query).fetchone()
+    return "" if row is None else str(row[0])
+
+
+_CHANGED = "is not as it was recorded: restore the file, or begin again in another folder"
+
+
+def ensure_recorded(connection: sqlite3.Connection, part: str, row: Sequence[object]) -> None:
+    """Raise `ValueError` where the optimizer's state or the finalists were changed."""
+    for value in recorded_digests(connection, part).values():
+        if value != chained_digest(last_digest(connection), row):
+            raise ValueError(f"its part {part} {_CHANGED}")
+
+
+def _ensure_generations(
+    digests: Mapping[int, str], first: int, rows: Sequence[tuple[Sequence[Any], Sequence[Any]]]
+) -> None:
+    """Raise `ValueError` that names the first generation that was changed or taken away."""
+    least = min((number for number in digests if number >= first), default=None)
+    if least is None:  # of an earlier vinefab, or nothing yet
+        return
+    for number in range(least, 1 + max(*digests, first + len(rows) - 1)):
+        row, terms = rows[number - first] if number - first < len(rows) else ((None,), ())
+        value = chained_digest(digests.get(number - 1, ""), row, terms)
+        if row[0] != number or value != digests.get(number):
+            raise ValueError(f"generation {number + 1} {_CHANGED}")
+
+
+def generation_rows(
+    connection: sqlite3.Connection, first: int = 0
+) -> list[tuple[tuple[Any, ...], list[tuple[str, bytes]]]]:
+    """Return the rows of generations from a number on, each with those of its terms, in order."""
     rows = connection.execute(
         "SELECT number, x, fitness, composite, penalty, seconds FROM generation WHERE number >= ? "
         "ORDER BY 1",
         (first,),
     ).fetchall()
+    query = "SELECT name, value FROM term WHERE generation = ? ORDER BY rowid"
+    return [(row, connection.execute(query, row[:1]).fetchall()) for row in rows]
+
+
+def read_generations(connection: sqlite3.Connection, first: int = 0) -> list[Generation]:
+    """Return every generation recorded, in order, from a number on.
+
+    Within a transaction, unless there is no writer: rows and digests are compared.
+    """
+    rows = generation_rows(connection, first)
+    _ensure_generations(recorded_digests(connection, "generation", first - 1), first, rows)
     found = list[Generation]()
-    for number, x, fitness, composites, penalty, seconds in rows:
-        terms = connection.execute(
-            "SELECT name, value FROM term WHERE generation = ? ORDER BY rowid", (number,)
-        ).fetchall()
+    for (number, x, fitness, composites, penalty, seconds), terms in rows:
         found.append(
             Generation(
                 number=number,
@@ -764,8 +828,9 @@ def _scores(blob: bytes) -> Floats:
 def read_finalists(connection: sqlite3.Connection, space: Space) -> tuple[Finalist, ...]:
     """Return the finalists of a run that has ended, best first; none before."""
     rows = connection.execute(
-        "SELECT x, penalty, fitness, score FROM finalist ORDER BY place"
+        "SELECT place, x, penalty, fitness, score FROM finalist ORDER BY place"
     ).fetchall()
+    ensure_recorded(connection, "finalists", rows)
     return tuple(
         Finalist(
             x=from_blob(x),
@@ -774,7 +839,7 @@ def read_finalists(connection: sqlite3.Connection, space: Space) -> tuple[Finali
             penalty=penalty,
             fitness=fitness,
         )
-        for x, penalty, fitness, score in rows
+        for _, x, penalty, fitness, score in rows
     )
 
 
@@ -832,7 +897,7 @@ def damage_errors(path: Path) -> Iterator[None]:
     except (sqlite3.Error, *_DAMAGE) as error:
         if problem := _system_problem(error):
             raise CannotWriteError(path, problem) from error
-        reason = " ".join(str(error).split())[:80]
+        reason = " ".join(str(error).split())[:120]
         raise UnreadableFileError(path, f"is damaged or no record ({reason})") from error
     except OSError as error:
         if isinstance(error, VinefabError):
@@ -886,6 +951,7 @@ class RunArchive:
             tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
             if "run" not in tables:
                 raise UnreadableFileError(path, "is not the record of a run")
+            connection.execute("BEGIN")  # so that all is of one moment
             entries = dict(connection.execute("SELECT key, value FROM run").fetchall())
             identity = recorded_identity(entries, path)
             settings = settings_from_plain(identity.settings)

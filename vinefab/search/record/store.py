@@ -30,11 +30,16 @@ from vinefab.search.record.generations import (
 )
 from vinefab.search.record.result import (
     BUSY,
+    DIGEST_TABLE,
     EXTENSION_TABLE,
     RECORD_FILE,
     RECORD_SCHEMA,
+    chained_digest,
     completed,
     damage_errors,
+    ensure_recorded,
+    generation_rows,
+    last_digest,
     map_to_text,
     read_extensions,
     read_finalists,
@@ -64,6 +69,7 @@ _TABLES = (
     "CREATE TABLE optimizer (only INTEGER PRIMARY KEY CHECK (only = 1), state TEXT NOT NULL)",
     "CREATE TABLE finalist (place INTEGER PRIMARY KEY, x BLOB NOT NULL, penalty REAL NOT NULL, "
     "fitness REAL NOT NULL, score TEXT NOT NULL)",
+    DIGEST_TABLE,
 )
 
 
@@ -154,6 +160,7 @@ class RunStore:
             row = self._connection.execute("SELECT state FROM optimizer").fetchone()
             if row is None:
                 raise UnreadableFileError(self.path, "the optimizer's state is missing")
+            ensure_recorded(self._connection, "optimizer", row)
             return state_from_text(row[0])
 
     def add(
@@ -164,17 +171,18 @@ class RunStore:
     ) -> None:
         """Record generations and the optimizer's state after the last one, all or nothing."""
         rows = [
-            (g.number, *map(to_blob, (g.x, g.fitness, g.composite, g.penalty)), g.seconds)
+            (g.number, *map(to_blob, (g.x, g.fitness, g.composite, g.penalty)), float(g.seconds))
             for g in generations
         ]
-        terms = [(g.number, name, to_blob(v)) for g in generations for name, v in g.terms.items()]
+        terms = [[(name, to_blob(v)) for name, v in g.terms.items()] for g in generations]
+        named = [(row[0], *one) for row, some in zip(rows, terms, strict=True) for one in some]
+        text = state_to_text(state)
         with self._transaction() as connection:
             connection.executemany("INSERT INTO generation VALUES (?, ?, ?, ?, ?, ?)", rows)
-            connection.executemany("INSERT INTO term VALUES (?, ?, ?)", terms)
-            connection.execute(
-                "INSERT OR REPLACE INTO optimizer VALUES (1, ?)",
-                (state_to_text(state),),
-            )
+            connection.executemany("INSERT INTO term VALUES (?, ?, ?)", named)
+            connection.execute("INSERT OR REPLACE INTO optimizer VALUES (1, ?)", (text,))
+            self._record_digests(list(zip(rows, terms, strict=True)))
+            self._record_digest("optimizer", (text,))
             self._record_times(times)
 
     def finish(
@@ -187,12 +195,13 @@ class RunStore:
     ) -> None:
         """Record the end of the run; recording it again changes nothing."""
         rows = [
-            (place, to_blob(f.x), f.penalty, f.fitness, score_to_text(f.score))
+            (place, to_blob(f.x), float(f.penalty), float(f.fitness), score_to_text(f.score))
             for place, f in enumerate(finalists)
         ]
         with self._transaction() as connection:
             connection.execute("DELETE FROM finalist")
             connection.executemany("INSERT INTO finalist VALUES (?, ?, ?, ?, ?)", rows)
+            self._record_digest("finalists", rows)
             entries = [("stopped", stopped), ("notes", json.dumps(notes))]
             entries += [("repair", repair)] if repair else []
             connection.executemany("INSERT OR REPLACE INTO run VALUES (?, ?)", entries)
@@ -247,6 +256,19 @@ class RunStore:
             _unlock(self._lock)
             self._lock = None
 
+    def _record_digests(self, rows: Sequence[tuple[Sequence[Any], Sequence[Any]]]) -> None:
+        """Record digests of generations after those that are there, each with its terms."""
+        before, made = last_digest(self._connection), list[tuple[str, int, str]]()
+        for row, terms in rows:
+            before = chained_digest(before, row, list(terms))
+            made.append(("generation", row[0], before))
+        self._connection.executemany("INSERT INTO digest VALUES (?, ?, ?)", made)
+
+    def _record_digest(self, part: str, row: Sequence[Any]) -> None:
+        """Record the digest of a part that stands after the last generation."""
+        value = chained_digest(last_digest(self._connection), row)
+        self._connection.execute("INSERT OR REPLACE INTO digest VALUES (?, 0, ?)", (part, value))
+
     def _record_times(self, times: TimeSplit | None) -> None:
         if times is not None:
             self._connection.execute(
@@ -280,11 +302,24 @@ class RunStore:
         row = (datetime.now(UTC).isoformat(), json.dumps(dict(self.identity.versions)), "{}")
         if names:
             self._compare(raises_limits=raises_limits)
+            if ("digest",) not in names:
+                self._add_digests()
         with self._transaction() as connection:
             session = connection.execute(
                 "INSERT INTO session (began_utc, versions, seconds) VALUES (?, ?, ?)", row
             )
             self._session = session.lastrowid or 0
+
+    def _add_digests(self) -> None:
+        """Add digests to a record that an earlier vinefab began: from here on they hold."""
+        with damage_errors(self.path), self._transaction() as connection:
+            connection.execute(DIGEST_TABLE)
+            self._record_digests(generation_rows(connection))
+            for row in connection.execute("SELECT state FROM optimizer").fetchall():
+                self._record_digest("optimizer", row)
+            query = "SELECT place, x, penalty, fitness, score FROM finalist ORDER BY place"
+            if rows := connection.execute(query).fetchall():
+                self._record_digest("finalists", rows)
 
     def _identity_texts(self) -> dict[str, str]:
         identity = self.identity
@@ -337,6 +372,8 @@ class RunStore:
             ended = "('stopped', 'repair', 'notes', 'prediction')"
             connection.execute(f"DELETE FROM run WHERE key IN {ended}")  # noqa: S608  constants
             connection.execute("DELETE FROM finalist")
+            connection.execute(DIGEST_TABLE)
+            connection.execute("DELETE FROM digest WHERE part = 'finalists'")
 
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:

@@ -178,3 +178,16 @@ def test_a_registered_part_is_everywhere_by_its_registration(vinefab, monkeypatc
     out = tmp_path / "yard.geojson"
     assert vinefab("map", "yard", "--columns", 5, "--out", out, "-q") == (0, "", "")
     assert vinefab("score", "plain_vine", "--task", "farthest", "--map", out, "-q")[0] == 0
+
+
+QUICK_VERBS = (
+    "designs", "examples", "map info", "map start", "new", "printers", "profiles", "recipes",
+    "rules", "runs",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [name for name in VERBS if name not in QUICK_VERBS])
+def test_every_verb_that_takes_time_takes_progress_in_the_same_words(name):
+    (option,) = (one for one in options_of(Command.named(name).function) if one.name == "progress")
+    assert option.default is True
+    assert "called with a Progress" in option.help

@@ -265,7 +265,9 @@ def test_quick_functions_show_nothing(monkeypatch):
     assert screen.getvalue() == ""
 
 
+@pytest.mark.usefixtures("often")
 def test_a_terminal_shows_phase_bar_and_time(monkeypatch):
+    monkeypatch.setattr("vinefab.cli.commands.SHOWN_AFTER_S", 0.01)
     screen = Screen()
     monkeypatch.setattr("sys.stdout", screen)
     with Terminal().progress("report") as hear:

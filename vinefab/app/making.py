@@ -22,6 +22,7 @@ from vinefab.app.common import (
 from vinefab.core.atomic import ensure_writable, is_filled_in, write_bytes, write_folder
 from vinefab.core.errors import BadInputError, ExportRefusedError, located
 from vinefab.core.plain_text import counted
+from vinefab.core.progress import phase
 from vinefab.core.verbs import FieldsOf, Force, Kind, ProgressLike, Within, also, told, verb, wrote
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.inputs import (
@@ -90,6 +91,7 @@ def check(
     limits: LimitsLike | None = None,
     growth: GrowthLike | None = None,
     out: Annotated[PicturesLike | None, also("--svg", "--png", "--dxf")] = None,
+    progress: ProgressLike = True,
     force: Force = False,
 ) -> CheckReport:
     """Check a design against the rules of making and deploying it.
@@ -148,20 +150,21 @@ def check(
         from vinefab.rig.part_files import read_rig
 
         facts = read_rig(as_path("rig", rig, "a folder that vinefab rig wrote"))
-    deployed: Deployed = ()
-    notes = list[str]()
-    if worlds:
-        from vinefab.growth.options import growth_text
-        from vinefab.inflation.pattern import as_grown
-        from vinefab.prediction.deploy import deploy_from_starts, growth_on_maps
+    with told(progress):
+        deployed: Deployed = ()
+        notes = list[str]()
+        if worlds:
+            from vinefab.growth.options import growth_text
+            from vinefab.inflation.pattern import as_grown
+            from vinefab.prediction.deploy import deploy_from_starts, growth_on_maps
 
-        choice = growth_on_maps(robot, context.given)
-        notes = [f"growth: {growth_text(choice.options, [robot])}", *choice.notes]
-        deployed = deploy_from_starts(as_grown(robot), worlds, context.given)
-        notes += deployed_lines(deployed)
-    report = check_design(robot, profile, changed, deployed, worlds, facts)
-    for path in pictures:
-        write_page(path, findings_file(robot, profile, report, path), force=force)
+            choice = growth_on_maps(robot, context.given)
+            notes = [f"growth: {growth_text(choice.options, [robot])}", *choice.notes]
+            deployed = deploy_from_starts(as_grown(robot), worlds, context.given)
+            notes += deployed_lines(deployed)
+        report = check_design(robot, profile, changed, deployed, worlds, facts)
+        for path in pictures:
+            write_page(path, findings_file(robot, profile, report, path), force=force)
     return replace(report, notes=tuple(notes))
 
 
@@ -260,6 +263,7 @@ def fabricate(
     pass_through: bool = False,
     r12: bool = False,
     make_zip: Annotated[bool, also("--zip")] = False,
+    progress: ProgressLike = True,
     force: Force = False,
 ) -> WrittenFolder:
     """Write the fabrication package of a design: laser files, checks, report, instructions.
@@ -320,7 +324,8 @@ def fabricate(
     others = tuple(as_designs(beside, "beside"))
     sheet = SheetOptions(copies=copies, beside=others, process=process, pass_through=pass_through)
     context = context_of(design, recipe=recipe)
-    prepared = prepare(context.robots[0], context.recipe, sheet=sheet, r12=r12)
+    with told(progress):
+        prepared = prepare(context.robots[0], context.recipe, sheet=sheet, r12=r12)
     reports = (prepared.report, *prepared.beside)
     lines = [line for report in reports for line in report.summary]
     lines += broken_formats()
@@ -330,7 +335,8 @@ def fabricate(
         raise ExportRefusedError(
             prepared.design.name, why + older, prepared.report, summary=tuple(lines)
         )
-    files = package(prepared)
+    with told(progress):
+        files = package(prepared)
     write_folder(folder, files, PACKAGE_MARK, force=force)
     if make_zip:
         write_bytes(archive, zip_bytes(files, prepared.design.name), force=force)
@@ -354,6 +360,7 @@ def coupon(
     recipe: RecipeLike = DEFAULT_RECIPE,
     *,
     out: Annotated[PathText, FOLDER],
+    progress: ProgressLike = True,
     force: Force = False,
 ) -> WrittenFolder:
     """Write test pieces for a recipe: laser files, what to measure, and a table to fill in.
@@ -398,10 +405,12 @@ def coupon(
     from vinefab.fabrication.formats.laser_formats import broken_formats
 
     folder = folder_to_write("out", out, COUPON_MARK, force=force)
-    made = make_coupons(as_recipe(recipe))
+    with told(progress):
+        made = make_coupons(as_recipe(recipe))
     if made.report.blocking:
         raise _refused("coupons", made.report)
-    files, kept = coupon_files(made), list[str]()
+    with told(progress):
+        files, kept = coupon_files(made), list[str]()
     if is_filled_in(folder / RESULTS_NAME, files, force=force):
         kept = [f"{folder} is as this call writes it; {RESULTS_NAME}, filled in, is kept"]
     else:
@@ -424,6 +433,7 @@ def calibrate(
     *,
     out: PathText,
     contacts: PathText | None = None,
+    progress: ProgressLike = True,
     force: Force = False,
 ) -> Calibration:
     """Fit kerf, seam, shrinkage, burst loads, friction, growth pressure; write a recipe with them.
@@ -477,7 +487,7 @@ def calibrate(
         ensure_writable(shares, force=force)
     before = name_or_path("recipe", recipe, "a recipe's path or name", "recipe")
     profile = read_profile(before)
-    with located(table):
+    with told(progress), phase("recipe fitted to the coupons"), located(table):
         found = fitted_recipe(read_results(table), profile)
         if shares is not None and found.emergence is None:
             allowed = "rows children_out with a value, for contacts"

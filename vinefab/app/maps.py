@@ -6,7 +6,20 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.app.common import PictureFile, ensure_apart, page_path, write_page
-from vinefab.core.verbs import Doc, FieldsOf, Force, Kind, Seed, also, note, verb, wrote
+from vinefab.core.progress import phase
+from vinefab.core.verbs import (
+    Doc,
+    FieldsOf,
+    Force,
+    Kind,
+    ProgressLike,
+    Seed,
+    also,
+    note,
+    told,
+    verb,
+    wrote,
+)
 from vinefab.model.inputs import (
     MAP_SUFFIXES,
     POINTS,
@@ -234,6 +247,7 @@ def import_(
     start: StartsLike = (),
     layers: Annotated[Layers, also("--layer")] = (),
     preview: Annotated[PathText | None, file_kind(".png")] = None,
+    progress: ProgressLike = True,
     force: Force = False,
     **options: Annotated[
         Any,
@@ -311,17 +325,18 @@ def import_(
         photo=_photo_options(options),
         **_known(options),
     )
-    if preview is None:
-        return _kept(as_map(import_map(source, chosen), start=places), out, force=force)
-    if source.suffix.lower() not in PHOTO_SUFFIXES:
-        allowed = f"only for photos and scans ({', '.join(PHOTO_SUFFIXES)})"
-        raise BadInputError("preview", str(preview), allowed, source)
-    from vinefab.maps.importers.photo_map import read_photo_map
-    from vinefab.pages.page_files import page_png
-    from vinefab.pages.plan import photo_preview
+    with told(progress), phase("reading the source"):
+        if preview is None:
+            return _kept(as_map(import_map(source, chosen), start=places), out, force=force)
+        if source.suffix.lower() not in PHOTO_SUFFIXES:
+            allowed = f"only for photos and scans ({', '.join(PHOTO_SUFFIXES)})"
+            raise BadInputError("preview", str(preview), allowed, source)
+        from vinefab.maps.importers.photo_map import read_photo_map
+        from vinefab.pages.page_files import page_png
+        from vinefab.pages.plan import photo_preview
 
-    imported = read_photo_map(source, chosen)
-    picture = page_png(photo_preview(imported))
+        imported = read_photo_map(source, chosen)
+        picture = page_png(photo_preview(imported))
     world = _kept(as_map(imported.world, start=places), out, force=force)
     target = as_path("preview", preview)
     write_bytes(target, picture, force=force)

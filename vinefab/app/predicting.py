@@ -29,6 +29,7 @@ from vinefab.app.common import (
     write_shown,
 )
 from vinefab.core.errors import BadInputError
+from vinefab.core.progress import phase
 from vinefab.core.verbs import (
     Force,
     Kind,
@@ -109,6 +110,7 @@ def grow(
     ] = None,
     animate: Annotated[PathText | None, written(".svg", ".gif")] = None,
     frames: int = 40,
+    progress: ProgressLike = True,
     force: Force = False,
 ) -> DeployedDesign:
     """Deploy a design on a map and say where every branch ended.
@@ -177,11 +179,12 @@ def grow(
         children_of_stuck=children_of_stuck,
     )
     (robot,), here = context.as_grown, None if pose is None else Pose.of(pose)
-    found = deploy(robot, context.worlds[0], here, context.given)
-    if picture is not None:
-        write_page(picture, found.picture(picture.suffix, named=label), force=force)
-    if film is not None:
-        write_page(film, found.animation(film.suffix, frames), force=force)
+    with told(progress):
+        found = deploy(robot, context.worlds[0], here, context.given)
+        if picture is not None:
+            write_page(picture, found.picture(picture.suffix, named=label), force=force)
+        if film is not None:
+            write_page(film, found.animation(film.suffix, frames), force=force)
     return replace(found, fronts=history)
 
 
@@ -202,6 +205,7 @@ def score(
     head_on_half_angle_deg: HalfAngle | None = None,
     contacts: ContactsLike | None = None,
     growth: GrowthLike | None = None,
+    progress: ProgressLike = True,
     **parameters: EitherParameters,
 ) -> Score:
     """Score a design on a task over maps and poses (simulated).
@@ -244,22 +248,23 @@ def score(
     from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task
 
     chosen, of_task = parted(environment, options, parameters)
-    families = families_of(maps, start, environment, count, seed, chosen, targets=targets)
-    worlds = [world for family in families for world in family.worlds]
-    context = context_of(
-        design,
-        task=task,
-        parameters=of_task,
-        worlds=worlds,
-        targets=targets,
-        growth=growth,
-        body=body,
-        head_on_half_angle_deg=head_on_half_angle_deg,
-        contacts=contacts,
-    )
-    plan = ScorePlan(task=context.task, poses=poses, seed=seed)
-    (robot,) = context.as_grown
-    found = score_design_on_task(robot, context.worlds, plan, context.growth.options)
+    with told(progress):
+        families = families_of(maps, start, environment, count, seed, chosen, targets=targets)
+        worlds = [world for family in families for world in family.worlds]
+        context = context_of(
+            design,
+            task=task,
+            parameters=of_task,
+            worlds=worlds,
+            targets=targets,
+            growth=growth,
+            body=body,
+            head_on_half_angle_deg=head_on_half_angle_deg,
+            contacts=contacts,
+        )
+        plan = ScorePlan(task=context.task, poses=poses, seed=seed)
+        (robot,) = context.as_grown
+        found = score_design_on_task(robot, context.worlds, plan, context.growth.options)
     seen = context.run.seen_words(worlds)
     return replace(found, notes=(*found.notes, *([seen] * bool(seen))))
 
@@ -582,6 +587,7 @@ def observe(
     results: PathText | None = None,
     pressure_kpa: Annotated[float, Within(0.1, 1000.0, "kPa")] = 20.0,
     out: Annotated[PathText | None, written(".html", ".htm", ".json")] = None,
+    progress: ProgressLike = True,
     force: Force = False,
 ) -> Observation:
     """Trace a grown robot on a photo from above (measured) and compare it with its prediction.
@@ -666,21 +672,22 @@ def observe(
         film_colour=None if film_colour is None else as_tuple("film_colour", film_colour, three),
         outline=None if outline is None else as_path("outline", outline),
     )
-    seen = observe_photo(
-        read_photo(picture),
-        world,
-        robot,
-        first_start(world) if pose is None else Pose.of(pose),
-        setup,
-        growth=context.given,
-        map_file=world.name if isinstance(map, Map) else str(map),
-        design_file=robot.name if not isinstance(design, str | Path) else str(design),
-    )
-    if results is not None:
-        seen = _with_reading(seen, as_path("results", results), pressure_kpa)
-    if page is not None:
-        is_json = page.suffix.lower() == ".json"
-        write_page(page, seen.json_text() if is_json else seen.page(), force=force)
+    with told(progress), phase("film and branches on the photo"):
+        seen = observe_photo(
+            read_photo(picture),
+            world,
+            robot,
+            first_start(world) if pose is None else Pose.of(pose),
+            setup,
+            growth=context.given,
+            map_file=world.name if isinstance(map, Map) else str(map),
+            design_file=robot.name if not isinstance(design, str | Path) else str(design),
+        )
+        if results is not None:
+            seen = _with_reading(seen, as_path("results", results), pressure_kpa)
+        if page is not None:
+            is_json = page.suffix.lower() == ".json"
+            write_page(page, seen.json_text() if is_json else seen.page(), force=force)
     return replace(seen, path=page)
 
 
@@ -705,6 +712,7 @@ def fit_observations(
     *,
     angle_error_deg: Annotated[float, Within(0.1, 30.0, "deg")] = 2.0,
     out: Annotated[PathText | None, written(".toml"), also("--fit")] = None,
+    progress: ProgressLike = True,
     force: Force = False,
 ) -> ContactFit:
     """Fit several observations: half-angle, friction of the tip and widths, with 95 % intervals.
@@ -748,7 +756,8 @@ def fit_observations(
         raise BadInputError("observations", None, "JSON files of observations")
     for path in paths if file is not None else ():
         ensure_apart("out", file or path, path, "an observation")
-    found = fit_files(paths, angle_error_deg)
+    with told(progress), phase("contacts of all observations"):
+        found = fit_files(paths, angle_error_deg)
     if file is not None:
         write_page(file, found.text(), force=force)
     return replace(found, path=file)

@@ -12,13 +12,19 @@ from contextvars import copy_context
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, TextIO, get_args
 
 from vinefab.app.verbs import GROUPS, HELP, OLDER, PER_NAME, VERBS
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.errors import ExportRefusedError, VinefabError, shortened
 from vinefab.core.plain_text import visible
-from vinefab.core.progress import Listener, Progress, ProgressLine, progress_in_lines
+from vinefab.core.progress import (
+    SHOWN_AFTER_S,
+    Listener,
+    ProgressLine,
+    progress_in_lines,
+    ticking,
+)
 from vinefab.core.verbs import (
     SHELL,
     Force,
@@ -91,42 +97,54 @@ class Terminal:
             with progress_in_lines(title) as listener:
                 yield listener
             return
-        # Only somebody who watches waits for rich.
-        from rich.console import Console
-        from rich.progress import BarColumn, Task, TextColumn
-        from rich.progress import Progress as Bars
-        from rich.text import Text
+        line, bars = ProgressLine(title), list[Any]()
 
-        line = ProgressLine(title)
+        def look() -> None:
+            if line.elapsed_s < SHOWN_AFTER_S:
+                return
+            if not bars:  # only somebody who watches waits for rich
+                bars.append(_begun_bar(line, stream))
+            now = line.now
+            share = None if now is None else now.share
+            bars[0].tasks[0].total = None if share is None else 1.0  # without one it pulses
+            bars[0].update(
+                bars[0].task_ids[0],
+                description=visible(title if now is None else f"{title}: {now.count}"),
+                completed=share or 0.0,
+                words="" if now is None else visible(now.words),
+            )
 
-        class Times(TextColumn):
-            """Time so far and left, as they are when it is drawn."""
+        try:
+            with ticking(look):
+                yield line.hear
+        finally:
+            for bar in bars:
+                bar.stop()
 
-            def render(self, task: Task) -> Text:  # noqa: ARG002  of one task
-                return Text(line.times)
 
-        columns = (
-            TextColumn("{task.description}", markup=False),
-            BarColumn(bar_width=24),
-            Times(""),
-            TextColumn("{task.fields[words]}", markup=False),
-        )
-        console = Console(file=stream, highlight=False)
-        with Bars(*columns, console=console, transient=True) as bars:
-            bar = bars.add_task(visible(title), total=None, words="")
+def _begun_bar(line: ProgressLine, stream: TextIO) -> Any:  # noqa: ANN401  of rich, loaded late
+    """Return a bar that is shown on a terminal until it is stopped."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, Task, TextColumn
+    from rich.text import Text
 
-            def show(progress: Progress) -> None:
-                line.hear(progress)
-                share, now = progress.share, line.now or progress
-                bars.tasks[0].total = None if share is None else 1.0  # without one it pulses
-                bars.update(
-                    bar,
-                    description=visible(f"{title}: {now.count}"),
-                    completed=share or 0.0,
-                    words=visible(now.words),
-                )
+    class Times(TextColumn):
+        """Time so far and left, as they are when it is drawn."""
 
-            yield show
+        def render(self, task: Task) -> Text:  # noqa: ARG002  of one task
+            return Text(line.times)
+
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(bar_width=24),
+        Times(""),
+        TextColumn("{task.fields[words]}", markup=False),
+    )
+    console = Console(file=stream, highlight=False)
+    bars = Progress(*columns, console=console, transient=True)
+    bars.add_task("", total=None, words="")
+    bars.start()
+    return bars
 
 
 _SEVERAL = {

@@ -347,7 +347,7 @@ def progress_in_lines(title: str) -> Iterator[Listener]:
                 sys.stderr.flush()
 
     line = ProgressLine(title)
-    with _ticking(ProgressLines(line, write).look):
+    with ticking(ProgressLines(line, write).look):
         yield line.hear
 
 
@@ -363,7 +363,7 @@ def progress_seen(see: Callable[[ProgressLine], None]) -> Iterator[Listener]:
             last = now
             see(line)
 
-    with _ticking(look):
+    with ticking(look):
         yield line.hear
 
 
@@ -387,7 +387,7 @@ def progress_shown(title: str) -> Iterator[Listener]:
         return
     line = ProgressLine(title)
     renewed = _Renewed(line, stream)
-    with _ticking(renewed.look):
+    with ticking(renewed.look):
         yield line.hear
     renewed.clear()
 
@@ -415,7 +415,7 @@ class _Renewed:
 
 
 @contextmanager
-def _ticking(look: Callable[[], None]) -> Iterator[None]:
+def ticking(look: Callable[[], None]) -> Iterator[None]:
     """Let a thread call a function now and then until a block is over, also while it waits."""
     is_over = threading.Event()
 

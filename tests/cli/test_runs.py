@@ -5,6 +5,8 @@ import os
 import shlex
 import shutil
 import sqlite3
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -39,6 +41,49 @@ def test_the_end_of_a_run_says_where_the_time_went(vinefab, run_file, tmp_path):
     assert times["workers"] == 2
     assert 0.0 < times["growth_s"] + times["scoring_s"] <= times["processor_s"]
     assert "use of 2 workers while evaluating: growth" in words
+
+
+def test_a_run_that_touches_nothing_says_why_at_its_end(vinefab, run_file, grid, tmp_path):
+    document = json.loads(grid.read_text())
+    corner = {"type": "Point", "coordinates": [5.0, 295.0]}
+    target = {"role": "target", "name": "far", "tolerance_mm": 1}
+    document["features"].append({"type": "Feature", "properties": target, "geometry": corner})
+    grid.write_text(json.dumps(document))
+    text = run_file.read_text().replace("count = 1", f"files = ['{grid}']")
+    run_file.write_text(f'{text}[task]\nname = "reach"\n')
+    code, output, words = vinefab("optimize", run_file, "--out", tmp_path / "run", "--json", "-")
+    document = json.loads(output)
+    lines = words.splitlines()
+    assert code in {0, 1}
+    assert document["composite"]["min_deviation"] == pytest.approx(0.75)
+    (steady,) = [line for line in lines if line.startswith("min_deviation")]
+    assert "0.75" not in steady.partition(",")[0]
+    assert "so that to be steady is worth nothing" in steady
+    (note,) = document["notes"]
+    at = next(number for number, line in enumerate(lines) if note in line)
+    assert lines[at].startswith("0 of 1 touched")  # the verdict again, and why
+    assert at > lines.index(steady)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows limits no file")
+def test_a_limit_of_the_size_of_files_is_no_damage(run_file, tmp_path):
+    command = [
+        sys.executable,
+        "-m",
+        "vinefab",
+        "optimize",
+        run_file,
+        "--out",
+        tmp_path / "run",
+        "-q",
+    ]
+    done = subprocess.run(
+        ["sh", "-c", 'ulimit -f 8; exec "$@"', "sh", *command],
+        capture_output=True, text=True, encoding="utf-8", errors="replace", check=False,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert "the disk is full, or a file may not become so large (ulimit -f)" in done.stderr
+    assert "damaged" not in done.stderr
 
 
 def test_runs_are_listed_with_those_that_cannot_be_read(vinefab, ended, tmp_path):

@@ -174,27 +174,15 @@ class Score(Result):
         )
         yield Facts(
             tuple(
-                Fact(
-                    kind,
-                    Number(value, form=".4f"),
-                    f"composite.{kind}",
-                    detail="; ".join(filter(None, [composite_text(kind), "simulated"])),
+                composite_fact(
+                    self, kind, kind, "; ".join(filter(None, [composite_text(kind), "simulated"]))
                 )
-                if self._earned or kind != "min_deviation"
-                else Fact(kind, "-", f"composite.{kind}", NOTHING_STEADY, data=value)
-                for kind, value in composite.items()
+                for kind in composite
             ),
             lead=True,
         )
         yield Data({"growth": {**self.growth}, "parts": {**parts}})
         yield Notes(self.notes, "notes")
-
-    @property
-    def _earned(self) -> bool:
-        """Whether any deployment earned anything: it touched a target, or has a score above 0."""
-        if self.targets is not None:
-            return any(any(one.touched) for one in self.targets.outcomes)
-        return bool((self.scores > 0.0).any())
 
     @property
     def title_of_task(self) -> str:
@@ -206,3 +194,19 @@ class Score(Result):
     def scores(self) -> Floats:
         """The scores in order, shape (n,)."""
         return np.array([evaluation.score for evaluation in self.evaluations])
+
+
+def composite_fact(score: Score, kind: str, name: str, detail: str, standing: str = "") -> Fact:
+    """Return a composite as it is shown: where nothing is earned, steadiness has no number.
+
+    Something is earned where a target is touched or a score is above 0.
+    """
+    value, key = score.composite[kind], f"composite.{kind}"
+    earned = (
+        any(any(one.touched) for one in score.targets.outcomes)
+        if score.targets is not None
+        else bool((score.scores > 0.0).any())
+    )
+    if kind == "min_deviation" and not earned:
+        return Fact(name, "-", key, NOTHING_STEADY, data=value)
+    return Fact(name, Number(value, form=".4f"), key, detail, standing=standing)

@@ -10,11 +10,12 @@ from PIL import Image
 from vinefab.core.plain_text import OWN_MARK
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.package.bom import machine_time, schedule
-from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
+from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan, run_paths
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import read_profile
 from vinefab.model.outline import Contour
+from vinefab.pages.panel import Words
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -79,6 +80,19 @@ def test_the_same_job_gives_the_same_bytes_and_stands_still_as_the_finished_shee
         pixels = np.asarray(image.convert("RGB")).reshape(-1, 3).astype(int)
     magenta = (pixels[:, 0] > 200) & (pixels[:, 1] < 120) & (pixels[:, 2] > 200)
     assert magenta.sum() > 1000
+
+
+def test_each_sheet_is_drawn_on_its_own_axes_in_its_own_order(job):
+    other = replace(job, name="other", paths=job.paths[-3:])
+    plan = job_plan(replace(job, sheet_width_mm=2 * job.sheet_width_mm, sheets=(job, other)))
+    assert [panel.title.splitlines()[-1].partition(",")[0] for panel in plan.panels] == [
+        "sheet 1 of 2",
+        "sheet 2 of 2",
+    ]
+    for panel, sheet in zip(plan.panels, (job, other), strict=True):
+        words = [one.text for one in panel.primitives if isinstance(one, Words)]
+        assert words == [str(number) for number in range(1, len(run_paths(sheet)) + 1)]
+        assert panel.box[2] < 1.2 * sheet.sheet_width_mm  # no bed beside another
 
 
 def test_a_robot_in_tiles_lies_on_film_and_not_on_a_bed():

@@ -40,7 +40,7 @@ from vinefab.model.design import Design, design_text
 from vinefab.model.files.run_context import RunContext, RunRecipe, shape_fingerprint
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose, Start
-from vinefab.model.score import Evaluation, Failures, Score, composite_text
+from vinefab.model.score import Evaluation, Failures, Score, composite_fact, composite_text
 from vinefab.model.start import start_of_record, start_record, start_text
 from vinefab.model.target import TargetsResult
 from vinefab.search.evaluator import TimeSplit, final_seed
@@ -342,14 +342,14 @@ class RunResult(Result):
         best, found, growth = self.best, self.prediction, trained_growth(self.best)
         fresh = counted(len(self.score.evaluations), "fresh pose")
         scores = {
-            kind: Fact(
+            kind: composite_fact(
+                self.score,
+                kind,
                 f"{kind} {self.score.title_of_task} on the training maps",
-                Number(value, form=".4f"),
-                f"composite.{kind}",
-                detail=f"{made}; {fresh}" if (made := composite_text(kind)) else fresh,
-                standing="simulated",
+                f"{made}; {fresh}" if (made := composite_text(kind)) else fresh,
+                "simulated",
             )
-            for kind, value in self.score.composite.items()
+            for kind in self.score.composite
         }
         pieces = Fact("cut in", self.pieces_words, standing="computed")
         yield Facts(

@@ -59,8 +59,23 @@ def test_letters_that_a_terminal_cannot_show_are_escaped(tmp_path):
         check=False,
     )
     assert (done.returncode, done.stderr) == (0, b"")
-    assert b"\\ufffd.geojson" in done.stdout
+    assert b"\\xff.geojson" in done.stdout
     assert path.is_file()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no locale C")
+@pytest.mark.parametrize(("words", "code"), [(("new", "design"), 0), (("check",), 2)])
+def test_names_with_umlauts_work_in_the_locale_c(tmp_path, words, code):
+    path = tmp_path / "r\N{LATIN SMALL LETTER O WITH DIAERESIS}hre.toml"
+    done = subprocess.run(
+        [sys.executable, "-m", "vinefab", *words, os.fsencode(path)],
+        env=os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == code, done.stderr
+    assert b"udc" not in done.stdout + done.stderr  # half a letter
+    assert path.is_file() == (code == 0)
 
 
 def test_a_log_that_cannot_be_written_is_said(monkeypatch, capsys, tmp_path):

@@ -62,7 +62,7 @@ thorough: check fuzz outlines
 	$(BIN)/python tests/photos/measure_shape.py 60 --jobs 2
 
 outlines: $(READY)
-	$(BIN)/python tests/fabrication/outline/property.py
+	$(BIN)/python tests/outline/property.py
 
 format: $(READY)
 	$(BIN)/ruff format .

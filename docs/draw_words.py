@@ -9,11 +9,11 @@ import numpy as np
 import shapely
 from rule_sketch import Sketch, single
 
-from vinefab.fabrication.outline.body_outline import body_outline, flat_layout
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Collar, Design, Level, Pouch
 from vinefab.model.map import Map
 from vinefab.model.outline import Part
+from vinefab.outline.body_outline import body_outline, flat_layout
 
 SEAM_MM = 3.0
 """Of the picture; a real one is a few tenths of a millimetre."""

@@ -11,7 +11,6 @@ from shapely.affinity import scale as scaled_shape
 
 from vinefab.fabrication.calibration.coupons import coupon_pieces
 from vinefab.fabrication.job.passes import STRAIGHT_BEFORE_MM, sleeve_size
-from vinefab.fabrication.outline.body_outline import FlatLayout, flat_layout
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.fabrication.rules.clearance_rules import level_joints
 from vinefab.fabrication.rules.pressure_rules import (
@@ -26,6 +25,7 @@ from vinefab.inflation.pattern import Pattern, pattern_of
 from vinefab.model.job import Operation
 from vinefab.model.laser import RecipeStatus
 from vinefab.model.outline import Part
+from vinefab.outline.body_outline import FlatLayout, flat_layout
 from vinefab.physics.tube import (
     hoop_strain,
     inflated_diameter_mm,

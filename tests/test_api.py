@@ -25,13 +25,13 @@ from shapely import Point, box
 import vinefab as vf
 from vinefab.app import making
 from vinefab.cli.main import main
-from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import read_profile
+from vinefab.outline.body_outline import body_outline
 from vinefab.pages.panel import INK, LEVEL_COLOURS, ROCK
 from vinefab.rig.part import read_printer
 from vinefab.search.manufacturability import with_build_for_film

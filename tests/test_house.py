@@ -34,7 +34,8 @@ def bound_names(text):
                 yield node.name
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            named = [one for target in targets for one in ast.walk(target)]
+            bare = [one for one in targets if not isinstance(one, ast.Attribute)]
+            named = [one for target in bare for one in ast.walk(target)]
             yield from (one.id for one in named if isinstance(one, ast.Name))
 
 

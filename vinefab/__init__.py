@@ -16,6 +16,7 @@ heading_deg)``. What is not in ``__all__`` may change at any time. The names sta
 
 import lazy_loader
 
+from vinefab import bindings as bindings
 from vinefab.core import __version__ as __version__
 
 _load, _, _names = lazy_loader.attach_stub(__name__, __file__)

@@ -1,12 +1,12 @@
-"""Pictures of nouns in notebooks; `vinefab.core.front_door` brings a noun here."""
+"""Pictures of nouns in notebooks; `vinefab.bindings` brings a noun here."""
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
-from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.outline import Contour
+from vinefab.outline.body_outline import body_outline
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.plan import deployment_plan, map_plan, outline_plan
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from vinefab.fabrication.checking import check_design
-from vinefab.fabrication.outline.body_outline import flat_layout
 from vinefab.inflation.pattern import pattern_of, strain_of
 from vinefab.inflation.robot import inflated_robot
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.laser import read_profile
+from vinefab.outline.body_outline import flat_layout
 
 
 def drawn_robot(number, large):

@@ -9,10 +9,10 @@ import shapely
 from shapely import Point, Polygon, affinity
 from shapely.geometry import box
 
-from vinefab.fabrication.outline.body_outline import flat_layout
-from vinefab.fabrication.outline.ends import Leaf, corner_radii_mm, level_fillets_mm
-from vinefab.fabrication.outline.joint import LEAST_SEGMENT_MM
 from vinefab.model.design import Design
+from vinefab.outline.body_outline import flat_layout
+from vinefab.outline.ends import Leaf, corner_radii_mm, level_fillets_mm
+from vinefab.outline.joint import LEAST_SEGMENT_MM
 
 
 class Twin:

@@ -9,16 +9,6 @@ import numpy as np
 
 from tests.oracles.quick_cuts import PieceLimits, pair_depths, quick_cuts, straight_begins_mm
 from vinefab.fabrication.job.passes import bare_sheet_mm, seal_offset_mm, taken_mm
-from vinefab.fabrication.outline.body_outline import flat_layout
-from vinefab.fabrication.outline.ends import pouch_takes_mm
-from vinefab.fabrication.outline.joint import (
-    LEAST_SEGMENT_MM,
-    Point,
-    crotch_reach_mm,
-    largest_fillet_mm,
-    level_lengths_mm,
-    level_tapers_rad,
-)
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits
 from vinefab.fabrication.rules.clearance_rules import (
     ANGLE,
@@ -50,6 +40,16 @@ from vinefab.model.tree import (
     child_lengths_mm,
     fan_offsets_rad,
     widest_turn_rad,
+)
+from vinefab.outline.body_outline import flat_layout
+from vinefab.outline.ends import pouch_takes_mm
+from vinefab.outline.joint import (
+    LEAST_SEGMENT_MM,
+    Point,
+    crotch_reach_mm,
+    largest_fillet_mm,
+    level_lengths_mm,
+    level_tapers_rad,
 )
 from vinefab.physics.growth_pressure import planned_growth_kpa
 from vinefab.search.penalty_batch import MOST_CHECKED_BRANCHES, width_violations

@@ -20,14 +20,6 @@ from vinefab.fabrication.job.passes import (
     sleeve_size,
     taken_mm,
 )
-from vinefab.fabrication.outline.body_outline import FlatLayout, flat_layout
-from vinefab.fabrication.outline.ends import pouch_takes_mm
-from vinefab.fabrication.outline.joint import (
-    Point,
-    largest_fillet_mm,
-    level_lengths_mm,
-    neck_length_mm,
-)
 from vinefab.fabrication.pieces.partition import (
     BodyKind,
     StraightSides,
@@ -43,6 +35,14 @@ from vinefab.fabrication.rules.tree_rules import LAP_PACKING, fullest_laps, wide
 from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import fan_offsets_rad
+from vinefab.outline.body_outline import FlatLayout, flat_layout
+from vinefab.outline.ends import pouch_takes_mm
+from vinefab.outline.joint import (
+    Point,
+    largest_fillet_mm,
+    level_lengths_mm,
+    neck_length_mm,
+)
 from vinefab.search.penalty_batch import (
     LEAST_DEPTH,
     MOST_CONFLICTS,

@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.ops import substring
 
-from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.cave import CaveOptions, cave_map
 from vinefab.maps.generators.grid import GridOptions, grid_map
@@ -22,6 +21,7 @@ from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
+from vinefab.outline.body_outline import body_outline
 from vinefab.pages import plan_svg
 from vinefab.pages.plan import STOP_WORDS, UNSEEN_DETAIL
 from vinefab.pages.plan_svg import (

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from shapely import Polygon
 
 from vinefab.core.errors import BadInputError
-from vinefab.fabrication.outline.body_outline import body_outline, flat_layout
 from vinefab.fabrication.rules.spacing import capsules_of
 from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
@@ -18,6 +17,7 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.model.map import Pose
 from vinefab.model.tree import branch_tree
+from vinefab.outline.body_outline import body_outline, flat_layout
 from vinefab.search import space as space_module
 from vinefab.search.record.generations import RunIdentity
 from vinefab.search.run import Search, violations_of

@@ -12,10 +12,10 @@ import shapely
 import vinefab as vf
 from tests.studio.conftest import PATIENCE_S, TWIG, WINDOW, TabSession
 from vinefab.core.view import Picture
-from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.files.run_context import ChosenRecipe
+from vinefab.outline.body_outline import body_outline
 from vinefab.pages.html import page as html_page
 from vinefab.pages.plan_svg import outline_svg, robot_svg
 from vinefab.search.record.result import RunArchive

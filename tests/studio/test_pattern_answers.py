@@ -9,12 +9,12 @@ import pytest
 import shapely
 
 from vinefab.core.progress import heard_by
-from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.inflation import compensation, pattern
 from vinefab.inflation.compensation import FlatJoint
 from vinefab.inflation.robot import with_short_tail
 from vinefab.model.design import Build, Design, Level, design_content
 from vinefab.model.tree import fan_offsets_rad
+from vinefab.outline.body_outline import body_outline
 from vinefab.studio.executors import answer_of
 from vinefab.studio.pattern_answers import cut_notes
 from vinefab.studio.state import StudioState

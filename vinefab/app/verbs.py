@@ -1,6 +1,8 @@
 """Every verb: the words of its command, where its function stands, and its line in the help."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any, NamedTuple
 
 
 class Verb(NamedTuple):
@@ -9,6 +11,18 @@ class Verb(NamedTuple):
     where: str  # ``module:function``
     summary: str
     listed: bool = True  # whether ``vinefab --help`` shows it
+
+    @property
+    def function(self) -> Callable[..., Any]:
+        """The function, whose module is imported for it."""
+        found: Callable[..., Any] = loaded(self.where)
+        return found
+
+
+def loaded(where: str) -> Any:
+    """Return a part of a module: ``module:name``."""
+    module, _, name = where.partition(":")
+    return getattr(import_module(module), name)
 
 
 _APP = "vinefab.app"

@@ -10,11 +10,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import copy_context
 from dataclasses import dataclass, field, replace
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, TextIO, get_args
 
-from vinefab.app.verbs import GROUPS, HELP, OLDER, PER_NAME, VERBS
+from vinefab.app.verbs import GROUPS, HELP, OLDER, PER_NAME, VERBS, loaded
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.errors import ExportRefusedError, VinefabError, shortened
 from vinefab.core.plain_text import visible
@@ -204,11 +203,11 @@ class Command:
     def named(cls, name: str) -> "Command":
         """Return the command of some words, ``map grid``."""
         if name in VERBS:
-            function = _loaded(VERBS[name].where)
+            function = VERBS[name].function
             return cls(name=name, function=function, options=_shell_options(options_of(function)))
         group, _, last = name.partition(" ")
         where, registry = PER_NAME[group]
-        function, part = _loaded(where), _loaded(registry)[last]
+        function, part = loaded(where), loaded(registry)[last]
         first, *rest = options_of(function)
         own = [one for one in rest if not one.named]
         return cls(
@@ -433,15 +432,10 @@ def _texts_function(options: Sequence[Option]) -> Callable[..., None]:
     return texts
 
 
-def _loaded(where: str) -> Any:  # noqa: ANN401  whatever stands there
-    module, _, name = where.partition(":")
-    return getattr(import_module(module), name)
-
-
 def names_in(group: str) -> Iterator[str]:
     """Yield the names of the commands in a group, those of registered parts first."""
     if group in PER_NAME:
-        registry = _loaded(PER_NAME[group][1])
+        registry = loaded(PER_NAME[group][1])
         registry.load_plugins()
         yield from registry
     for name in VERBS:
@@ -454,7 +448,7 @@ def summaries(group: str) -> dict[str, str]:
     """Return the commands of a group with a line on each."""
     found = dict[str, str]()
     if group in PER_NAME:
-        registry = _loaded(PER_NAME[group][1])
+        registry = loaded(PER_NAME[group][1])
         registry.load_plugins()
         found |= {name: f"Generate a map: {part.description}." for name, part in registry.items()}
         found |= {name: f"does not load ({why})" for name, why in registry.broken.items()}

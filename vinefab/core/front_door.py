@@ -10,9 +10,10 @@ Modules with kernels, and large packages, are imported when something of them is
 
 `Design.grow` and ``_repr_svg_`` belong to nouns at the bottom of the house and need rooms at the
 top of it. An import there, even one inside a function, would let data climb back, and a saved
-design could no longer be cut without the simulator. So the nouns know such a module by its name
-only, and it is loaded when the method is first called. ``vinefab.maps`` and ``vinefab.rig`` are
-rooms and public names at once: they find their verbs so, too.
+design could no longer be cut without the simulator. So a noun calls a function of `ABOVE`, and
+`vinefab.bindings` says which functions these are: one list, which type checkers and import-linter
+read. ``vinefab.maps``, ``vinefab.rig`` and ``vinefab.studio`` are rooms and public names at once:
+they find their verbs there, too.
 """
 
 import inspect
@@ -50,12 +51,26 @@ def imported_later(
     return _Later(name, within)
 
 
-def front_door(part: str) -> Any:  # noqa: ANN401  types this room must not know
-    """Return a module of a room above, by its name in the package: ``prediction.deploy``."""
-    return import_module(f"vinefab.{part}")
+class Above:
+    """Functions of rooms above that methods of nouns call; set by `vinefab.bindings`."""
+
+    picture: Callable[..., Any]  # ``_repr_svg_`` of nouns
+    grow: Callable[..., Any]  # `Design.grow`
+    deployment_summary: Callable[..., Any]  # `Deployment.summary`
+    write_deployment: Callable[..., Any]  # `Deployment.write`
+    map_info: Callable[..., Any]  # `Map.info`
+    map_summary: Callable[..., Any]  # `Map.summary`
+    page: Callable[..., str]  # `Result.page`
+    blocks_html: Callable[..., str]  # ``_repr_html_`` of results
+    verb: Callable[[str], Callable[..., Any]]  # a public function by the words of its command
+    map_function: Callable[[str], Callable[..., Any]]  # ``vinefab.maps.read`` and its like
+    map_generator: Callable[[str], Callable[..., Any]]  # ``vinefab.maps.grid``
 
 
-def callable_room(room: str, part: str) -> None:
+ABOVE = Above()
+
+
+def callable_room(room: str) -> None:
     """Let a room be the public function of its name as well.
 
     Python binds a package to its name in the package above once one of its modules is loaded, so
@@ -64,19 +79,17 @@ def callable_room(room: str, part: str) -> None:
     Parameters
     ----------
     room
-        The package, ``vinefab.rig``.
-    part
-        The module with the function, as for `front_door`.
+        The package, ``vinefab.rig``; its function is the verb of its name.
     """
     name = room.rpartition(".")[2]
 
     class CallableRoom(ModuleType):
         def __call__(self, *given: Any, **named: Any) -> Any:  # noqa: ANN401  as the function
-            return getattr(front_door(part), name)(*given, **named)
+            return ABOVE.verb(name)(*given, **named)
 
         def __getattr__(self, wanted: str) -> Any:  # noqa: ANN401  of the function
             if wanted in ("__signature__", "__wrapped__"):
-                function = getattr(front_door(part), name)
+                function = ABOVE.verb(name)
                 return inspect.signature(function) if wanted == "__signature__" else function
             raise AttributeError(f"module {room!r} has no attribute {wanted!r}")
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.front_door import front_door
+from vinefab.core.front_door import ABOVE
 from vinefab.core.plain_text import counted, json_text, visible
 from vinefab.core.progress import each
 
@@ -372,7 +372,7 @@ class Result:
             if isinstance(block, Section):
                 drawn = tuple(replace(one, image=one.drawn) for one in block.pictures)
                 blocks[place] = replace(block, pictures=drawn)
-        made: str = front_door("pages.html").page(self.title, blocks)
+        made: str = ABOVE.page(self.title, blocks)
         return made
 
     def __repr__(self) -> str:
@@ -383,7 +383,7 @@ class Result:
 
     def _repr_html_(self) -> str:
         """Show the result in a notebook."""
-        shown: str = front_door("pages.html").blocks_html(self.view())
+        shown: str = ABOVE.blocks_html(self.view())
         return shown
 
 

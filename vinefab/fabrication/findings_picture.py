@@ -19,12 +19,12 @@ from vinefab.core.validation import Floats
 from vinefab.fabrication.job.marks import lettered, text_width_mm
 from vinefab.fabrication.job.passes import body_paths
 from vinefab.fabrication.job.placement import LayoutPlacement, marker_lines
-from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, RecipeStatus
 from vinefab.model.outline import Contour
+from vinefab.outline.body_outline import body_outline
 from vinefab.pages.panel import (
     INK,
     SOFT,

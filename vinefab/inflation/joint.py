@@ -13,17 +13,6 @@ import scipy  # its parts load at their first use
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints
-from vinefab.fabrication.outline.ends import round_tip
-from vinefab.fabrication.outline.joint import (
-    Core,
-    LocalFrame,
-    Pen,
-    Point,
-    Strip,
-    placed,
-    polar,
-    solve_gap,
-)
 from vinefab.inflation.membrane import Bools, Equilibrium, Membrane, at_rest
 from vinefab.inflation.mesh import (
     LEAST_ANGLE_DEG,
@@ -36,6 +25,17 @@ from vinefab.inflation.mesh import (
     turned_deg,
 )
 from vinefab.model.outline import Contour, Part
+from vinefab.outline.ends import round_tip
+from vinefab.outline.joint import (
+    Core,
+    LocalFrame,
+    Pen,
+    Point,
+    Strip,
+    placed,
+    polar,
+    solve_gap,
+)
 
 ACROSS = 8
 """Triangles across a tube."""

@@ -18,7 +18,6 @@ from vinefab.core.progress import each
 from vinefab.core.validation import Floats
 from vinefab.core.verbs import note
 from vinefab.core.view import Notes, Number, Rows, Value
-from vinefab.fabrication.outline.joint import joint_of
 from vinefab.inflation.compensation import (
     MESH_DEG,
     WITHIN_DEG,
@@ -37,6 +36,7 @@ from vinefab.model.design import Build, Design, Trunk, UnevenLevel
 from vinefab.model.files.run_context import ChosenRecipe
 from vinefab.model.laser import LaserProfile, Material, Standing
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
+from vinefab.outline.joint import joint_of
 from vinefab.physics.tube import hoop_strain
 
 LEAST_STRAIN = 0.002

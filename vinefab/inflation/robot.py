@@ -13,18 +13,18 @@ import shapely
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.fabrication.outline.body_outline import (
-    FlatLayout,
-    body_outline,
-    flat_layout,
-    outline_parts,
-)
 from vinefab.inflation.joint import JointShape, axis_of
 from vinefab.inflation.membrane import Equilibrium
 from vinefab.inflation.mesh import Sheet, StraightSide, sheet_of
 from vinefab.model.design import Design
 from vinefab.model.outline import Contour, Part, Segment
 from vinefab.model.tree import fan_offsets_rad
+from vinefab.outline.body_outline import (
+    FlatLayout,
+    body_outline,
+    flat_layout,
+    outline_parts,
+)
 
 _FINE_MM = 0.05  # arcs become chords that lie this close to them
 

@@ -21,14 +21,14 @@ and ``info``. They are verbs, `vinefab.app.maps`, and loaded when first used.
 from importlib import import_module
 from typing import Any
 
-from vinefab.core.front_door import front_door
+from vinefab.core.front_door import ABOVE
 
 _VERBS = ("generate", "import_", "info", "read", "start")
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401  a function, or the list of names
     if name in _VERBS:
-        return getattr(front_door("app.maps"), name)
+        return ABOVE.map_function(name)
     if name.startswith("_") and name != "__all__":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     environments = import_module("vinefab.maps.generators.environments").ENVIRONMENTS
@@ -37,7 +37,7 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401  a function, or the list of n
         return sorted([*_VERBS, *environments])
     if name not in environments:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return front_door("app.maps").generator(name)
+    return ABOVE.map_generator(name)
 
 
 def __dir__() -> list[str]:

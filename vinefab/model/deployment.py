@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.front_door import front_door
+from vinefab.core.front_door import ABOVE
 from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted, json_text
 from vinefab.core.validation import Floats, Ints
@@ -147,7 +147,7 @@ class Deployment:
     @property
     def summary(self) -> tuple[str, ...]:
         """How each branch ended and why, a line each; only of results of `Design.grow`."""
-        lines: tuple[str, ...] = front_door("prediction.deploy").deployment_summary(self)
+        lines: tuple[str, ...] = ABOVE.deployment_summary(self)
         return lines
 
     def write(self, path: str | PathLike[str], *, force: bool = False) -> Path:
@@ -184,12 +184,12 @@ class Deployment:
         ...     grown.write(f"{folder}/grown.json").name
         'grown.json'
         """
-        written: Path = front_door("prediction.deploy").write_deployment(self, path, force=force)
+        written: Path = ABOVE.write_deployment(self, path, force=force)
         return written
 
     def _repr_svg_(self) -> str | None:
         """Show the robot on its map in a notebook, or alone where the map is not known."""
-        drawn: str | None = front_door("noun_pictures").svg_of(self)
+        drawn: str | None = ABOVE.picture(self)
         return drawn
 
 

@@ -20,7 +20,7 @@ from typing_extensions import Doc
 
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError, inside, located
-from vinefab.core.front_door import front_door
+from vinefab.core.front_door import ABOVE
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import file_number, rad
 from vinefab.core.plain_text import GENERATOR, counted
@@ -826,11 +826,8 @@ class Design(Table):
         >>> Design.read("plain_vine").grow(world, pose=(world.size_mm[0] / 2, 20, 80)).tips_mm.shape
         (1, 2)
         """
-        deploys = self
-        if self.build.compensation == "none":
-            deploys = front_door("inflation.pattern").as_grown(self)
-        grown: Deployment = front_door("prediction.deploy").grow_design(
-            deploys,
+        grown: Deployment = ABOVE.grow(
+            self,
             world,
             pose,
             body=body,
@@ -843,7 +840,7 @@ class Design(Table):
 
     def _repr_svg_(self) -> str | None:
         """Show the flat outline in a notebook."""
-        drawn: str | None = front_door("noun_pictures").svg_of(self)
+        drawn: str | None = ABOVE.picture(self)
         return drawn
 
 

@@ -18,7 +18,7 @@ from typing_extensions import Doc
 
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError, UnreadableFileError, inside, located
-from vinefab.core.front_door import front_door
+from vinefab.core.front_door import ABOVE
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import DEFAULT_MARKER_MM, deg
 from vinefab.core.plain_text import GENERATOR, counted, plain
@@ -267,14 +267,12 @@ class Map:
         >>> maps.pegs(seed=1).info(width_mm=20).summary[0]
         'map: pegs_1'
         """
-        return front_door("prediction.map_info").map_info(
-            self, width_mm=width_mm, passages=passages
-        )
+        return ABOVE.map_info(self, width_mm=width_mm, passages=passages)
 
     @property
     def summary(self) -> tuple[str, ...]:
         """Its size, its starts, what is odd about it and how it was made, a line each."""
-        lines: tuple[str, ...] = front_door("maps.summary").map_summary(self)
+        lines: tuple[str, ...] = ABOVE.map_summary(self)
         return lines
 
     def json_text(self) -> str:
@@ -283,7 +281,7 @@ class Map:
 
     def _repr_svg_(self) -> str | None:
         """Show the plan in a notebook."""
-        drawn: str | None = front_door("noun_pictures").svg_of(self)
+        drawn: str | None = ABOVE.picture(self)
         return drawn
 
 

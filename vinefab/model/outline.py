@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.front_door import front_door
+from vinefab.core.front_door import ABOVE
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, frozen_floats
 
@@ -294,7 +294,7 @@ class Contour:
 
     def _repr_svg_(self) -> str | None:
         """Show the contour in a notebook."""
-        drawn: str | None = front_door("noun_pictures").svg_of(self)
+        drawn: str | None = ABOVE.picture(self)
         return drawn
 
 

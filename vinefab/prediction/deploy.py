@@ -35,6 +35,7 @@ from vinefab.growth.batch import Engine, grow_on
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.growth.terrain import Terrain
+from vinefab.inflation.pattern import as_grown
 from vinefab.model.deployment import CUT_STOPS, Deployment, Stop, branches_content, deployment_text
 from vinefab.model.design import Design
 from vinefab.model.files.run_context import RunContext
@@ -454,7 +455,7 @@ def deploy_from_starts(
     )
 
 
-# --- Methods of `Design` and `Deployment`: `vinefab.core.front_door` leads here -------------------
+# --- Methods of `Design` and `Deployment`: `vinefab.bindings` leads here --------------------------
 
 
 def grow_design(
@@ -472,7 +473,8 @@ def grow_design(
         allowed = f"(x_mm, y_mm, heading_deg), as map {place.name} has no start"
         raise BadInputError("pose", None, allowed)
     start = None if pose is None else Pose.of(pose)
-    grown = deploy(design, place, start, given)
+    deploys = as_grown(design) if design.build.compensation == "none" else design
+    grown = deploy(deploys, place, start, given)
     choices = grown.options.content
     return replace(grown.deployment, design=grown.design, world=place, growth=choices)
 

@@ -26,7 +26,6 @@ from vinefab.core.view import (
     Section,
     Value,
 )
-from vinefab.fabrication.outline.body_outline import FlatLayout, body_outline, flat_layout
 from vinefab.inflation.joint import FreeJoint, free_joint
 from vinefab.inflation.mesh import tube_stretch
 from vinefab.inflation.pattern import (
@@ -41,6 +40,7 @@ from vinefab.inflation.pattern import (
 from vinefab.inflation.robot import ACROSS, InflatedRobot, inflated_robot, with_short_tail
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Material, Standing
+from vinefab.outline.body_outline import FlatLayout, body_outline, flat_layout
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (
     ALERT,

@@ -10,4 +10,4 @@ Public function (``import vinefab as vf``): ``vf.rig(world, printer, out=...)``,
 
 from vinefab.core.front_door import callable_room
 
-callable_room(__name__, "app.making")
+callable_room(__name__)

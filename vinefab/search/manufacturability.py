@@ -27,7 +27,6 @@ from vinefab.core.rng import child
 from vinefab.core.validation import Floats
 from vinefab.fabrication.checking import check_design, subject_of
 from vinefab.fabrication.job.passes import bare_sheet_mm
-from vinefab.fabrication.outline.body_outline import flat_layout
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits, run_checks
 from vinefab.fabrication.rules.clearance_rules import ANGLE, CROTCH, POUCH
 from vinefab.fabrication.rules.laser_rules import BED, PLY
@@ -57,6 +56,7 @@ from vinefab.model.finding import Finding
 from vinefab.model.laser import LaserProfile, profile_files, read_profile
 from vinefab.model.map import Pose
 from vinefab.model.tree import branch_tree
+from vinefab.outline.body_outline import flat_layout
 from vinefab.physics.growth_pressure import planned_growth_kpa
 from vinefab.physics.tube import burst_pressure_kpa, hoop_strain, seam_load_n_mm
 from vinefab.search.evaluator import Evaluator

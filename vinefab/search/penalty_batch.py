@@ -21,9 +21,6 @@ from vinefab.fabrication.job.passes import (
     sleeve_size,
     taken_mm,
 )
-from vinefab.fabrication.outline.body_outline import flat_layout
-from vinefab.fabrication.outline.ends import level_fillets_mm, pouch_takes_mm
-from vinefab.fabrication.outline.joint import LEAST_SEGMENT_MM, STEEPEST, Point
 from vinefab.fabrication.pieces.partition import beside_mm, sleeve_sides
 from vinefab.fabrication.rules.clearance_rules import ANGLE, CLEARANCE, CROTCH, FILLET, least_gap_mm
 from vinefab.fabrication.rules.laser_rules import PATHS
@@ -54,6 +51,9 @@ from vinefab.inflation.pattern import (
 )
 from vinefab.model.design import MOST_BRANCHES, MOST_LEVELS, Build, Design
 from vinefab.model.laser import LaserProfile
+from vinefab.outline.body_outline import flat_layout
+from vinefab.outline.ends import level_fillets_mm, pouch_takes_mm
+from vinefab.outline.joint import LEAST_SEGMENT_MM, STEEPEST, Point
 from vinefab.physics.tube import inflated_diameter_mm, lumen_area_mm2
 from vinefab.search.space import DesignBatch, Space, batch_branches
 

@@ -816,7 +816,7 @@ def _find_straight_sides(designs, d, tables, limits, scratch, cutting):
 def _largest_fillet(angle, one, two, reach):
     """Return the radius whose fillet comes to a distance from the joint, negative if none does.
 
-    As `vinefab.fabrication.outline.joint.largest_fillet_mm`.
+    As `vinefab.outline.joint.largest_fillet_mm`.
     """
     sin, cos = math.sin(angle), math.cos(angle)
     if angle >= math.pi - 1e-6:

@@ -27,7 +27,6 @@ from vinefab.core.front_door import imported_later
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.table import LATER, LaterThan, Table
 from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, Ints, number
-from vinefab.fabrication.outline.ends import Leaf, corner_radii_mm
 from vinefab.growth.arrays import TreesArrays
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Feed, Plan, Plans, Spans
@@ -50,6 +49,7 @@ from vinefab.model.design import (
     default_fillets_mm,
 )
 from vinefab.model.tree import BranchTree
+from vinefab.outline.ends import Leaf, corner_radii_mm
 from vinefab.search.optimizers.optimizer import SearchAxes
 
 if TYPE_CHECKING:

@@ -12,4 +12,4 @@ Public function (``import vinefab as vf``): ``vf.studio("mine.toml")``, see `vin
 
 from vinefab.core.front_door import callable_room
 
-callable_room(__name__, "app.searching")
+callable_room(__name__)

@@ -12,7 +12,7 @@ import os
 import re
 import shlex
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -36,7 +36,7 @@ from vinefab.core.errors import (
     UnreadableFileError,
     VinefabError,
 )
-from vinefab.core.front_door import front_door
+from vinefab.core.front_door import ABOVE
 from vinefab.core.hashing import marked
 from vinefab.core.plain_text import GENERATOR, plain
 from vinefab.core.progress import each
@@ -147,7 +147,7 @@ class ExportSource:
 class Export(ABC):
     """One kind of export; its fields are the choices of the user."""
 
-    verb: ClassVar[str]  # the function that its command calls, ``MODULE.NAME`` of `vinefab.app`
+    verb: ClassVar[str]  # its command
     mark: ClassVar[str] = ""  # the file by which its folder is known again; empty: it is one file
     endings: ClassVar[tuple[str, ...]] = ()  # of its name, if it is one file
     uses_map: ClassVar[bool] = True
@@ -166,7 +166,7 @@ class PackageExport(Export):
     allow_uncalibrated: bool = False  # for a recipe that no coupon has confirmed
     r12: bool = False  # also a DXF of release 12
     copies: int = 1  # robots on the bed
-    verb: ClassVar[str] = "making.fabricate"
+    verb: ClassVar[str] = "fabricate"
     mark: ClassVar[str] = "job.json"
     uses_map: ClassVar[bool] = False
 
@@ -195,7 +195,7 @@ class RigExport(Export):
     lid: bool = False
     check_robot: bool = True  # check corridors and heights for the design
     pictures: bool = True  # draw the plan and sheets; report.html
-    verb: ClassVar[str] = "making.rig"
+    verb: ClassVar[str] = "rig"
     mark: ClassVar[str] = "rig.json"
     moves_start: ClassVar[bool] = True
 
@@ -221,7 +221,7 @@ class PictureExport(Export):
     animate: bool = False
     frames: int = 24  # of the moving picture
     label: bool = False  # write branch ids in the still one
-    verb: ClassVar[str] = "predicting.grow"
+    verb: ClassVar[str] = "grow"
     endings: ClassVar[tuple[str, ...]] = (".svg", ".png", ".gif")
 
     def given(self, source: ExportSource) -> dict[str, Any]:
@@ -250,7 +250,7 @@ class ReportExport(Export):
     seed: int = 0  # of poses and unseen maps
     environment: str = ""  # predict for unseen maps of it too; empty: for the open map alone
     count: int = 40  # how many of these
-    verb: ClassVar[str] = "predicting.report"
+    verb: ClassVar[str] = "report"
     endings: ClassVar[tuple[str, ...]] = (".html",)
     moves_start: ClassVar[bool] = True
 
@@ -285,13 +285,8 @@ def inputs_folder(out: Path) -> Path:
 
 def command_of(kind: Export, source: ExportSource) -> str:
     """Return the command line that makes an export."""
-    name, verb = _verb(kind)
-    return Call(function=verb, given=kind.given(source)).typed(name)
-
-
-def _verb(kind: Export) -> tuple[str, Callable[..., Any]]:
-    module, _, name = kind.verb.partition(".")
-    return name, getattr(front_door(f"app.{module}"), name)
+    verb = ABOVE.verb(kind.verb)
+    return Call(function=verb, given=kind.given(source)).typed(kind.verb)
 
 
 SNAPSHOT = "snapshot"
@@ -353,7 +348,7 @@ def _commands(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
 
 def _export(kind: Export, source: ExportSource) -> dict[str, Any]:
     """Call the verb as its command would, and write the inputs that no file has."""
-    out, (name, verb) = Path(source.out), _verb(kind)
+    out, verb = Path(source.out), ABOVE.verb(kind.verb)
     if source.inputs:  # before any long work: may they be written?
         ensure_own_folder(source.folder, DESIGN_FILE)
     answer: dict[str, Any] = {
@@ -366,7 +361,7 @@ def _export(kind: Export, source: ExportSource) -> dict[str, Any]:
     }
     # The page hears the progress of the verb.
     shell = Shell(
-        command=name, say=lambda _text: None, progress=lambda _title: nullcontext(_silent)
+        command=kind.verb, say=lambda _text: None, progress=lambda _title: nullcontext(_silent)
     )
     token = SHELL.set(shell)
     try:

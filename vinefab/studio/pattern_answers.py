@@ -10,12 +10,12 @@ import shapely
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import imported_later
 from vinefab.core.view import plain_blocks
-from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.rules.pressure_rules import SENSITIVITY, degrees_text
 from vinefab.inflation.pattern import Pattern, pattern_of
 from vinefab.inflation.robot import with_short_tail
 from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.laser import LaserProfile
+from vinefab.outline.body_outline import body_outline
 from vinefab.pages.plan_svg import area_svg, lines_svg, outline_svg
 from vinefab.studio.state import StudioState
 

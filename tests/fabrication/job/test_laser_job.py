@@ -6,9 +6,9 @@ from shapely import LineString, Polygon
 
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.passes import weldcut_offset_mm
-from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.model.job import Operation
 from vinefab.model.outline import Part
+from vinefab.outline.body_outline import body_outline
 
 
 @pytest.fixture

@@ -18,10 +18,10 @@ from vinefab.fabrication.job.passes import (
     weld_offset_mm,
 )
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.model.design import Collar, Pouch
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.outline import Contour, Part
+from vinefab.outline.body_outline import body_outline
 
 
 @pytest.fixture

@@ -15,10 +15,10 @@ from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.passes import weldcut_offset_mm
 from vinefab.fabrication.job.placement import SheetOptions
 from vinefab.fabrication.job.tiling import VERIFICATION, VERIFY
-from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.model.job import Operation
 from vinefab.model.laser import read_profile
 from vinefab.model.outline import Part
+from vinefab.outline.body_outline import body_outline
 
 FORMING = (Operation.WELD, Operation.WELDCUT)
 FANS = [fan(3, 170, 120), fan(2, 110, 60, 0.8)]

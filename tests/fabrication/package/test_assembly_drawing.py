@@ -9,7 +9,6 @@ from xml.etree import ElementTree
 import pytest
 
 from tests.pages.drawn import placed_texts, primitives_of, texts_of
-from vinefab.fabrication.outline.body_outline import flat_layout
 from vinefab.fabrication.package import assembly_drawing as drawing
 from vinefab.fabrication.package.assembly_drawing import (
     assembly_drawing,
@@ -23,6 +22,7 @@ from vinefab.fabrication.package.prepare import least_rectangle_mm, pieces_secti
 from vinefab.model.design import PieceSettings
 from vinefab.model.laser import read_profile
 from vinefab.model.outline import Contour
+from vinefab.outline.body_outline import flat_layout
 from vinefab.pages.panel import ALERT, INK, Shape
 
 

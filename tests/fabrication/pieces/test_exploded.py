@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 import shapely
 
-from vinefab.fabrication.outline.body_outline import flat_layout
 from vinefab.fabrication.pieces.exploded import exploded_view
 from vinefab.model.design import Build, Design, Level
+from vinefab.outline.body_outline import flat_layout
 
 
 def robot_of(rng):

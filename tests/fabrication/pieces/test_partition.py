@@ -11,7 +11,6 @@ import shapely
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.passes import BESIDE_MM, piece_ends, reach_mm
-from vinefab.fabrication.outline.body_outline import body_outline, flat_layout
 from vinefab.fabrication.pieces.partition import _Cutter, in_pieces, partition_of
 from vinefab.fabrication.rules.as_built import flat_place_mm
 from vinefab.fabrication.rules.catalog import ROOM_RULES, run_checks
@@ -19,6 +18,7 @@ from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Build, Design, Level, PieceSettings, Waiver
 from vinefab.model.laser import read_profile
 from vinefab.model.outline import Part
+from vinefab.outline.body_outline import body_outline, flat_layout
 
 PROFILE = read_profile("co2_60w__stretchlon_200")
 

@@ -15,10 +15,10 @@ from ezdxf import path as ezpath
 from tests.fabrication.pieces.test_partition import CROSSED, PROFILE, design, fan
 from vinefab.fabrication.job.passes import weldcut_offset_mm
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.fabrication.outline.body_outline import body_outline, flat_layout
 from vinefab.fabrication.package.prepare import package, prepare
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.model.design import Pouch
+from vinefab.outline.body_outline import body_outline, flat_layout
 
 TREE = design(fan(3, 90.0, 110.0), fan(2, 140.0, 126.0), fan(2, 80.0, 84.0), pressure_kpa=12.0)
 POUCHED = design(

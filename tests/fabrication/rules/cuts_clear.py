@@ -22,13 +22,13 @@ from vinefab.fabrication.formats.dxf_format import DXF
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
 from vinefab.fabrication.job.passes import WEB_MM, in_one_pass, taken_mm
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.fabrication.outline.body_outline import flat_layout
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.rule import Subject
 from vinefab.fabrication.rules.spacing import capsules_of, spacing
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.shipped import names
 from vinefab.model.laser import read_profile
+from vinefab.outline.body_outline import flat_layout
 
 GEOMETRY = {
     f"VF-{name}" for name in ("T01", "T02", "T03", "T04", "C01", "C02", "C03", "C05", "L02")

@@ -5,7 +5,6 @@ import pytest
 import shapely
 
 from vinefab.core.rng import child
-from vinefab.fabrication.outline.body_outline import body_outline, flat_layout
 from vinefab.fabrication.rules.spacing import (
     Capsules,
     Hulls,
@@ -15,6 +14,7 @@ from vinefab.fabrication.rules.spacing import (
     spacing,
 )
 from vinefab.model.design import Pouch
+from vinefab.outline.body_outline import body_outline, flat_layout
 
 
 def lines(capsules):

@@ -23,7 +23,6 @@ from vinefab.fabrication.formats.dxf_format import DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import DEFAULT
 from vinefab.fabrication.formats.laser_formats import ensure_read_back, laser_files
 from vinefab.fabrication.job.passes import sealed_by_hand
-from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.package.package_texts import filled_document
 from vinefab.fabrication.package.prepare import package_spec
 from vinefab.fabrication.package.sheet_pictures import job_plan
@@ -32,6 +31,7 @@ from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.finding import CheckReport, RuleRun
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
+from vinefab.outline.body_outline import body_outline
 from vinefab.pages.page_files import page_png
 
 

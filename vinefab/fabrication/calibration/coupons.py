@@ -25,8 +25,6 @@ from vinefab.fabrication.job.laser_job import laser_job, recipe_facts
 from vinefab.fabrication.job.marks import fold_ticks, lettered
 from vinefab.fabrication.job.passes import body_paths, sleeve_size, weldcut_offset_mm
 from vinefab.fabrication.job.tiling import registration
-from vinefab.fabrication.outline.body_outline import WHOLE_ROBOT, PieceEnds
-from vinefab.fabrication.outline.ends import OpenEnd
 from vinefab.model.design import Build, Design, Level, PieceSettings, Pouch, UnevenLevel
 from vinefab.model.files.shipped import read_text
 from vinefab.model.job import Job, LaserPath, Operation
@@ -34,6 +32,8 @@ from vinefab.model.laser import LapMethod, LaserProfile, OperationSettings, Quan
 from vinefab.model.map import Map
 from vinefab.model.outline import Contour
 from vinefab.model.start import Pose, Start
+from vinefab.outline.body_outline import WHOLE_ROBOT, PieceEnds
+from vinefab.outline.ends import OpenEnd
 from vinefab.physics.tube import spot_at_mm
 
 LADDER_MM = (5.0, 8.0, 10.0, 16.0, 20.0, 30.0, 40.0)

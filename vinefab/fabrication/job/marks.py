@@ -16,13 +16,13 @@ from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import closes
 from vinefab.fabrication.job.placement import SheetRobot
-from vinefab.fabrication.outline.body_outline import FlatLayout, flat_layout
-from vinefab.fabrication.outline.joint import LocalFrame, Point, placed
 from vinefab.model.design import Design
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
 from vinefab.model.tree import Partition, Sleeve, piece_label
+from vinefab.outline.body_outline import FlatLayout, flat_layout
+from vinefab.outline.joint import LocalFrame, Point, placed
 
 _WIDTH, _HEIGHT, _ADVANCE = 4, 6, 6
 """Size of the grid on which letters are drawn, and the step from one letter to the next."""

@@ -10,19 +10,19 @@ import numpy as np
 import shapely
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.outline.body_outline import (
-    WHOLE_ROBOT,
-    BodyOutline,
-    PieceEnds,
-    body_outline,
-)
-from vinefab.fabrication.outline.ends import OpenEnd
-from vinefab.fabrication.outline.joint import LEAST_ARC_RADIUS_MM
 from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour, Part, Segment
 from vinefab.model.tree import Partition, Piece, Sleeve
+from vinefab.outline.body_outline import (
+    WHOLE_ROBOT,
+    BodyOutline,
+    PieceEnds,
+    body_outline,
+)
+from vinefab.outline.ends import OpenEnd
+from vinefab.outline.joint import LEAST_ARC_RADIUS_MM
 
 _OPERATIONS = tuple(Operation)
 _MEETS_MM = 1e-6

@@ -20,10 +20,10 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.limits import deg
 from vinefab.core.validation import Floats, whole
 from vinefab.fabrication.job.passes import BodyPaths
-from vinefab.fabrication.outline.body_outline import FlatLayout
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath
 from vinefab.model.outline import Contour
+from vinefab.outline.body_outline import FlatLayout
 
 PROCESSES = ("auto", "weldcut", "weld+cut")
 

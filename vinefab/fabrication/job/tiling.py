@@ -29,12 +29,12 @@ from vinefab.fabrication.job.placement import (
     place_contours,
     placed_at,
 )
-from vinefab.fabrication.outline.body_outline import flat_layout
-from vinefab.fabrication.outline.joint import Point
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, SealerSettings
 from vinefab.model.outline import Contour, Part, Segment
+from vinefab.outline.body_outline import flat_layout
+from vinefab.outline.joint import Point
 
 FROM_BEND_MM = 10.0
 """Least distance between a parting and a joint, tip, pouch or collar."""

@@ -17,7 +17,6 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.front_door import imported_later
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.fabrication.outline.body_outline import FlatLayout, body_outline, flat_layout
 from vinefab.fabrication.package.piece_joining import (
     MINUTES_PER_JOINT,
     JoiningStep,
@@ -32,6 +31,7 @@ from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
 from vinefab.model.tree import Partition, Sleeve
+from vinefab.outline.body_outline import FlatLayout, body_outline, flat_layout
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (
     ALERT,

@@ -24,7 +24,6 @@ from vinefab.fabrication.formats.laser_formats import (
 )
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import ONE, SheetOptions
-from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.package.assembly_drawing import assembly_files, exploded_picture
 from vinefab.fabrication.package.bom import (
     BomLine,
@@ -73,6 +72,7 @@ from vinefab.model.laser import (
 )
 from vinefab.model.outline import Contour
 from vinefab.model.tree import Partition, branch_tree
+from vinefab.outline.body_outline import body_outline
 from vinefab.pages.html import page
 from vinefab.pages.page_files import page_png, page_svg
 from vinefab.physics.tube import (

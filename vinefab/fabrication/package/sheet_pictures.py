@@ -11,7 +11,6 @@ import shapely
 from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.placement import SheetPlaces, box_around_mm, fact_rows, piece_name
-from vinefab.fabrication.outline.body_outline import FlatLayout, body_outline, flat_layout
 from vinefab.fabrication.package.bom import PathPass, schedule
 from vinefab.fabrication.rules.pressure_rules import deployed_capsules
 from vinefab.inflation.pattern import Pattern
@@ -19,6 +18,7 @@ from vinefab.inflation.robot import with_short_tail
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
+from vinefab.outline.body_outline import FlatLayout, body_outline, flat_layout
 from vinefab.pages.panel import (
     ALERT,
     INK,

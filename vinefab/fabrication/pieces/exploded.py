@@ -14,10 +14,10 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import piece_ends
-from vinefab.fabrication.outline.body_outline import FlatLayout, body_outline
 from vinefab.model.design import Design
 from vinefab.model.outline import Contour
 from vinefab.model.tree import Partition
+from vinefab.outline.body_outline import FlatLayout, body_outline
 
 _DIRECTIONS = 24
 _FLATTEN_SHARE = 5e-4

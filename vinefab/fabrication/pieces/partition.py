@@ -30,13 +30,6 @@ from vinefab.fabrication.job.passes import (
     sleeve_size,
 )
 from vinefab.fabrication.job.placement import place_contours
-from vinefab.fabrication.outline.body_outline import (
-    FlatLayout,
-    PieceEnds,
-    body_outline,
-    outline_parts,
-)
-from vinefab.fabrication.outline.joint import taper_rad
 from vinefab.fabrication.rules.catalog import ROOM_RULES, by_rule, changed_limits, run_checks
 from vinefab.fabrication.rules.clearance_rules import CLEARANCE, OVERLAP, POUCH, least_gap_mm
 from vinefab.fabrication.rules.rule import ROUNDING, LimitChanges, Subject
@@ -51,6 +44,13 @@ from vinefab.inflation.pattern import Pattern
 from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import Partition, Piece, Sleeve, Unparted, piece_label
+from vinefab.outline.body_outline import (
+    FlatLayout,
+    PieceEnds,
+    body_outline,
+    outline_parts,
+)
+from vinefab.outline.joint import taper_rad
 
 MOST_NODES = 20_000
 """Nodes of the search tree of one program; a count, not a time, so that results are the same."""

@@ -10,7 +10,6 @@ import shapely
 
 from vinefab.core.plain_text import counted
 from vinefab.fabrication.job.passes import bodies_of_paths, closes
-from vinefab.fabrication.outline.joint import Point, taper_rad
 from vinefab.fabrication.rules.rule import (
     Limits,
     RigSubject,
@@ -27,6 +26,7 @@ from vinefab.model.finding import Severity
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour, Part
+from vinefab.outline.joint import Point, taper_rad
 from vinefab.physics.growth_pressure import planned_paths
 from vinefab.physics.tube import inflated_diameter_mm
 

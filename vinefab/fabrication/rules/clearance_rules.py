@@ -9,8 +9,6 @@ import shapely
 from numpy.typing import NDArray
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.outline.body_outline import ProblemKind
-from vinefab.fabrication.outline.joint import Gap, joint_of
 from vinefab.fabrication.rules.rule import (
     BrokenLimit,
     LimitChanges,
@@ -34,6 +32,8 @@ from vinefab.model.outline import Part, Segment
 from vinefab.model.tree import (
     BranchTree,
 )
+from vinefab.outline.body_outline import ProblemKind
+from vinefab.outline.joint import Gap, joint_of
 from vinefab.physics.growth_pressure import FITTED, capstan_factor
 
 _MOST_FINDINGS = 100

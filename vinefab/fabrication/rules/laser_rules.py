@@ -14,8 +14,6 @@ from vinefab.core.validation import Floats, Ints
 from vinefab.fabrication.job.passes import GUIDE, bodies_of_paths, closes, frees
 from vinefab.fabrication.job.placement import box_around_mm, fact_rows
 from vinefab.fabrication.job.tiling import LEAST_PINS, PIN_HOLE
-from vinefab.fabrication.outline.body_outline import ProblemKind
-from vinefab.fabrication.outline.joint import LEAST_ARC_RADIUS_MM, LEAST_CUT_MM
 from vinefab.fabrication.rules.as_built import flat_place_mm
 from vinefab.fabrication.rules.rule import (
     Limits,
@@ -34,6 +32,8 @@ from vinefab.model.finding import Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Machine, RecipeStatus
 from vinefab.model.outline import Part
+from vinefab.outline.body_outline import ProblemKind
+from vinefab.outline.joint import LEAST_ARC_RADIUS_MM, LEAST_CUT_MM
 
 _CHORD_MM = 0.002
 _CORNER = 10.0

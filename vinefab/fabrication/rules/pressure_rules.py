@@ -12,7 +12,6 @@ from itertools import islice, pairwise
 
 import numpy as np
 
-from vinefab.fabrication.outline.body_outline import flat_layout
 from vinefab.fabrication.rules.clearance_rules import nearest_pairs
 from vinefab.fabrication.rules.rule import (
     Limits,
@@ -36,6 +35,7 @@ from vinefab.model.laser import (
     quantities,
 )
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
+from vinefab.outline.body_outline import flat_layout
 from vinefab.physics.growth_pressure import (
     FITTED,
     FITTED_DIAMETER_MM,

@@ -18,14 +18,6 @@ from vinefab.core.view import Answer, Block, Data, Fact, Facts, Notes, Result
 from vinefab.fabrication.job.laser_job import check_size, laser_job
 from vinefab.fabrication.job.passes import taken_mm
 from vinefab.fabrication.job.placement import ONE, SheetOptions, piece_name
-from vinefab.fabrication.outline.body_outline import (
-    BodyOutline,
-    FlatLayout,
-    ProblemKind,
-    body_outline,
-    flat_layout,
-)
-from vinefab.fabrication.outline.joint import Point
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of
 from vinefab.inflation.pattern import Pattern
 from vinefab.model.deployment import Deployment
@@ -34,6 +26,14 @@ from vinefab.model.finding import Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import BranchTree, Partition, Piece, branch_tree
+from vinefab.outline.body_outline import (
+    BodyOutline,
+    FlatLayout,
+    ProblemKind,
+    body_outline,
+    flat_layout,
+)
+from vinefab.outline.joint import Point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,10 +9,10 @@ import shapely
 from numpy.typing import NDArray
 
 from vinefab.core.validation import Floats, Ints
-from vinefab.fabrication.outline.body_outline import FlatLayout
-from vinefab.fabrication.outline.ends import Leaf, corner_radii_mm, level_fillets_mm
-from vinefab.fabrication.outline.joint import Point
 from vinefab.model.design import Build
+from vinefab.outline.body_outline import FlatLayout
+from vinefab.outline.ends import Leaf, corner_radii_mm, level_fillets_mm
+from vinefab.outline.joint import Point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

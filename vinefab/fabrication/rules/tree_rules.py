@@ -11,7 +11,6 @@ import shapely
 from vinefab.core.plain_text import agreeing, counted
 from vinefab.fabrication.job.marks import PLUG, SOCKET, joint_mark, piece_mark
 from vinefab.fabrication.job.placement import piece_name
-from vinefab.fabrication.outline.body_outline import ProblemKind
 from vinefab.fabrication.rules.rule import (
     ROUNDING,
     LimitChanges,
@@ -34,6 +33,7 @@ from vinefab.model.job import Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Part
 from vinefab.model.tree import Partition, Sleeve, branch_tree
+from vinefab.outline.body_outline import ProblemKind
 from vinefab.physics.tube import lap_load_n_mm, lumen_area_mm2
 
 _AT = re.compile(r"\[(\S+) (\S+)\]")

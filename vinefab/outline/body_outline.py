@@ -17,7 +17,10 @@ from numpy.typing import NDArray
 
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import LARGEST_MM, Floats, frozen_floats
-from vinefab.fabrication.outline.ends import (
+from vinefab.model.design import Build, Design, Level
+from vinefab.model.outline import Contour, Part
+from vinefab.model.tree import BranchTree, branch_tree
+from vinefab.outline.ends import (
     BranchSide,
     OpenEnd,
     Tail,
@@ -26,7 +29,7 @@ from vinefab.fabrication.outline.ends import (
     tail_of,
     tip_of,
 )
-from vinefab.fabrication.outline.joint import (
+from vinefab.outline.joint import (
     LEAST_CUT_MM,
     LEAST_SEGMENT_MM,
     STEEPEST,
@@ -44,9 +47,6 @@ from vinefab.fabrication.outline.joint import (
     placed,
     taper_rad,
 )
-from vinefab.model.design import Build, Design, Level
-from vinefab.model.outline import Contour, Part
-from vinefab.model.tree import BranchTree, branch_tree
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

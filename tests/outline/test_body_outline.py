@@ -8,12 +8,12 @@ import shapely
 from shapely import LineString, Polygon
 
 from tests.fabrication.conftest import fan, plan
-from tests.fabrication.outline.property import beyond, compared, random_design
 from tests.oracles.body_outline import Twin
-from vinefab.fabrication.outline.body_outline import ProblemKind, body_outline, flat_layout
-from vinefab.fabrication.outline.joint import LEAST_CUT_MM, LEAST_SEGMENT_MM
+from tests.outline.property import beyond, compared, random_design
 from vinefab.model.design import Build, Collar, Design, Level, Pouch
 from vinefab.model.outline import Part
+from vinefab.outline.body_outline import ProblemKind, body_outline, flat_layout
+from vinefab.outline.joint import LEAST_CUT_MM, LEAST_SEGMENT_MM
 
 FINE_MM = 1e-4
 KIND = ProblemKind

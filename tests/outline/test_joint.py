@@ -6,14 +6,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vinefab.fabrication.outline.ends import (
+from vinefab.model.design import Pouch
+from vinefab.model.outline import Part
+from vinefab.outline.ends import (
     Leaf,
     corner_radii_mm,
     least_convex_radius_mm,
     level_fillets_mm,
     pouch_tip,
 )
-from vinefab.fabrication.outline.joint import (
+from vinefab.outline.joint import (
     Core,
     Strip,
     crotch_reach_mm,
@@ -21,8 +23,6 @@ from vinefab.fabrication.outline.joint import (
     neck,
     solve_gap,
 )
-from vinefab.model.design import Pouch
-from vinefab.model.outline import Part
 
 CORE = Core(radius_mm=20.0)
 

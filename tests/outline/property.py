@@ -1,6 +1,6 @@
 """Random designs against an independent union of plain shapes; thousands of them on demand.
 
-    python tests/fabrication/outline/property.py [--designs N] [--seed S] [--processes P]
+    python tests/outline/property.py [--designs N] [--seed S] [--processes P]
 
 Every design must give a right outline or named problems, never an exception. Outlines are compared
 with the union that the tests draw with Shapely: distance of the edges, area, radii, tangent joins,
@@ -23,10 +23,10 @@ import shapely
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
 from tests.oracles.body_outline import Twin
-from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.outline.joint import LEAST_CUT_MM
 from vinefab.model.design import Build, Collar, Design, Level, Pouch
 from vinefab.model.outline import Part
+from vinefab.outline.body_outline import body_outline
+from vinefab.outline.joint import LEAST_CUT_MM
 
 FINE_MM = 1e-4
 MOST_BRANCHES = 40

@@ -11,7 +11,9 @@ the planned length.
 import math
 from dataclasses import dataclass
 
-from vinefab.fabrication.outline.joint import (
+from vinefab.model.design import DEFAULT_FILLET_RATIO, DEFAULT_LEAST_FILLET_MM, Build, Design, Pouch
+from vinefab.model.outline import Part
+from vinefab.outline.joint import (
     LEAST_CUT_MM,
     LEAST_SEGMENT_MM,
     WORST_ERROR_MM,
@@ -25,8 +27,6 @@ from vinefab.fabrication.outline.joint import (
     polar,
     turned,
 )
-from vinefab.model.design import DEFAULT_FILLET_RATIO, DEFAULT_LEAST_FILLET_MM, Build, Design, Pouch
-from vinefab.model.outline import Part
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

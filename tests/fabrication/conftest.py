@@ -10,6 +10,7 @@ from shapely import Point
 from tests.outline.conftest import fan, make_fan, make_plan, plan, sound_body, sound_design
 from vinefab.fabrication.formats.laser_formats import laser_files
 from vinefab.fabrication.package.prepare import Prepared, package_spec
+from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import Build, Design
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, LaserPath, Operation
@@ -182,6 +183,7 @@ def prepared(design, profile, job):
             design=design.name, recipe=profile.recipe.name, run=(), skipped=(), findings=()
         ),
         laser=written.files,
+        patterns={design.name: pattern_of(design, profile)},
     )
 
 

@@ -57,7 +57,7 @@ from vinefab.fabrication.rules.catalog import (
     run_checks,
 )
 from vinefab.fabrication.rules.rule import Subject
-from vinefab.inflation.pattern import Pattern, cut_design, pattern_blocks, pattern_of
+from vinefab.inflation.pattern import Pattern, pattern_blocks, pattern_of
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design, design_text
 from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
@@ -107,12 +107,17 @@ class Prepared:
     others: tuple[Design, ...] = ()  # the other designs on the sheet
     beside: tuple[CheckReport, ...] = ()  # reports of these
     partition: Partition | None = None  # the pieces that it is cut in; None for one flat outline
-    pattern: Pattern | None = None  # how it deploys; None if not simulated, cut as designed
+    patterns: Mapping[str, Pattern]  # how each design on the sheet deploys, by name
+
+    @property
+    def pattern(self) -> Pattern:
+        """How the design deploys."""
+        return self.patterns[self.design.name]
 
     @property
     def cut(self) -> Design:
         """The flat tree that is cut."""
-        return self.pattern.flat if self.pattern else self.design
+        return self.pattern.flat
 
     def refusal(self, *, allow_uncalibrated: bool) -> str:
         """Return the reason that no files may be written, or an empty string."""
@@ -157,9 +162,11 @@ def prepare(
         If the sheet cannot hold the designs, or the recipe lacks an operation.
     """
     separate = sheet.separate
-    pattern = pattern_of(design, profile)
+    named = {one.name: one for one in (*sheet.beside, design)}
+    patterns = {name: pattern_of(one, profile) for name, one in named.items()}
+    pattern = patterns[design.name]
     cut = pattern.flat
-    flat_sheet = replace(sheet, beside=tuple(cut_design(one, profile) for one in sheet.beside))
+    flat_sheet = replace(sheet, beside=tuple(patterns[one.name].flat for one in sheet.beside))
     with phase("flat pieces"):
         partition = pieces_of(pattern, profile, separate=separate)
     with phase("paths on the sheet"):
@@ -168,9 +175,10 @@ def prepare(
     flat = replace(flat, pattern=pattern, deployments=deployments)
     subject = in_pieces(flat, partition)
     report = run_checks(subject)
-    named = {other.name: other for other in sheet.beside}
     others = tuple(other for name, other in named.items() if name != design.name)
-    beside = tuple(_beside(other, profile, job, separate=separate) for other in others)
+    beside = tuple(
+        _beside(patterns[other.name].flat, profile, job, separate=separate) for other in others
+    )
     files: dict[str, bytes] = {}
     problems: dict[str, tuple[str, ...]] = {}
     if not any(one.blocking for one in (report, *beside)):
@@ -200,19 +208,19 @@ def prepare(
         others=others,
         beside=beside,
         partition=partition if len(partition.pieces) > 1 else None,
-        pattern=pattern,
+        patterns=patterns,
     )
 
 
-def _beside(design: Design, profile: LaserProfile, job: Job, *, separate: bool) -> CheckReport:
+def _beside(cut: Design, profile: LaserProfile, job: Job, *, separate: bool) -> CheckReport:
     """Return the report on another robot of a sheet, measured in the sheet's own paths.
 
     Rules about the sheet as a whole are applied with the first robot only.
     """
-    subject = Subject.on_sheet(cut_design(design, profile), profile, job, separate=separate)
+    subject = Subject.on_sheet(cut, profile, job, separate=separate)
     report = run_checks(subject, only=RULES.keys() - SHEET_RULES)
     reason = f"checked once for the whole sheet, with {job.name}"
-    rules = [rule for rule in sorted(SHEET_RULES) if concerns(rule, design)]
+    rules = [rule for rule in sorted(SHEET_RULES) if concerns(rule, cut)]
     skipped = tuple(RuleSkipped(rule=rule, reason=reason) for rule in rules)
     once = replace(report, run=(), skipped=skipped, findings=())
     return replace(merged_reports(report, once), stale_waivers=())
@@ -239,7 +247,7 @@ def package(prepared: Prepared) -> dict[str, bytes]:
     ensure_read_back(prepared.readback)
     design, profile, job = prepared.design, prepared.profile, prepared.job
     colours, partition, cut = PRESETS[profile.machine.colours], prepared.partition, prepared.cut
-    pattern = prepared.pattern or pattern_of(design, profile)
+    pattern = prepared.pattern
     joints, outlines = tuple[BomLine, ...](), dict[str, Contour]()
     if partition is not None:
         joints = joint_lines(cut, partition, profile, robots=robot_count(job))
@@ -322,7 +330,7 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
         pieces = (pieces_section(cut, partition, outlines, profile, sheets=sheets),)
 
     def outline_mm(design: Design) -> Floats:
-        return body_outline(cut_design(design, profile)).contour.flattened_mm()
+        return body_outline(prepared.patterns[design.name].flat).contour.flattened_mm()
 
     robots = robot_count(job)
     bill = Rows(
@@ -344,7 +352,7 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
             )
             for design, report in zip(designs, reports, strict=True)
         ),
-        pattern_section(prepared.pattern or pattern_of(prepared.design, profile)),
+        pattern_section(prepared.pattern),
         Section(title="Bill of materials", tables=(bill,), folded=True),
     )
 

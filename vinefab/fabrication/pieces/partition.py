@@ -503,6 +503,8 @@ def pieces_of(
     separate: bool = False,
 ) -> Partition:
     """Return the fewest pieces of a pattern, as `partition_of`."""
+    if pattern.flat.build.pieces is None:
+        return one_piece(pattern.flat)
     passages = passages_of(pattern)
     return partition_of(pattern.flat, profile, limits, separate=separate, passages=passages)
 

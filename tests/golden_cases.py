@@ -244,7 +244,7 @@ grow grid_explorer --map grid1.geojson --animate grown.gif --frames 8""",
         for design in ("plain_vine", "three_level_tree", "six_branch_anchor")
     },
     "inflate_alone": "inflate long.toml --alone --mesh body.stl --json shape.json",
-    "check_fix": "check broken.toml --fix mended.toml --json broken.json",
+    "check_fix": "fix broken.toml --out mended.toml --json broken.json",
     **{
         f"fabricate_{design}": f"fabricate {design} --out package --allow-uncalibrated --r12"
         for design in DESIGNS
@@ -265,7 +265,7 @@ profiles co2_60w__stretchlon_200 --json profile.json""",
     "observe": f"""{TABLE}
 {SEEN.format(1, "152,132,2")}
 {SEEN.format(2, "152,152,-5")}
-observe seen_1.json seen_2.json --fit contacts.toml
+fit-observations seen_1.json seen_2.json --out contacts.toml
 score sprig.toml --task reach --maps arena.geojson --contacts contacts.toml --json score.json""",
     "aim": f"""{GRID}
 aim plain_vine --map grid1.geojson --deployments 5000 --out aim.html --json aim.json

@@ -18,7 +18,7 @@ import pytest
 import shapely
 
 import vinefab as vf
-from vinefab.app.verbs import GROUPS, OLDER, VERBS
+from vinefab.app.verbs import GROUPS, SHORT, VERBS
 from vinefab.cli.commands import Command, UsageError, all_options, command_for, flags_of
 from vinefab.cli.main import command_help
 from vinefab.core.table import declared_keys
@@ -304,10 +304,9 @@ def unknown_options(line):
     name, typed = command_for(words)
     if name in GROUPS:
         return given - {"--help"}
-    renamed = {newer: older for older, newer in OLDER.get(words[0], ("", {}))[1].items()}
     given = {word.partition("=")[0] for word in typed if word.startswith("--")}
     known = {flag for one in all_options(Command.named(name)) for flag in flags_of(one)}
-    return given - known - {"--help"} - set(renamed)
+    return given - known - {"--help"}
 
 
 def test_pages_have_commands():
@@ -333,8 +332,7 @@ def test_every_command_line_of_pages_and_helps_is_understood():
 
 
 def test_no_page_types_a_name_that_is_no_longer_listed():
-    gone = {name for name, (_, renamed) in OLDER.items() if not renamed}
-    old = [line for line in (*TYPED, *MENTIONED) if line.text.split()[1] in gone]
+    old = [line for line in (*TYPED, *MENTIONED) if line.text.split()[1] in SHORT]
     assert [(str(line.page), line.text) for line in old] == []
 
 
@@ -357,7 +355,7 @@ def test_examples_of_helps_take_only_files_that_ones_before_make():
     assert missing == []
 
 
-WRITTEN = {"--out", "--json", "--svg", "--fix", "--fit", "--snapshot", "--animate"}
+WRITTEN = {"--out", "--json", "--svg", "--snapshot", "--animate"}
 """Options whose file is written."""
 
 

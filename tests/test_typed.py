@@ -208,14 +208,14 @@ def test_lines_that_fail_are_noticed(tmp_path):
 def test_the_lines_of_a_page_are_found(tmp_path):
     page = tmp_path / "page.md"
     page.write_text(
-        "```sh\nmake x   # once\n# a remark\nvinefab check a --fix b   # exit code 1: bad\n"
+        "```sh\nmake x   # once\n# a remark\nvinefab fix a --out b   # exit code 1: bad\n"
         "vinefab map info a \\\n  --svg b\n```\n```python\nimport x\n```\n"
         "1. step\n   ```sh\n   vinefab study contest a   # takes hours: all of it\n   ```\n"
     )
     found = [(line.text, line.code, line.left_out) for line in written_on(page)]
     assert found == [
         ("make x", 0, "sets up a checkout"),
-        ("vinefab check a --fix b", 1, ""),
+        ("vinefab fix a --out b", 1, ""),
         ("vinefab map info a --svg b", 0, ""),
         ("import x\n", 0, ""),
         ("vinefab study contest a", 0, "takes hours"),

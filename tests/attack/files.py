@@ -126,7 +126,7 @@ KINDS: dict[str, Kind] = {
         (
             "check {file} -q --json out.json",
             "check {file} -q --svg out.svg --dxf out.dxf",
-            "check {file} -q --fix out.toml",
+            "fix {file} -q --out out.toml",
             "grow {file} --map grid.geojson --json out.json --svg out.svg -q",
             "score {file} --maps grid.geojson --json out.json -q",
             "fabricate {file} --out out --allow-uncalibrated -q",
@@ -235,7 +235,7 @@ KINDS: dict[str, Kind] = {
     ),
     "observation": Kind(
         ("seen.json",),
-        ("observe {file} --fit out.toml --json out.json -q",),
+        ("fit-observations {file} --out out.toml --json out.json -q",),
         (ON_GRID,),
         cpu_s=20.0,
     ),
@@ -302,7 +302,7 @@ MAKE = (
     "map cave --size 300 --out cave.geojson -q",
     "map start grid.geojson --start left|side,heading|0+-20 --out started.geojson -q",
     f"{OBSERVE} --corners 10,310,310,310,310,10,10,10",
-    "observe seen.json --fit contacts.toml -q",
+    "fit-observations seen.json --out contacts.toml -q",
     "grow plain_vine --map grid.geojson --json g.json -q",
     "check plain_vine --json k.json -q",
     "fabricate plain_vine --out pkg --allow-uncalibrated --r12 -q",

@@ -59,14 +59,14 @@ COMMAND_LINES = {
     "optimize front": "optimize front.toml --out run --resume --workers {n}",
     "optimize": "optimize run.toml --out run --resume --workers {n}",
     "optimize cluster": "optimize run.toml --out run --resume --cluster local:{n} --workers 0",
-    "contest": "contest run.toml --optimizer pso --optimizer cmaes --seeds 2 --unseen 2 --jobs {n} "
-    "--out contest",
+    "contest": "study contest run.toml --optimizer pso --optimizer cmaes --seeds 2 --unseen 2 "
+    "--jobs {n} --out contest",
     "runs": "runs record{n} --rebuild rebuilt --best best.toml --json runs.json",
     "grow pictures": f"{GROW} --head-on-half-angle-deg {{n}} --json g.json --svg g.svg --history 9",
     "grow animation": f"{GROW} --head-on-half-angle-deg {{n}} --animate g.gif --frames 8",
     "check": "check three_level_tree --limit VF-C01.warning={n} --svg c.svg --dxf c.dxf "
     "--json c.json",
-    "check --fix": "check broken{n}.toml --fix fixed.toml",
+    "fix": "fix broken{n}.toml --out fixed.toml",
     "calibrate": "calibrate results{n}.csv --out mine.toml --json fit.json",
     "map info": "map info grid.geojson --width-mm 2{n} --json info.json --svg info.svg",
     "map grid": "map grid --seed {n} --columns 3 --rows 3 --size 300 --out m.geojson",
@@ -78,7 +78,7 @@ COMMAND_LINES = {
     "--json a.json",
     "observe": "observe photo{n}.png --map grid.geojson --design plain{n}.toml --out o.html "
     "--corners 10,310,310,310,310,10,10,10 --json o.json",
-    "observe --fit": "observe seen{n}.json --fit fitted.toml --json fit.json",
+    "fit-observations": "fit-observations seen{n}.json --out fitted.toml --json fit.json",
     "map start": "map start grid.geojson --start {n}50,20,90+-20 --out m.geojson",
     "map photo": "map import floor{n}.png --points 0,0;160,0 --distance-mm 320 --out m.geojson "
     "--preview m.png",

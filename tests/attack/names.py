@@ -206,7 +206,7 @@ CORNERS = "10,310,310,310,310,10,10,10"
 OBSERVED = ("--map", "map.geojson", "--design", "design.toml", "--corners", CORNERS)
 WAYS: dict[str, Way] = {
     "check": Way(design, ("check", "design.toml", "--json", "o.json", "--svg", "o.svg", "-q")),
-    "check-dxf": Way(tree, ("check", "design.toml", "--dxf", "o.dxf", "--fix", "fixed.toml")),
+    "check-dxf": Way(tree, ("fix", "design.toml", "--out", "fixed.toml")),
     "package": Way(tree, (*FABRICATE, "--zip", "--r12"), 30.0),
     "nested": Way(design, (*FABRICATE, "--with", "plain_vine", "--copies", "2"), 30.0),
     "grow": Way(
@@ -318,7 +318,7 @@ WAYS: dict[str, Way] = {
     ),
     "a-profile": Way(nothing, ("profiles", "{name}")),
     "an-optimizer": Way(
-        run, ("contest", "tiny.toml", "--optimizer", "{name}", "--out", "out"), 20.0
+        run, ("study", "contest", "tiny.toml", "--optimizer", "{name}", "--out", "out"), 20.0
     ),
     "an-address": Way(run, ("optimize", "tiny.toml", "--cluster", "{name}", "--out", "out")),
 }

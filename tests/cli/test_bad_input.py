@@ -45,7 +45,10 @@ CHECKING = ("check {}",)
 READING = ("check {}", *GROWING)
 CALIBRATING = ("calibrate {} --out out.toml",)
 CONTACTED = tuple(f"{line} --contacts {{}}".replace("{}", "plain.toml", 1) for line in GROWING)
-RUNNING = ("optimize {} --out deep/out", "contest {} --optimizer cmaes --seeds 1 --out deep/out")
+RUNNING = (
+    "optimize {} --out deep/out",
+    "study contest {} --optimizer cmaes --seeds 1 --out deep/out",
+)
 SINGLE = ("optimize {} --out deep/out",)
 DEPLOYED = ("grow plain_vine --map {}",)
 
@@ -267,12 +270,12 @@ LINES = {
     "check plain --svg findings.txt": ".svg",
     "check plain --png findings.txt": ".png",
     "check plain --dxf findings.txt": ".dxf",
-    "check plain --fix out.toml --keep widths": "--keep is 'widths'; allowed: branches, length, an",
-    "check plain --fix out.toml --keep ''": "--keep is",
-    "check plain --fix out.toml --keep branches,": "--keep is",
-    f"check plain --fix out.toml --keep {'x' * 10_000}": "--keep is",
-    "check plain --fix plain.toml --force": "another file",
-    "check plain --fix link.toml --force": "another file",
+    "fix plain --out out.toml --keep widths": "--keep is 'widths'; allowed: branches, length, an",
+    "fix plain --out out.toml --keep ''": "--keep is",
+    "fix plain --out out.toml --keep branches,": "--keep is",
+    f"fix plain --out out.toml --keep {'x' * 10_000}": "--keep is",
+    "fix plain --out plain.toml --force": "another file",
+    "fix plain --out link.toml --force": "another file",
     "rig grid.geojson --out out --height-mm 0": "height",
     "rig grid.geojson --out out --height-mm 900": "height",
     "rig grid.geojson --out out --scale 100": "parts",
@@ -312,7 +315,7 @@ LINES = {
     "aim plain --map grid.geojson --set target_mm=[[900,900]]": "target_mm",
     "aim plain --map grid.geojson --growth head_on_half_angle_deg=15,1": "head-on-half-angle-deg",
     # runs
-    "contest tiny.toml --optimizer pso:inertai=1 --out out": "did you mean 'inertia'",
+    "study contest tiny.toml --optimizer pso:inertai=1 --out out": "did you mean 'inertia'",
     "optimize tiny.toml --out out --generations 3": "--generations is 3; allowed: only with resume",
     "optimize tiny.toml --out out --seed 9223372036854775808": "seed is 9223372036854775808",
     "optimize tiny.toml --out out --cluster tcp://127.0.0.1:9": "--cluster is",
@@ -349,12 +352,12 @@ LINES = {
     # photos that were observed
     "observe seen.json": "MAP is missing",
     "observe seen.json --angle-error-deg 3": "there is no option --angle-error-deg",
-    "observe seen.json --fit out.toml --map x.geojson": "there is no option --map",
-    "observe seen.json --fit out.json": "ending in .toml",
-    "observe seen.json seen.json --fit out.toml": "each observation once",
-    "observe no.json --fit out.toml": "there is no such file",
-    "observe seen.json --fit out.toml --angle-error-deg -1": "is -1.0; allowed: 0.1 to 30 deg",
-    "observe seen.json --fit notes.toml": "not written by vinefab",
+    "fit-observations seen.json --out out.toml --map x.geojson": "there is no option --map",
+    "fit-observations seen.json --out out.json": "ending in .toml",
+    "fit-observations seen.json seen.json --out out.toml": "each observation once",
+    "fit-observations no.json --out out.toml": "there is no such file",
+    "fit-observations seen.json --out out.toml --angle-error-deg -1": "allowed: 0.1 to 30 deg",
+    "fit-observations seen.json --out notes.toml": "not written by vinefab",
     # the studio, before anything is served
     "studio --no-browser moon": "no design is called 'moon'",
     "studio --no-browser not_toml.toml": "not_toml.toml",

@@ -12,7 +12,7 @@ COMMANDS = {
     "gif": ("grow plain.toml --map grid.geojson --frames 2 --animate", "out.gif"),
     "json": ("grow plain.toml --map grid.geojson --json", "out.json"),
     "report": ("report plain.toml --maps grid.geojson --poses 1 --out", "out.html"),
-    "fix": ("check short.toml --fix", "out.toml"),
+    "fix": ("fix short.toml --out", "out.toml"),
     "zip": ("fabricate plain.toml --allow-uncalibrated --zip --out", "out"),
     "resume": ("optimize tiny.toml --no-page --resume --out", "run"),
     "best": ("runs run --best", "out.toml"),
@@ -46,16 +46,6 @@ def test_a_changed_file_is_kept(vinefab, case):
     assert path.read_bytes() == changed
     assert vinefab(*command, "--force")[0] in (0, 1)
     assert path.read_bytes() == whole
-
-
-@pytest.mark.usefixtures("work")
-def test_a_run_of_an_earlier_version_is_resumed_and_its_files_are_kept(vinefab):
-    best = Path("run/best.toml")
-    old = f"# written by vinefab 0.0.9\n{best.read_text().partition(chr(10))[2]}# mine\n"
-    best.write_text(old)
-    with pytest.warns(UserWarning, match="best.toml.old"):
-        assert vinefab(*COMMANDS["resume"][0].split(), "run")[0] == 0
-    assert Path("run/best.toml.old").read_text() == old
 
 
 LOOPS = [

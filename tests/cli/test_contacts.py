@@ -171,8 +171,6 @@ def test_designs_that_were_trained_with_it_are_grown_with_it(measured, tmp_path)
 def test_without_measured_contacts_nothing_changes():
     plain = GrowthOptions()
     assert "contacts" not in plain.content
-    assert "body_width_ratio" not in plain.content
-    assert not {"contacts", "body_width_ratio"} & {*plain_settings(plain)}
     assert plain.contact_angles_deg == (1.0, 5.0, 10.0, 15.0)
     tree = Design.read("three_level_tree")
     radii_mm = Plan.of(tree, plain).radii_mm
@@ -194,7 +192,7 @@ def test_a_body_too_wide_for_its_start_is_reported_as_such(vinefab, grid, plain,
     assert room in vinefab("grow", plain, *wide)[1]
 
 
-# --- vinefab observe ... --fit
+# --- vinefab fit-observations
 
 
 @pytest.fixture
@@ -208,7 +206,7 @@ def observed(seen, tmp_path):
 
 def test_observations_are_fitted_and_the_file_is_read(vinefab, grid, plain, observed, tmp_path):
     file = tmp_path / "mine.toml"
-    code, words, _ = vinefab("observe", *observed, "--fit", file)
+    code, words, _ = vinefab("fit-observations", *observed, "--out", file)
     assert code == 0
     assert "head-on half-angle" in words
     assert "6 contacts on 2 photos, 3 stopped, 3 slid" in words
@@ -217,7 +215,9 @@ def test_observations_are_fitted_and_the_file_is_read(vinefab, grid, plain, obse
     assert "its map is not read" in words
     assert "not compared: only one of the two ways" in words
     again = file.read_bytes()
-    assert vinefab("observe", *observed, "--fit", file)[0] == 0  # its own file, not a foreign one
+    assert (
+        vinefab("fit-observations", *observed, "--out", file)[0] == 0
+    )  # its own file, not a foreign one
     assert file.read_bytes() == again
     assert (
         "(measured: 6 contacts on 2 photos"

@@ -48,7 +48,7 @@ LINES = [
     ("check plain.toml --map grid.geojson --growth body=centerline", 0, "checks-1",
      "growth: centerline body, head-on half-angle 1 deg (assumed), no pressure"),
     ("check tail.toml --svg o.svg --png o.png --dxf o.dxf", 1, "checks-1", "wrote o.dxf"),
-    ("check tail.toml --fix o.toml", 0, "checks-1", "the tail: 100 -> 150 mm"),
+    ("fix tail.toml --out o.toml", 0, "checks-1", "the tail: 100 -> 150 mm"),
     ("fix tail.toml --out o.toml --map grid.geojson", 0, "checks-1", "coverage, mean over 1 map:"),
     ("fix three_level_tree --out o.toml", 0, "checks-1", "nothing to fix"),
     ("fix plain.toml --out o.toml --limit VF-L04.error=0.01", 1, "checks-1",

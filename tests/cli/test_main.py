@@ -185,12 +185,3 @@ def test_a_reader_that_closes_the_pipe_is_told_by_the_exit_code():
     ended = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, check=False)
     os.close(writing)
     assert (ended.returncode, ended.stderr) == (141, b"")
-
-
-def test_what_an_earlier_version_moved_aside_is_named_and_kept(tmp_path, capsys):
-    aside = tmp_path / ".coupons.old.abc"
-    aside.mkdir()
-    (aside / "notes.txt").write_text("mine")
-    assert main(["coupon", "--out", str(tmp_path / "coupons")]) == 0
-    assert f"note: {aside} has files of" in capsys.readouterr().out
-    assert (aside / "notes.txt").read_text() == "mine"

@@ -56,7 +56,7 @@ def observation(secret):
         "branches": [branch],
     }
     Path("seen.json").write_text(json.dumps(content))
-    return "observe seen.json --fit contacts.toml"
+    return "fit-observations seen.json --out contacts.toml"
 
 
 def ros_map(secret):

@@ -125,8 +125,11 @@ def test_the_winner_of_a_run_in_memory_finds_its_recipe_where_the_run_did(tmp_pa
 
 REACH = """[task]
 name = "reach"
-target_mm = [[12.0, 12.0], [288.0, 288.0]]
-tolerance_mm = 12.0
+targets = [
+  { point_mm = [12.0, 12.0], tolerance_mm = 12.0 },
+  { point_mm = [288.0, 288.0], tolerance_mm = 12.0 },
+]
+falloff_mm = 0.0
 [growth]
 storage_kpa = 2.0
 """
@@ -164,8 +167,8 @@ def test_a_score_is_of_the_task_of_the_run(vinefab, reacher, grid):
     assert line.startswith("targets, task reach, growth options of run tiny (")
     assert found["growth"]["storage_kpa"] == 2.0
     assert "trained on this map" in found["notes"][-1]
-    wide, line = scored(vinefab, reacher, "--map", grid, "--set", "tolerance_mm=299")
-    assert [one["score"] for one in wide["evaluations"]] == [1.0, 1.0, 1.0]
+    wide, line = scored(vinefab, reacher, "--map", grid, "--set", "falloff_mm=1e5")
+    assert all(one["score"] > 0.99 for one in wide["evaluations"])
     other, line = scored(vinefab, reacher, "--map", grid, "--task", "coverage")
     assert other["task"] == "coverage"
     assert line.endswith("; task coverage in place of reach")
@@ -261,7 +264,7 @@ def test_a_winner_written_from_the_record_has_its_recipe_too(vinefab, best, tmp_
 def test_a_mended_winner_keeps_its_recipe(vinefab, best):
     weak = best.with_name("weak.toml")
     weak.write_text(best.read_text().replace("tail_mm = 200.0", "tail_mm = 100.0"))
-    vinefab("check", weak, "--fix", best.with_name("fixed.toml"))
+    vinefab("fix", weak, "--out", best.with_name("fixed.toml"))
     assert used(vinefab, best.with_name("fixed.toml"))[0] == "mine"
 
 

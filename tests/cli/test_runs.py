@@ -126,11 +126,11 @@ def test_a_contest_leaves_an_unfinished_record_only_with_what_was_done(vinefab, 
     bad.write_text(f"{HEAD}[build]\ntrunk_width_mm = 2.0\n")
     arguments = ["--optimizer", "random", "--seeds", 1, "--unseen", 1, "--poses", 1, "-q"]
     out = tmp_path / "out"
-    code, _, complaint = vinefab("contest", run_file, bad, *arguments, "--out", out)
+    code, _, complaint = vinefab("study", "contest", run_file, bad, *arguments, "--out", out)
     assert code == 2
     assert f"{bad}: build.trunk_width_mm is 2.0" in complaint
     assert not out.exists()  # found before the first of the good ones was run
-    assert vinefab("contest", run_file, *arguments, "--out", out)[0] == 0
+    assert vinefab("study", "contest", run_file, *arguments, "--out", out)[0] == 0
 
 
 @pytest.fixture
@@ -239,7 +239,7 @@ def test_damaged_records_are_named_and_kept(vinefab, run_file, tmp_path, times):
 def test_a_comparison_makes_a_table_and_a_figure(vinefab, run_file, tmp_path):
     out = tmp_path / "contest"
     arguments = (
-        "contest", run_file, "--optimizer", "random", "--optimizer", "pso:inertia=0.5",
+        "study", "contest", run_file, "--optimizer", "random", "--optimizer", "pso:inertia=0.5",
         "--seeds", 1, "--unseen", 1, "--poses", 1, "--out", out,
     )  # fmt: skip
     code, words, complaint = vinefab(*arguments)

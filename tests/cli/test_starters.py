@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from vinefab.app.files import _NEXT_STEPS as NEXT_STEPS
-from vinefab.app.verbs import OLDER, VERBS
+from vinefab.app.verbs import SHORT, VERBS
 from vinefab.cli.commands import each_named
 from vinefab.cli.main import main
 from vinefab.fabrication.rules.catalog import RULES
@@ -140,16 +140,14 @@ def test_every_rule_is_explained_with_a_remedy(capsys):
     assert "pressure" in about
 
 
-def test_old_names_of_studies_work_and_are_not_listed(capsys):
+def test_short_names_of_studies_work_and_are_not_listed(capsys):
     assert main(["-h"]) == 0
     listed = capsys.readouterr().out
-    for name, (newer, renamed) in OLDER.items():
-        if renamed:
-            continue
+    for name, whole in SHORT.items():
         assert f"\n  {name} " not in listed
         assert main([name, "-h"]) == 0
         own = capsys.readouterr().out
-        assert main([*newer.split(), "--help"]) == 0
+        assert main([*whole.split(), "--help"]) == 0
         assert capsys.readouterr().out == own
     shown = [name.split()[0] for name, verb in VERBS.items() if verb.listed]
     assert all(f"\n  {name} " in listed for name in shown)

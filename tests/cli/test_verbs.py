@@ -7,7 +7,7 @@ import shlex
 import pytest
 
 import vinefab as vf
-from vinefab.app.verbs import OLDER, VERBS
+from vinefab.app.verbs import VERBS
 from vinefab.cli.commands import Command, all_options, completions, flags_of
 from vinefab.core.verbs import REQUIRED, Call, Shell, options_of, parameter_words
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -144,13 +144,6 @@ def test_the_call_of_python_names_objects_and_leaves_defaults_out():
     assert call.text() == "vf.score(<Design plain_vine>, maps=[<Map pegs_1>], radius_mm=60)"
     call = Call(function=vf.maps.import_, given={"path": "a.svg", "wall_mm": 9.0})
     assert call.text() == "vf.maps.import_('a.svg', wall_mm=9.0)"
-
-
-def test_older_ways_to_type_a_command_name_one_that_there_is():
-    for name, (newer, renamed) in OLDER.items():
-        flags = [flag for one in all_options(Command.named(newer)) for flag in flags_of(one)]
-        assert set(renamed.values()) <= set(flags)
-        assert (name in VERBS) == bool(renamed)
 
 
 def test_required_values_are_the_same_on_both_doors():

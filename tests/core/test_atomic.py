@@ -22,7 +22,7 @@ from vinefab.core.atomic import (
     write_folder,
     write_text,
 )
-from vinefab.core.errors import CannotWriteError, ForeignFileError, KeptAsideWarning
+from vinefab.core.errors import CannotWriteError, ForeignFileError
 from vinefab.core.hashing import ROOMY_GENERATOR, Authorship, authorship, marked
 from vinefab.core.plain_text import OWN_MARK, json_text
 
@@ -91,7 +91,7 @@ WRITTEN = {
 def test_the_mark_holds_a_digest_of_the_rest_whatever_the_format(data):
     sealed = marked(data)
     assert marked(sealed) == sealed
-    assert authorship(data) is Authorship.UNSEALED
+    assert authorship(data) is Authorship.CHANGED
     assert authorship(sealed) is Authorship.OURS
     for place in range(0, len(sealed), 7):
         changed = sealed[:place] + bytes([sealed[place] ^ 1]) + sealed[place + 1 :]
@@ -117,17 +117,13 @@ def test_a_file_that_was_changed_is_kept_unless_forced(tmp_path):
     assert path.read_text().endswith("1by hand")
 
 
-def test_a_file_of_an_earlier_version_is_replaced_and_kept_aside(tmp_path):
+def test_a_file_with_a_mark_but_no_digest_is_a_person_s_work(tmp_path):
     path = tmp_path / "a.toml"
-    for kept in ("a.toml.old", "a.toml.old2"):
-        path.write_text(OURS + kept)
-        ensure_writable(path)
-        with pytest.warns(KeptAsideWarning, match=kept):
-            write_text(path, OURS + "new")
-        assert (tmp_path / kept).read_text() == OURS + kept
-    path.write_text(OURS + "new")  # nothing is lost: no copy
-    write_text(path, OURS + "new")
-    assert names(tmp_path) == ["a.toml", "a.toml.old", "a.toml.old2"]
+    path.write_text(OURS + "by hand")
+    for write in (ensure_writable, lambda path: write_text(path, OURS + "new")):
+        with pytest.raises(ForeignFileError, match=r"changed since.*--force"):
+            write(path)
+    assert path.read_text() == OURS + "by hand"
 
 
 @pytest.mark.parametrize("mode", [0o600, 0o640, 0o755])

@@ -242,12 +242,3 @@ def test_a_manifest_that_the_user_changed_is_refused_like_any_file(tmp_path):
         assert manifest.read_text() == edited
     write(out, "2", [MARK], force=True)
     assert "vinefab 2" in (out / MARK).read_text()
-
-
-def test_a_manifest_of_an_earlier_version_has_no_digest_of_its_own(tmp_path):
-    out = tmp_path / "out"
-    write(out, "1", [MARK])
-    lines = (out / MANIFEST_NAME).read_text().splitlines()
-    (out / MANIFEST_NAME).write_text("\n".join([lines[0], *lines[2:]]) + "\n")
-    write(out, "2", [MARK])
-    assert "vinefab 2" in (out / MARK).read_text()

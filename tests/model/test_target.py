@@ -176,14 +176,11 @@ def test_a_run_remembers_which_targets_its_winner_touches(tmp_path):
     assert again.summary[0].startswith(f"{result.targets.headline}: found ")
 
 
-def test_a_run_says_that_a_task_leaves_targets_out_or_rewards_no_nearness():
+def test_a_run_says_that_a_task_leaves_targets_out():
     world = ROOM.with_start((20, 200, 0)).with_targets((100, 200))
     made = {"space": {"levels": 2, "branches": 2}, "evaluation": {"fabricable": False}}
     notes = Search.of(RunSettings(**made), [world]).evaluator.notes
     assert any("coverage does not score the maps' targets" in note for note in notes)
-    task = {"name": "reach", "parameters": {"target_mm": [[100, 200]]}}
-    notes = Search.of(RunSettings(task=task, **made), [world]).evaluator.notes
-    assert any("a target that is missed counts nothing" in note for note in notes)
     task = {"name": "reach", "parameters": {"targets": [[100, 200]]}}
     notes = Search.of(RunSettings(task=task, **made), [world]).evaluator.notes
     assert not any("target" in note for note in notes)

@@ -225,7 +225,9 @@ def test_a_branch_that_ended_otherwise_is_named(seen):
 
 
 def test_a_photo_is_no_observation_to_fit(files, tmp_path, capsys):
-    assert main(["observe", str(files["photo"]), "--fit", str(tmp_path / "mine.toml")]) == 2
+    assert (
+        main(["fit-observations", str(files["photo"]), "--out", str(tmp_path / "mine.toml")]) == 2
+    )
     error = capsys.readouterr().err
     assert "vinefab observe PHOTO ... --json one.json" in error
     assert error.count("\n") == 1
@@ -235,7 +237,12 @@ def test_what_the_command_writes_can_be_fitted(files, seen, tmp_path, capsys):
     content = seen.numbers
     content |= {"map": str(files["map"]), "design": str(files["design"])}
     (tmp_path / "seen.json").write_text(json.dumps(content))
-    assert main(["observe", str(tmp_path / "seen.json"), "--fit", str(tmp_path / "mine.toml")]) == 0
+    assert (
+        main(
+            ["fit-observations", str(tmp_path / "seen.json"), "--out", str(tmp_path / "mine.toml")]
+        )
+        == 0
+    )
     words = capsys.readouterr().out
     found = read_contacts(tmp_path / "mine.toml")
     assert found.head_on_half_angle_deg.low <= 1.0  # the truth is the default

@@ -142,7 +142,7 @@ def test_a_mirrored_map_has_the_mirrored_best_pose():
     found = []
     for world, side in ((ROOM, 1.0), (mirrored(ROOM), -1.0)):
         own = tuple((side * x, y) for x, y in targets)
-        task = Reach(target_mm=own, falloff_mm=200.0)
+        task = Reach(targets=own, falloff_mm=200.0)
         trial = trial_on(world)
         region = BaseRegion.of(trial, "anywhere")
         found.append(search_poses(trial, task, region, EXACT, 6000))

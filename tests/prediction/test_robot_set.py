@@ -81,7 +81,7 @@ def test_what_one_deployment_covers_has_the_area_that_the_task_measures():
 
 def test_targets_are_covered_where_the_task_counts_them():
     trial = trial_on(ROOM)
-    task = Reach(target_mm=((60.0, 60.0), (290.0, 190.0), (20.0, 30.0)))
+    task = Reach(targets=((60.0, 60.0), (290.0, 190.0), (20.0, 30.0)), falloff_mm=0.0)
     cover = cover_of(task, trial.prepared.context)
     pose, draws = np.array([(20.0, 30.0, 0.7)]), ERRORS.even(4)
     (bits,) = trial.each(pose, draws, cover.covered)

@@ -68,7 +68,7 @@ def run() -> tuple[Search, RunResult, dict[str, Any]]:
 @pytest.mark.parametrize(
     ("parameters", "start", "words"),
     [
-        ({"target_mm": [[250.0, 380.0]]}, None, "targets are given points"),
+        ({"targets": [[250.0, 380.0]]}, None, "targets are given points"),
         ({}, Start(pose=Pose.of((250, 15, 90)), spread_x_mm=9.0), "start is a place on its own"),
     ],
 )

@@ -357,14 +357,6 @@ def test_spoilt_parts_are_named(folder):
     assert problems[3:] == [()] * 10
 
 
-def test_a_rig_in_layers_of_an_earlier_version_is_read(folder):
-    content = json.loads((folder / "rig.json").read_text())
-    layered = {"name": "piece_01", "file": "layers_01.dxf", "volume_mm3": 9.0}
-    content |= {"style": "sheet", "parts": [{**layered, "size_mm": [60.0, 40.0, 42.0]}]}
-    (folder / "rig.json").write_text(json.dumps(content))
-    assert read_rig(folder).height_mm == 42.0
-
-
 def test_parts_elsewhere_are_not_read(folder, tmp_path_factory):
     file = folder / json.loads((folder / "rig.json").read_text())["parts"][0]["file"]
     elsewhere = tmp_path_factory.mktemp("elsewhere") / file.name

@@ -79,14 +79,14 @@ def test_other_tasks_have_tables_of_their_own(tmp_path):
     objectives = ["coverage", "reach", "film_length", "anchoring"]
     radius_mm = 30
     [task.reach]
-    target_mm = [[1, 2], [3, 4.5]]
+    targets = [[1, 2], [3, 4.5]]
     """
     settings = read_run(written(tmp_path, text))
     assert settings.task.parameters == {"radius_mm": 30}
     assert settings.further_objectives == ("reach", "film_length", "anchoring")
     assert settings.front_axis == "film_length"
     assert settings.other_tasks == (
-        PartSettings(name="reach", parameters={"target_mm": [[1, 2], [3, 4.5]]}),
+        PartSettings(name="reach", parameters={"targets": [[1, 2], [3, 4.5]]}),
         PartSettings(name="anchoring"),
     )
     assert settings_from_plain(plain_settings(settings)) == settings
@@ -205,9 +205,9 @@ def test_limits_and_symmetry_of_a_space(tmp_path):
             "buffer_mm",
         ),
         (
-            '[task]\nname = "reach"\ntarget_mm = [[1, 2], [3]]',
-            "task.target_mm[2]",
-            "x, y",
+            '[task]\nname = "reach"\ntargets = [[1, 2], [3]]',
+            "task.targets[2].point_mm[2]",
+            "must be given",
         ),
         ("[space]\nmost_branches = 2.5", "space.most_branches", "integer"),
         (

@@ -190,7 +190,7 @@ def test_a_front_rises_with_its_cost_and_no_member_dominates_another(result):
 
 
 def test_a_front_of_two_tasks_goes_from_one_to_the_other():
-    straight = {"target_mm": [[260.0, 488.0]], "falloff_mm": 480.0, "reached_by": "tip"}
+    straight = {"targets": [[260.0, 488.0]], "falloff_mm": 480.0, "reached_by": "tip"}
     settings = SETTINGS.changed(
         objectives=("coverage", "reach"), other_parameters={"reach": straight}
     )

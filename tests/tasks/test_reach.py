@@ -111,21 +111,23 @@ def test_a_target_is_reached_within_the_tolerance_of_body_or_tips(
 ) -> None:
     end = ended(fork, [[(100, 100), (500, 100)], [(500, 100), (500, 100), (500, 400)], None])
     targets = [[300, 119], [300, 121], [500, 430], [520, 400], [80, 100]]
-    score, terms = Reach(target_mm=targets).evaluate(end, room_context)
+    score, terms = Reach(targets=targets, falloff_mm=0.0).evaluate(end, room_context)
     assert score == 3 / 5  # the first, the fourth and the last, at the base
     assert terms == {"targets": 5.0, "targets_reached": 3.0, "farthest_mm": 30.0, "grown_mm": 700.0}
-    parts = Reach(target_mm=targets).parts(score, terms)
+    parts = Reach(targets=targets, falloff_mm=0.0).parts(score, terms)
     assert parts == {"targets touched": score, "nearness to the others": 0.0}
-    by_tip, _ = Reach(target_mm=targets, reached_by="tip").evaluate(end, room_context)
+    by_tip, _ = Reach(targets=targets, falloff_mm=0.0, reached_by="tip").evaluate(end, room_context)
     assert by_tip == 1 / 5
-    wide, _ = Reach(target_mm=targets, tolerance_mm=30.0).evaluate(end, room_context)
+    wide, _ = Reach(
+        targets=[{"point_mm": point, "tolerance_mm": 30.0} for point in targets]
+    ).evaluate(end, room_context)
     assert wide == 1.0
-    partly, terms = Reach(target_mm=targets, falloff_mm=20.0).evaluate(end, room_context)
+    partly, terms = Reach(targets=targets, falloff_mm=20.0).evaluate(end, room_context)
     assert partly == pytest.approx((1 + 19 / 20 + 10 / 20 + 1 + 1) / 5)
     assert terms["targets_reached"] == 3.0
 
 
-def test_targets_reward_nearness_and_an_earlier_run_file_means_what_it_meant(
+def test_targets_reward_nearness_unless_it_counts_nothing(
     fork: Design, ended: Callable[..., Deployment], room_context: MapContext
 ) -> None:
     end = ended(fork, [[(100, 100), (500, 100)], [(500, 100), (500, 100), (500, 400)], None])
@@ -135,7 +137,7 @@ def test_targets_reward_nearness_and_an_earlier_run_file_means_what_it_meant(
     parts = Reach(targets=points).parts(score, terms)
     assert parts["targets touched"] == pytest.approx(1 / 3)
     assert sum(parts.values()) == pytest.approx(score)
-    assert Reach(target_mm=points).evaluate(end, room_context)[0] == 1 / 3
+    assert Reach(targets=points, falloff_mm=0.0).evaluate(end, room_context)[0] == 1 / 3
     # Three near misses are worth less than two targets that are touched.
     near = Reach(targets=[[300, 121], [400, 121], [200, 121]]).evaluate(end, room_context)[0]
     assert near < 2 / 3
@@ -165,7 +167,7 @@ def test_a_robot_that_stayed_inside_reaches_no_target(
     fork: Design, ended: Callable[..., Deployment], room_context: MapContext
 ) -> None:
     for by in ("body", "tip"):
-        task = Reach(target_mm=((5.0, 5.0),), reached_by=by)
+        task = Reach(targets=((5.0, 5.0),), falloff_mm=0.0, reached_by=by)
         score, terms = task.evaluate(ended(fork, [None, None, None]), room_context)
         assert score == 0.0
         assert terms["farthest_mm"] == pytest.approx(room_context.diagonal_mm)
@@ -174,19 +176,16 @@ def test_a_robot_that_stayed_inside_reaches_no_target(
 @pytest.mark.parametrize(
     ("parameters", "key", "words"),
     [
-        ({"target_mm": 3}, "target_mm", r"\[\[x, y\], \.\.\.\]"),
-        ({"target_mm": [[1, 2, 3]]}, "target_mm[1]", r"\[x, y\] in mm"),
-        ({"target_mm": [[True, 2]]}, "target_mm[1][1]", "a valid number"),
-        ({"target_mm": [[1, 2], [3, "a"]]}, "target_mm[2][2]", "a valid number"),
-        ({"target_mm": [[1, float("nan")]]}, "target_mm[1][2]", "a finite number"),
-        ({"target_mm": [[1, 2]] * 1001}, "target_mm", "at most 1000"),
-        ({"tolerance_mm": 0.0}, "tolerance_mm", "greater than or equal to 0.000001"),
+        ({"targets": [[1, 2, 3]]}, "targets[1].point_mm", "at most 2"),
+        ({"targets": [[True, 2]]}, "targets[1].point_mm[1]", "a valid number"),
+        ({"targets": [[1, 2], [3, "a"]]}, "targets[2].point_mm[2]", "a valid number"),
+        ({"targets": [[1, float("nan")]]}, "targets[1].point_mm[2]", "a finite number"),
+        ({"targets": [[1, 2]] * 1001}, "targets", "at most 1000"),
         ({"targets": 3}, "targets", "at most 1000"),
         ({"targets": [[1, 2], [3]]}, "targets[2].point_mm[2]", "field required|must be given"),
         ({"targets": [{"name": "B", "point_mm": [1, 2]}] * 2}, "targets[1].name", "one target of"),
         ({"targets": [{"area_mm": [[0, 0], [1, 1]]}]}, "targets[1].area_mm", "3 corners"),
         ({"targets": [{"point_mm": [0, 0], "radius": 3}]}, "targets[1].radius", "no such key"),
-        ({"targets": [[1, 2]], "target_mm": [[1, 2]]}, "target_mm", "not together"),
         ({"falloff_mm": -1.0}, "falloff_mm", "greater than or equal to 0"),
         ({"reached_by": "base"}, "reached_by", "'body' or 'tip'"),
     ],
@@ -200,13 +199,13 @@ def test_targets_that_are_none_are_refused(
 
 
 def test_a_target_must_be_free_on_every_map(pillar_room: Map, room: Map) -> None:
-    task = Reach(target_mm=[[50, 50], [200, 150], [500, 50]])
+    task = Reach(targets=[[50, 50], [200, 150], [500, 50]])
     task.check_map(room, MapContext.of(room))
     with pytest.raises(BadInputError, match="inside an obstacle of map 'pillars'") as caught:
         task.check_map(pillar_room, MapContext.of(pillar_room))
-    assert caught.value.key == "task.target_mm[2]"
+    assert caught.value.key == "task.targets[2]"
     with pytest.raises(BadInputError, match="outside the bounds of map 'pillars'"):
-        Reach(target_mm=[[500, 50]]).check_map(pillar_room, MapContext.of(pillar_room))
+        Reach(targets=[[500, 50]]).check_map(pillar_room, MapContext.of(pillar_room))
 
 
 def test_areas_measured_by_tiles_are_those_measured_at_once(monkeypatch):

@@ -53,8 +53,11 @@ def grown(request: pytest.FixtureRequest) -> tuple[Batch, list[MapContext]]:
 
 
 AIMED = {
-    "target_mm": [(x, y) for x in (100.0, 250.0) for y in (60.0, 200.0, 420.0)],
-    "tolerance_mm": 60.0,
+    "targets": [
+        {"point_mm": (x, y), "tolerance_mm": 60.0}
+        for x in (100.0, 250.0)
+        for y in (60.0, 200.0, 420.0)
+    ],
     "falloff_mm": 50.0,
 }
 

@@ -138,16 +138,9 @@ def with_origin(
 
 
 def folder_to_write(key: str, out: str | PathLike[str], mark: str, *, force: bool) -> Path:
-    """Return the folder to fill, once it may be; name the remains next to it from a killed run."""
-    from vinefab.core.atomic import moved_aside
-
+    """Return the folder to fill, once it may be."""
     folder = as_path(key, out)
     ensure_own_folder(folder, mark, force=force)
-    for aside in moved_aside(folder):
-        note(
-            f"note: {aside} has files of {folder} from before a run was killed; vinefab leaves "
-            "it alone: move out what you miss, then remove it"
-        )
     return folder
 
 
@@ -263,7 +256,7 @@ def context_of(
         profile, of_recipe = _recipe_of(robots[0], run, None if recipe is ... else recipe)
     used, others = list(of_recipe[0]), list(of_recipe[1])
     placed = list(worlds)
-    if as_several(targets) or any(name in typed for name in PLACES):
+    if as_several(targets) or PLACES in typed:
         run = run.without_places
     elif worlds and run.places:
         if run.maps and not any(run.trained_on(worlds)):

@@ -178,7 +178,7 @@ def fix(
     keep: WordsLike = (),
     limits: LimitsLike | None = None,
     growth: GrowthLike | None = None,
-    out: Annotated[PathText | None, written(".toml"), also("--fix")] = None,
+    out: Annotated[PathText | None, written(".toml")] = None,
     progress: ProgressLike = True,
     force: Force = False,
 ) -> ProposedFix:

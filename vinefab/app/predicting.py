@@ -711,7 +711,7 @@ def fit_observations(
     observations: Annotated[PathText | tuple[PathText, ...], Kind(metavar="JSON", several=True)],
     *,
     angle_error_deg: Annotated[float, Within(0.1, 30.0, "deg")] = 2.0,
-    out: Annotated[PathText | None, written(".toml"), also("--fit")] = None,
+    out: Annotated[PathText | None, written(".toml")] = None,
     progress: ProgressLike = True,
     force: Force = False,
 ) -> ContactFit:

@@ -118,11 +118,5 @@ PER_NAME = {"map": (f"{_MAPS}:generate", "vinefab.maps.generators.environments:E
 """Groups with a command for every name of a registry: the function, whose first parameter is the
 name, and the registry; its parts have ``description`` and ``options``."""
 
-OLDER = {
-    "contest": ("study contest", {}),
-    "reproduce": ("study reproduce", {}),
-    "bench": ("study bench", {}),
-    "check": ("fix", {"--fix": "--out"}),
-    "observe": ("fit-observations", {"--fit": "--out"}),
-}
-"""Older ways to type a command: a name alone, or a name with an option that was renamed."""
+SHORT = {"reproduce": "study reproduce", "bench": "study bench"}
+"""Commands that may be typed without their group."""

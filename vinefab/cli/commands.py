@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, TextIO, get_args
 
-from vinefab.app.verbs import GROUPS, HELP, OLDER, PER_NAME, VERBS, loaded
+from vinefab.app.verbs import GROUPS, HELP, PER_NAME, SHORT, VERBS, loaded
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.errors import ExportRefusedError, VinefabError, shortened
 from vinefab.core.plain_text import visible
@@ -474,15 +474,9 @@ def command_for(words: Sequence[str]) -> tuple[str, list[str]]:
         raise UsageError(
             f"there is no option {first} before a command; vinefab COMMAND {first} ..."
         )
-    if first in OLDER:
-        name, renamed = OLDER[first]
-        typed = {word.partition("=")[0] for word in rest}
-        if not renamed:
-            first, rest = (name.split()[0], [*name.split()[1:], *rest])
-        elif typed & set(renamed):
-            first = name
-            cut = [word.partition("=") for word in rest]
-            rest = [f"{renamed.get(flag, flag)}{mark}{value}" for flag, mark, value in cut]
+    if first in SHORT:
+        first, *group = SHORT[first].split()
+        rest = [*group, *rest]
     if first in GROUPS:
         if not rest or rest[0] in HELP:
             return first, rest[:1]
@@ -491,8 +485,7 @@ def command_for(words: Sequence[str]) -> tuple[str, list[str]]:
             raise UsageError(_unknown_command(last, known))
         return f"{first} {last}", rest
     if first not in VERBS or " " in first:
-        listed = [name for name in top_commands() if name not in OLDER or name in VERBS]
-        raise UsageError(_unknown_command(first, listed))
+        raise UsageError(_unknown_command(first, top_commands()))
     return first, rest
 
 

@@ -21,7 +21,6 @@ from vinefab.core import __version__
 from vinefab.core.errors import (
     ExportRefusedError,
     InterruptedRunError,
-    KeptAsideWarning,
     NotCachedWarning,
     VinefabError,
     shortened,
@@ -121,8 +120,7 @@ def run() -> None:
     with warnings.catch_warnings():
         if not sys.warnoptions:
             warnings.simplefilter("ignore")
-            for kind in (KeptAsideWarning, NotCachedWarning):
-                warnings.simplefilter("always", kind)
+            warnings.simplefilter("always", NotCachedWarning)
             warnings.formatwarning = lambda message, *_: f"note: {message}\n"
         code = main(sys.argv[1:])
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:

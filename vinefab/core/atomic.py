@@ -12,7 +12,6 @@ import shutil
 import stat
 import sys
 import tempfile
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
@@ -22,7 +21,6 @@ from typing import TYPE_CHECKING
 from vinefab.core.errors import (
     CannotWriteError,
     ForeignFileError,
-    KeptAsideWarning,
     ReadBackError,
     VinefabError,
 )
@@ -106,8 +104,7 @@ def write_bytes(
     """Write a file in one step: a temporary name in its folder, then a rename.
 
     A link is followed, and the permissions of a file that is replaced are kept. What vinefab wrote
-    itself is overwritten by the same kind of file only: a picture does not replace a map. Where
-    the old file's mark has no digest, as in earlier versions, it is kept as ``NAME.old``.
+    itself is overwritten by the same kind of file only: a picture does not replace a map.
 
     Parameters
     ----------
@@ -119,22 +116,16 @@ def write_bytes(
         Whether only the user may read it.
     """
     with folder_to_fill(path.parent), _system_errors(path):
-        checked = _checked(path, data, force=force)
-        _put(path, marked(checked) if sealed else checked, private=private)
+        _ensure_replaceable(path, data, force=force)
+        _put(path, marked(data) if sealed else data, private=private)
     return path
 
 
-def _checked(path: Path, data: bytes, *, force: bool) -> bytes:
-    """Return what is to be written, once it may be; keep aside a file that may be changed."""
+def _ensure_replaceable(path: Path, data: bytes, *, force: bool) -> None:
+    """Check that a file may be written, in place of one of the same kind where there is one."""
     _check_writable(path, force=force)
-    if path.exists() and not force:
-        if _kind(_ends(path)) != _kind(data[:_LOOK_BYTES]):
-            raise ForeignFileError(path, "is another kind of file")
-        unsealed = _authorship(path) is Authorship.UNSEALED
-        if unsealed and marked(path.read_bytes()) != marked(data):
-            words = f"{path} may have been changed by hand: kept as {keep_aside(path)}"
-            warnings.warn(words, KeptAsideWarning, stacklevel=3)
-    return data
+    if path.exists() and not force and _kind(_ends(path)) != _kind(data[:_LOOK_BYTES]):
+        raise ForeignFileError(path, "is another kind of file")
 
 
 def keep_aside(path: Path) -> Path:
@@ -177,8 +168,8 @@ def write_files(files: Mapping[Path, bytes], *, force: bool = False) -> None:
         for path, data in files.items():
             made.enter_context(folder_to_fill(path.parent))
             with _system_errors(path):
-                checked = _checked(path, data, force=force)
-                steps.append((path, made.enter_context(_staged(path, marked(checked)))))
+                _ensure_replaceable(path, data, force=force)
+                steps.append((path, made.enter_context(_staged(path, marked(data)))))
         for path, put in steps:
             with _system_errors(path):
                 put()
@@ -474,11 +465,6 @@ def staging_folder(folder: Path) -> Path:
 def is_incomplete(folder: Path) -> bool:
     """Tell whether a run was killed while it replaced the files of a folder."""
     return (folder / INCOMPLETE_NAME).is_file()
-
-
-def moved_aside(folder: Path) -> list[Path]:
-    """Return the hidden folders next to one, in which killed earlier versions left old files."""
-    return sorted(path for path in folder.parent.glob(f".{folder.name}.old.*") if path.is_dir())
 
 
 def replace_files(folder: Path, staging: Path, *, force: bool) -> None:

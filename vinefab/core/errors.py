@@ -131,10 +131,6 @@ class CannotWriteError(VinefabError, OSError):
         return f"{self.path}: cannot be written: {self.problem}"
 
 
-class KeptAsideWarning(UserWarning):
-    """A file that may have been changed by hand was replaced, and kept under another name."""
-
-
 class MissingPackageError(VinefabError, ImportError):
     """A package that vinefab needs for something is not installed."""
 

@@ -54,15 +54,12 @@ def manifest_text(digests: Mapping[str, str]) -> str:
 
 
 def is_manifest_as_written(text: str) -> bool:
-    """Tell whether a manifest is as vinefab wrote it.
-
-    A manifest without a digest of its lines, as earlier versions wrote it, counts as unchanged.
-    """
+    """Tell whether a manifest is as vinefab wrote it."""
     mark, _, rest = text.partition("\n")
     own, _, lines = rest.partition("\n")
     if OWN_MARK.decode() not in mark:
         return False
-    return not own.startswith(_OF_LINES) or own == _OF_LINES + sha256_of(lines.encode())
+    return own == _OF_LINES + sha256_of(lines.encode())
 
 
 def listed_in(text: str) -> list[tuple[str, str]]:
@@ -91,7 +88,6 @@ class Authorship(Enum):
     """Who wrote a file, by its mark."""
 
     FOREIGN = "was not written by vinefab"
-    UNSEALED = "was written by vinefab, perhaps changed since"  # a mark without a digest
     OURS = "is as vinefab wrote it"
     CHANGED = "was changed since vinefab wrote it"
 
@@ -114,10 +110,8 @@ def authorship(data: bytes) -> Authorship:
     """Tell from a file's content who wrote it."""
     if not has_mark(data):
         return Authorship.FOREIGN
-    place = _place(data)
-    if place is None or data[slice(*place)] in (b"", _BLANK):
-        return Authorship.UNSEALED
-    return Authorship.OURS if marked(data) == data else Authorship.CHANGED
+    sealed = _place(data) is not None and marked(data) == data
+    return Authorship.OURS if sealed else Authorship.CHANGED
 
 
 def has_mark(data: bytes) -> bool:

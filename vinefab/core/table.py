@@ -43,18 +43,6 @@ class Slider:
     step: float = 1.0
 
 
-LATER = "later"
-"""Marks a field that a table did not always have: records leave it out where it says nothing, so
-that the ids of runs stay as they were."""
-
-
-@dataclass(frozen=True, slots=True)
-class LaterThan:
-    """Marks such a field too; records without it mean this value, whatever the default is now."""
-
-    value: object
-
-
 class _TableType(ModelMetaclass):
     """Lets a table that is made in Python raise `BadInputError`, and take numbers of numpy."""
 
@@ -91,12 +79,6 @@ class Table(BaseModel, metaclass=_TableType):
     def content(self) -> dict[str, Any]:
         """The values as files and reports have them; what is None is left out."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
-
-    @classmethod
-    def before(cls) -> dict[str, Any]:
-        """Return the values that records without later fields mean, where not the default."""
-        marked = ((name, mark) for name, one in cls.model_fields.items() for mark in one.metadata)
-        return {name: mark.value for name, mark in marked if isinstance(mark, LaterThan)}
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:  # noqa: ANN401  of the class statement

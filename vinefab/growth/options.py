@@ -12,7 +12,7 @@ from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, UnknownNameError, located, nearest
 from vinefab.core.limits import deg, rad
-from vinefab.core.table import LATER, LaterThan, Slider, Table, declared_keys
+from vinefab.core.table import Slider, Table, declared_keys
 from vinefab.core.validation import Floats, number
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber, contacts_of
 from vinefab.model.design import ORIGIN_GROWTH, Design, UnevenLevel
@@ -30,9 +30,7 @@ HALF_ANGLE_DEG = "head_on_half_angle_deg"
 
 BranchContact = Literal["stop", "pass"]
 
-_BEFORE: BranchContact = "pass"
-
-DEFAULT_BRANCH_CONTACT: BranchContact = _BEFORE
+DEFAULT_BRANCH_CONTACT: BranchContact = "pass"
 """What a tip does at the body of another branch, where no option gives it [assumed]."""
 
 BRANCH_CONTACTS: tuple[BranchContact, ...] = ("pass", "stop")
@@ -111,7 +109,6 @@ class GrowthOptions(Table):
     branch_contact: Annotated[
         BranchContact,
         Doc("of a tip that meets the body of another branch: it stops there, or passes through"),
-        LaterThan(_BEFORE),
     ] = DEFAULT_BRANCH_CONTACT
     emergence: Annotated[
         float,
@@ -119,7 +116,6 @@ class GrowthOptions(Table):
         Le(1),
         Slider(0.5, 1, 0.01),
         Doc("probability that a child comes out of its parent's tip; below 1: drawn"),
-        LATER,
     ] = 1.0
     body_width_ratio: Annotated[
         float,
@@ -127,13 +123,11 @@ class GrowthOptions(Table):
         Le(2),
         Slider(0.5, 2, 0.01),
         Doc("how far bodies keep their centre lines from walls, over lay-flat width / pi"),
-        LATER,
     ] = 1.0
     contacts: Annotated[
         MeasuredContacts | None,
         BeforeValidator(lambda given: None if given is None else contacts_of(given)),
         Doc("measured: a file, relative to the run file, or its name; or the numbers themselves"),
-        LATER,
     ] = None
 
     @model_validator(mode="before")
@@ -191,12 +185,8 @@ class GrowthOptions(Table):
 
     @property
     def content(self) -> dict[str, object]:
-        """All options as files, records and pages have them; later ones where they say more."""
-        return {
-            name: value
-            for name, value in self.values.items()
-            if name not in _SAYING_NOTHING or value != _SAYING_NOTHING[name]
-        }
+        """All options as files, records and pages have them."""
+        return {name: value for name, value in self.values.items() if value is not None}
 
     @property
     def values(self) -> dict[str, object]:
@@ -350,14 +340,6 @@ class GrowthOptions(Table):
 GROWTH_NAMES = tuple(key.name for key in declared_keys(GrowthOptions))
 """Names of the options in files and on the command line."""
 
-_SAYING_NOTHING: dict[str, object] = {
-    "branch_contact": _BEFORE,
-    "emergence": 1.0,
-    "body_width_ratio": 1.0,
-    "contacts": None,
-}
-"""Later options, by the value that records leave out."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GrowthChoice:
@@ -426,7 +408,7 @@ def trained_growth(design: Design) -> GrowthOptions:
     if not isinstance(table, Mapping):
         raise BadInputError(_origin_key(), table, "a table of growth options")
     try:
-        return GrowthOptions.of({**GrowthOptions.before(), **table} if table else table)
+        return GrowthOptions.of(table)
     except BadInputError as error:
         raise BadInputError(_origin_key(error.key), error.value, error.allowed) from error
     except UnknownNameError as error:

@@ -12,7 +12,7 @@ from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import GENERATOR, counted
-from vinefab.core.table import LATER, Table, validated
+from vinefab.core.table import Table, validated
 from vinefab.core.validation import number
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import read_toml
@@ -42,7 +42,7 @@ class MeasuredNumber(Table):
     count: Annotated[int, _COUNT, Doc("of contacts or places that it rests on")]
     photos: Annotated[int, _COUNT, Doc("that they were seen on")]
     source: Annotated[str, Field(min_length=1), Doc("which photos, and how")]
-    standing: Annotated[Literal["measured"], Doc("always that"), LATER] = "measured"
+    standing: Annotated[Literal["measured"], Doc("always that")] = "measured"
 
     @model_validator(mode="after")
     def _is_an_interval(self) -> "MeasuredNumber":
@@ -89,7 +89,7 @@ class MeasuredShare(Table):
     tried: Annotated[int, _COUNT, Doc("that were tried")]
     pressure_kpa: Annotated[float, Ge(0), Le(1000), Unit("kPa"), Doc("at which they were tried")]
     source: Annotated[str, Field(min_length=1), Doc("which coupons, and how")]
-    standing: Annotated[Literal["measured"], Doc("always that"), LATER] = "measured"
+    standing: Annotated[Literal["measured"], Doc("always that")] = "measured"
 
     @model_validator(mode="after")
     def _is_an_interval(self) -> "MeasuredShare":
@@ -146,7 +146,6 @@ class MeasuredContacts(Table):
     emergence: Annotated[
         MeasuredShare | None,
         Doc("share of the children that come out of their parent's tip"),
-        LATER,
     ] = None
 
     @model_validator(mode="after")

@@ -24,7 +24,7 @@ from vinefab.core.front_door import ABOVE
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import file_number, rad
 from vinefab.core.plain_text import GENERATOR, counted
-from vinefab.core.table import LATER, Slider, Table, validated
+from vinefab.core.table import Slider, Table, validated
 from vinefab.core.validation import LARGEST_MM, SMALLEST, check_plain, number, whole
 from vinefab.model.files.shipped import locate, path_given
 from vinefab.model.files.toml import read_toml, table_content
@@ -387,7 +387,6 @@ class Build(Table):
     ] = None
     compensation: Annotated[
         Compensation,
-        LATER,
         Doc(
             "inflation: cut with the flat angles and lengths that deploy as designed (simulated); "
             "none: cut as designed, and grown as that deploys"

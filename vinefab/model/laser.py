@@ -17,7 +17,7 @@ from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.limits import SMALLEST
-from vinefab.core.table import LATER, Table, validated
+from vinefab.core.table import Table, validated
 from vinefab.model.files.shipped import file_named, is_inside, locate, names, user_names
 from vinefab.model.files.toml import read_toml
 
@@ -229,7 +229,6 @@ class Material(Table):
     lamination: Annotated[
         str,
         Field(repr=False, max_length=200),
-        LATER,
         Doc("how plies are pressed on each other before they are welded, with its source"),
     ] = ""
     lamination_ply_mm: Annotated[
@@ -253,7 +252,6 @@ class Material(Table):
         Quantity | None,
         _CLOSING,
         Field(repr=False),
-        LATER,
         Doc(
             "by how much joints bend under pressure, over the simulated; 0: not at all; none: taken"
             " as 1 (assumed)"

@@ -22,6 +22,7 @@ from pydantic import ConfigDict, Field
 
 from vinefab.core.errors import UnreadableFileError
 from vinefab.core.foreign import calling, ensure_type
+from vinefab.core.hashing import ROOMY_GENERATOR
 from vinefab.core.plain_text import GENERATOR, agreeing, counted, json_text, one_line, rounded
 from vinefab.core.progress import each
 from vinefab.core.registry import Registry
@@ -361,7 +362,7 @@ def stl_bytes(vertices_mm: Floats, faces: Ints, name: str) -> bytes:
     records["normal"] = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
     records["corners"] = triangles
     # The mark comes first: a header that began with "solid" would pass for the text form.
-    text = f"{GENERATOR}: {name}, millimetres".encode("ascii", "replace")
+    text = f"{ROOMY_GENERATOR}: {name}, millimetres".encode("ascii", "replace")
     header = text[:_HEADER_BYTES].ljust(_HEADER_BYTES)
     return header + len(records).to_bytes(4, "little") + bytes(records.tobytes())
 
@@ -448,7 +449,7 @@ def threemf_bytes(spec: PartFileSpec) -> bytes:
             entry = zipfile.ZipInfo(name, _FIRST_DATE)
             entry.create_system, entry.external_attr = _UNIX, _PLAIN_FILE
             archive.writestr(entry, text.encode())
-        archive.comment = GENERATOR.encode()
+        archive.comment = ROOMY_GENERATOR.encode()
     return stream.getvalue()
 
 
@@ -776,7 +777,7 @@ class RigForm(TablePart):
     """``rig.json``."""
 
     schema_: Literal["vinefab/rig-1"] = Field(alias="schema")
-    style: Literal["plate", "board", "sheet"]  # sheet: in layers, of earlier versions
+    style: Literal["plate", "board"]
     map: MapForm
     printer: RigPrinter
     options: OptionsForm
@@ -808,8 +809,6 @@ def read_rig(folder: Path) -> RigFacts:
     printer, margin_mm = form.printer, 2.0 * form.options.bed_margin_mm
     wide_mm, deep_mm = printer.bed_width_mm - margin_mm, printer.bed_depth_mm - margin_mm
     height_mm = form.options.height_mm
-    if form.style == "sheet" and form.parts:
-        height_mm = max(part.size_mm[2] for part in form.parts)
     return RigFacts(
         name=form.map.name,
         printer=printer.name,

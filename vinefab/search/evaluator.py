@@ -298,10 +298,6 @@ _AS_DESIGNED = (
     "the winner to see that robot"
 )
 
-_DESERT = (
-    "target_mm without falloff_mm: a target that is missed counts nothing, however near; `targets` "
-    "in its place rewards nearness"
-)
 _SCORES_TARGETS = 'name = "reach" in [task] does'
 
 INVALID_FITNESS = -1e6
@@ -649,8 +645,6 @@ class Evaluator:
         Nothing of starts without spread where the run itself asks for them as they are.
         """
         notes = [_AS_DESIGNED] if self.space.build.compensation == "none" else []
-        if any(isinstance(one, Reach) and one.is_desert for one in self.spec.tasks):
-            notes.append(_DESERT)
         aimed = any(prepared.world.targets for prepared in self.maps)
         if aimed and not any(isinstance(task, Reach) for task in self.spec.tasks):
             notes.append(f"{self.task.name} does not score the maps' targets; {_SCORES_TARGETS}")

@@ -1,4 +1,4 @@
-"""``check --fix``: the smallest change of a design that clears its errors.
+"""``vinefab fix``: the smallest change of a design that clears its errors.
 
 The search is deterministic and follows the order of a maker's attempts: smaller fillets alone; then
 widths, lengths and angles, alone and together; then fewer branches. What comes later is tried only

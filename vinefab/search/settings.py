@@ -19,7 +19,7 @@ from vinefab.core.errors import BadInputError, located, nearest, values_hidden
 from vinefab.core.limits import MOST_FIRST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
-from vinefab.core.table import LATER, Table, validated
+from vinefab.core.table import Table, validated
 from vinefab.core.validation import SMALLEST
 from vinefab.growth.options import GrowthOptions, measured_values
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -27,7 +27,6 @@ from vinefab.model.contacts import read_contacts
 from vinefab.model.design import Design
 from vinefab.model.files import toml
 from vinefab.model.files.shipped import locate, names, user_names
-from vinefab.model.laser import OperationSettings, Recipe
 from vinefab.model.map import Start
 from vinefab.model.score import STANDARD_DEVIATION
 from vinefab.model.start import (
@@ -71,7 +70,6 @@ class MapSettings(Table):
         InstanceOf[Start] | InstanceOf[StartPlace] | None,
         BeforeValidator(_start),
         Doc("of every map, in place of the map's start"),
-        LATER,
     ] = None
 
     @model_validator(mode="before")
@@ -181,7 +179,6 @@ class EvaluationSettings(Table):
         Ge(0),
         Le(1e3),
         Doc("fitness that every sleeve joint costs, with build.pieces"),
-        LATER,
     ] = 0.0
 
     @model_validator(mode="after")
@@ -217,13 +214,12 @@ class RunSettings(RunTables):
         tuple[str, ...], Field(strict=False), Doc("for a front: the task, other tasks and costs")
     ] = ()
     other_parameters: Annotated[
-        Mapping[str, Mapping[str, Any]], Doc("of the other tasks among the objectives"), LATER
+        Mapping[str, Mapping[str, Any]], Doc("of the other tasks among the objectives")
     ] = {}
     start_from: Annotated[
         tuple[Annotated[tuple[float, ...], Field(strict=False)], ...],
         Field(strict=False),
         Doc("points of the space at which the optimizer begins, as well as at the usual ones"),
-        LATER,
     ] = ()
 
     @classmethod
@@ -314,29 +310,13 @@ def with_limits(search: SearchSettings, limits: Mapping[str, float]) -> SearchSe
 # --- As plain values ------------------------------------------------------------------------------
 
 
-def plain_settings(settings: object) -> object:  # noqa: PLR0911  one for each kind
+def plain_settings(settings: object) -> object:
     """Return settings as plain values for JSON, the same for the same settings."""
     if isinstance(settings, Start | StartPlace):
         return start_record(settings)
-    if isinstance(settings, SpaceSettings):
-        ranges = ("levels", "length_mm", "angle_deg", "branches", "growth_percent", "by_level")
-        said = [name for name in ("most", "symmetric") if getattr(settings, name)]
-        return {name: plain_settings(getattr(settings, name)) for name in (*ranges, *said)}
-    if isinstance(settings, Recipe):
-        # As records have it since before recipes were tables: runs are resumed by it.
-        return plain_settings({**dict(settings.__repr_args__()), "lap": settings.lap})
-    if isinstance(settings, OperationSettings):
-        return plain_settings(settings.record())
     if isinstance(settings, Table):
-        declared = {n: f for n, f in type(settings).model_fields.items() if n != "schema_"}
-        values = {name: getattr(settings, name) for name in declared}
-        later = {name: field.default for name, field in declared.items() if LATER in field.metadata}
-        later |= type(settings).before()
-        return {
-            name: plain_settings(value)
-            for name, value in values.items()
-            if name not in later or (value and value != later[name])
-        }
+        declared = [name for name in type(settings).model_fields if name != "schema_"]
+        return {name: plain_settings(getattr(settings, name)) for name in declared}
     if is_dataclass(settings):
         return {f.name: plain_settings(getattr(settings, f.name)) for f in fields(settings)}
     if isinstance(settings, Mapping):
@@ -347,12 +327,8 @@ def plain_settings(settings: object) -> object:  # noqa: PLR0911  one for each k
 
 
 def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
-    """Return the settings of `plain_settings`, also of a record of an older vinefab."""
-    known = {name: record[name] for name in RunSettings.model_fields if name in record}
-    # Before pressure stopped growth, records did not speak of it.
-    growth = {"pressure_stop": False, **GrowthOptions.before(), **record["growth"]}
-    build = {**BuildSettings.before(), **record.get("build", {})}
-    return RunSettings(**{**known, "growth": growth, "build": build})
+    """Return the settings of `plain_settings`."""
+    return RunSettings(**{name: record[name] for name in RunSettings.model_fields})
 
 
 # --- Run files ------------------------------------------------------------------------------------
@@ -589,4 +565,4 @@ def run_task(settings: RunSettings) -> Task | None:
 
 def has_own_targets(settings: RunSettings) -> bool:
     """Tell whether a task of a run has targets: places on its own maps, not on others."""
-    return bool(getattr(run_task(settings), "own", ()))
+    return bool(getattr(run_task(settings), "targets", ()))

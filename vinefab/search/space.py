@@ -25,7 +25,7 @@ from typing_extensions import Doc
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import imported_later
 from vinefab.core.frozen import FrozenMapping
-from vinefab.core.table import LATER, LaterThan, Table
+from vinefab.core.table import Table
 from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, Ints, number
 from vinefab.growth.arrays import TreesArrays
 from vinefab.growth.options import GrowthOptions
@@ -347,18 +347,18 @@ class SpaceSettings(Table):
         Range, Unit("percent"), Doc("range of LGF, length of the last child over the first's")
     ] = Bounds(low=10.0, high=160.0)
     most_film_length_mm: Annotated[
-        _Limit, Unit("mm"), Doc("planned length of all branches together"), LATER
+        _Limit, Unit("mm"), Doc("planned length of all branches together")
     ] = None
     most_film_area_mm2: Annotated[
-        _Limit, Unit("mm2"), Doc("lay-flat area of all branches, one layer"), LATER
+        _Limit, Unit("mm2"), Doc("lay-flat area of all branches, one layer")
     ] = None
     most_sheet_area_mm2: Annotated[
-        _Limit, Unit("mm2"), Doc("of the rectangle that holds the flat robot"), LATER
+        _Limit, Unit("mm2"), Doc("of the rectangle that holds the flat robot")
     ] = None
-    most_branches: Annotated[_Limit, WrapValidator(_as_given), Doc("trunk included"), LATER] = None
-    symmetric: Annotated[
-        bool, Doc("left mirrors right: the children of a fan are all as long"), LATER
-    ] = False
+    most_branches: Annotated[_Limit, WrapValidator(_as_given), Doc("trunk included")] = None
+    symmetric: Annotated[bool, Doc("left mirrors right: the children of a fan are all as long")] = (
+        False
+    )
     level: Annotated[
         tuple[LevelRanges, ...], Field(strict=False), Doc("other ranges, by level")
     ] = ()
@@ -454,22 +454,20 @@ class BuildSettings(Table):
         ),
     ] = DEFAULT_PRESSURE_KPA
     pouch: Annotated[Pouch | None, Doc("at the tip of every leaf")] = None
-    pieces: Annotated[PieceSettings | None, Doc("robots may be cut in flat pieces"), LATER] = None
+    pieces: Annotated[PieceSettings | None, Doc("robots may be cut in flat pieces")] = None
     widths_mm: Annotated[
         tuple[Annotated[float, Ge(SMALLEST), Le(LARGEST_MM)], ...],
         Field(strict=False, max_length=MOST_LEVELS),
         Unit("mm"),
         Doc("lay-flat, of the first levels, in place of trunk_width_mm; deeper ones by the ratio"),
-        LATER,
     ] = ()
-    mounting: Annotated[Mounting, Doc("as in a design"), LATER] = DEFAULT_MOUNTING
+    mounting: Annotated[Mounting, Doc("as in a design")] = DEFAULT_MOUNTING
     compensation: Annotated[
         Compensation,
         Doc(
             "as in a design; with inflation the rules about the sheet see the flat angles and "
             "lengths that deploy as designed"
         ),
-        LaterThan("none"),
     ] = DEFAULT_COMPENSATION
 
     @property

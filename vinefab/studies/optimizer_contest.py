@@ -17,7 +17,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vinefab.core.atomic import ensure_writable, folder_to_fill
+from vinefab.core.atomic import ensure_writable, folder_to_fill, is_ours
 from vinefab.core.errors import BadInputError, UnreadableFileError, WorkersLostError, located
 from vinefab.core.hashing import fingerprint
 from vinefab.core.interruption import end_with_parent, stops_deferred
@@ -189,7 +189,8 @@ def contest_rows(
     force: bool = False,
 ) -> list[ContestRow]:
     """Do the runs that a record does not hold yet, and return all of them."""
-    ensure_writable(record, force=force)
+    # A record that grows has a mark without a digest.
+    ensure_writable(record, force=force or (record.is_file() and is_ours(record)))
     known = _recorded(record)
     contest_runs = contest.runs()
     todo = [contest_run for contest_run in contest_runs if contest_run.key not in known]

@@ -2,13 +2,12 @@
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import shapely
 from annotated_types import Ge, Le, Unit
-from pydantic import BeforeValidator, model_validator
+from pydantic import BeforeValidator
 from shapely.geometry.base import BaseGeometry
 from typing_extensions import Doc
 
@@ -22,10 +21,7 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.target import (
-    MOST_TARGETS,
-    TOLERANCE_MM,
     Branches,
-    Point,
     Target,
     TargetsResult,
     check_targets,
@@ -47,16 +43,6 @@ QUARTER_SEGMENTS = 32
 
 
 Distance = Annotated[float, Ge(SMALLEST), Le(LARGEST_MM), Unit("mm")]
-
-
-def _points(given: object) -> object:
-    """Return points of any length as given, where they are points."""
-    if not isinstance(given, list | tuple) or len(given) > MOST_TARGETS:
-        raise ValueError(f"[[x, y], ...], at most {MOST_TARGETS}")
-    for place, point in enumerate(given, start=1):
-        if not isinstance(point, list | tuple) or len(point) != 2:
-            raise BadInputError(f"[{place}]", point, "[x, y] in mm")
-    return tuple(given)
 
 
 NEAR_MM = 80.0
@@ -92,19 +78,6 @@ class Reach(Table):
             "touched, plus something for nearness, and `buffer_mm` and `area` have no effect"
         ),
     ] = ()
-    target_mm: Annotated[
-        tuple[Point, ...],
-        BeforeValidator(_points),
-        Unit("mm"),
-        Doc("targets as run files had them first: nearness counts nothing without `falloff_mm`"),
-    ] = ()
-    tolerance_mm: Annotated[
-        Distance,
-        Doc(
-            "of `target_mm`: largest distance, straight, walls or not, at which a target counts "
-            "as reached (assumed)"
-        ),
-    ] = TOLERANCE_MM
     falloff_mm: Annotated[
         float | None,
         Ge(0),
@@ -112,7 +85,7 @@ class Reach(Table):
         Unit("mm"),
         Doc(
             "beyond its tolerance a target counts less and less, and nothing so much farther; 0: "
-            f"nothing. Default: {NEAR_MM:g}; 0 for `target_mm`"
+            f"nothing. Default: {NEAR_MM:g}"
         ),
     ] = None
     reached_by: Annotated[
@@ -120,27 +93,9 @@ class Reach(Table):
         Doc("body: any point of a centreline; tip: the tip of a branch"),
     ] = "body"
 
-    @model_validator(mode="after")
-    def _one_kind_of_targets(self) -> "Reach":
-        if self.targets and self.target_mm:
-            raise BadInputError("target_mm", self.target_mm[0], "not together with targets")
-        return self
-
-    @cached_property
-    def own(self) -> tuple[Target, ...]:
-        """Its own targets, as they may be given in two ways."""
-        within_mm = self.tolerance_mm
-        points = [Target(point_mm=point, tolerance_mm=within_mm) for point in self.target_mm]
-        return self.targets or targets_given(points)
-
     def goals(self, of_map: Sequence[Target]) -> tuple[Target, ...]:
         """Return the targets that count on a map: its own, or those of the map."""
-        return self.own or tuple(of_map)
-
-    @property
-    def is_desert(self) -> bool:
-        """Whether a target that is missed counts nothing, because nothing was said of nearness."""
-        return bool(self.target_mm) and self.falloff_mm is None
+        return self.targets or tuple(of_map)
 
     def for_search(self) -> "Reach":
         """Return the task with fast areas, unless its parameters say how to measure them."""
@@ -148,11 +103,8 @@ class Reach(Table):
 
     def check_map(self, world: Map, context: MapContext) -> None:
         """Raise `BadInputError` where a target is not in the free space of a map."""
-        key = "target_mm[{}]" if self.target_mm else "targets[{}]"
-        check_targets(world, self.goals(context.targets), f"task.{key}" if self.own else key)
-        if not self.target_mm and self.tolerance_mm != TOLERANCE_MM and context.targets:
-            allowed = "each target its own: tolerance_mm in the map or in task.targets"
-            raise BadInputError("task.tolerance_mm", self.tolerance_mm, allowed)
+        key = "task.targets[{}]" if self.targets else "targets[{}]"
+        check_targets(world, self.goals(context.targets), key)
 
     def cover(self, context: MapContext) -> Cover:
         """Return the measure of the targets that several robots reach together."""
@@ -250,7 +202,7 @@ class Reach(Table):
         falloff_mm = self.falloff_mm
         if falloff_mm is None:
             near = NEAR_SHARE * np.clip(1.0 - beyond_mm / NEAR_MM, 0.0, 1.0)
-            counted = np.where(touched, 1.0, 0.0 if self.target_mm else near)
+            counted = np.where(touched, 1.0, near)
         elif falloff_mm > 0.0:
             counted = np.clip(1.0 - beyond_mm / falloff_mm, 0.0, 1.0)
         terms = {

@@ -19,7 +19,6 @@ def test_a_forged_record_leaves_nothing_behind(tmp_path):
 @pytest.mark.parametrize(
     ("origin", "key"),
     [
-        ({"task_parameters": {"target_mm": 5}}, "origin.task_parameters.target_mm"),
         ({"task_parameters": {"targets": "x"}}, "origin.task_parameters.targets"),
         (
             {"targets": [{"point_mm": [1, 2], "tolerance_mm": "a"}]},

@@ -14,7 +14,6 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.cave import cave_map
 from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.files.run_context import map_fingerprint
-from vinefab.model.laser import read_profile
 from vinefab.search.record.generations import RunIdentity
 from vinefab.search.record.result import (
     RECORD_FILE,
@@ -25,7 +24,6 @@ from vinefab.search.record.result import (
     map_to_text,
     plain_summary,
     records_in,
-    resumed_limits,
 )
 from vinefab.search.record.store import RunStore
 from vinefab.search.run import Search
@@ -119,27 +117,6 @@ def test_all_settings_read_back_the_same(small):
     assert settings_from_plain(plain_settings(rich)) == rich
     wide = rich.changed(build=BuildSettings(widths_mm=(30.0, 20.0)))
     assert settings_from_plain(json.loads(json.dumps(plain_settings(wide)))) == wide
-    assert "widths_mm" not in json.dumps(plain_settings(small))
-    assert "pieces" not in json.dumps(plain_settings(small))
-    assert "joint_weight" not in json.dumps(plain_settings(small))
-
-
-def test_records_without_compensation_are_of_runs_that_were_cut_as_designed(tmp_path, small, maps):
-    """Their ids stay, and run files that leave it out resume them, whatever the default is."""
-    old, new = (small.changed(build=BuildSettings(compensation=c)) for c in ("none", "inflation"))
-    plain = json.loads(json.dumps(plain_settings(old)))
-    assert "compensation" not in plain["build"]
-    assert settings_from_plain(plain) == old
-    assert settings_from_plain(json.loads(json.dumps(plain_settings(new)))) == new
-    assert RunIdentity.of(old, maps).run_id != RunIdentity.of(new, maps).run_id
-    for settings in (old, new):
-        folder = tmp_path / settings.build.compensation
-        folder.mkdir()
-        with RunStore.open(folder, RunIdentity.of(settings, maps), maps=maps):
-            pass
-        left_out = small.changed(build=BuildSettings())
-        assert resumed_limits(folder, left_out) == settings
-        assert resumed_limits(folder, old) == old
 
 
 def test_maps_read_back_to_the_last_bit(maps):
@@ -200,19 +177,6 @@ def test_records_are_found_below_a_folder_and_others_refused(tmp_path, small, ma
     old.close()
     with pytest.raises(UnreadableFileError, match="has schema vinefab/run-store-1; this vinefab"):
         RunArchive.read(found[0])
-
-
-def test_a_recipe_stands_in_records_as_before_it_was_a_table():
-    """Ids of runs are made from it: with another layout no earlier run could be resumed."""
-    profile = plain_settings(read_profile("co2_60w__stretchlon_200"))
-    assert set(profile["recipe"]) == {
-        *("name", "title", "status", "source", "operations", "growth", "limits", "coupons"),
-        *("windows", "lap"),
-    }
-    assert (profile["recipe"]["growth"], profile["recipe"]["windows"]) == ({}, [])
-    weldcut = profile["recipe"]["operations"]["weldcut"]
-    assert (weldcut["tool"], weldcut["dwell_s"]) == ("laser", None)
-    assert "schema_" not in {*profile["machine"], *profile["material"]}
 
 
 def test_a_full_disk_is_no_damage_and_walks_have_limits(tmp_path):

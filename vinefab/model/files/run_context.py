@@ -28,14 +28,14 @@ from vinefab.model.files.toml import read_toml
 from vinefab.model.laser import LaserProfile, profile_files, read_profile
 from vinefab.model.map import Map
 from vinefab.model.start import start_record
-from vinefab.model.target import TOLERANCE_MM, Target, targets_given
+from vinefab.model.target import Target, targets_given
 
 RECORD = "the record of the run"
 COPY_FOLDER = "recipe_of_run"
 """Folder of the copy, next to the design file."""
 
-PLACES = ("targets", "target_mm")
-"""Parameters of tasks that are places on the maps of a run."""
+PLACES = "targets"
+"""Parameter of tasks that holds places on the maps of a run."""
 
 _Text = Annotated[str, Field(pattern=r"^[^\x00]+$")]
 _Title = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]*$")]
@@ -101,25 +101,19 @@ class RunContext(Table):
     def places(self) -> tuple[Target, ...]:
         """The targets of the run: its task's, else those of its maps."""
         named, key = self.task_parameters, "origin.task_parameters"
-        if "target_mm" in named:  # the earlier form, with one tolerance
-            tolerance_mm = named.get("tolerance_mm", TOLERANCE_MM)
-            points = targets_given(named["target_mm"], f"{key}.target_mm")
-            placed = [{"point_mm": one.point_mm, "tolerance_mm": tolerance_mm} for one in points]
-            return targets_given(placed, f"{key}.target_mm")
         if self.has_places:
-            return targets_given(named["targets"], f"{key}.targets")
+            return targets_given(named[PLACES], f"{key}.targets")
         return targets_given(self.targets, "origin.targets")
 
     @property
     def has_places(self) -> bool:
         """Whether its task has targets, which took the place of those of its maps."""
-        return any(self.task_parameters.get(name) for name in PLACES)
+        return bool(self.task_parameters.get(PLACES))
 
     @property
     def without_places(self) -> Self:
         """The same without targets."""
-        gone = (*PLACES, "tolerance_mm")  # which is that of target_mm
-        named = {key: value for key, value in self.task_parameters.items() if key not in gone}
+        named = {key: value for key, value in self.task_parameters.items() if key != PLACES}
         return self.changed(task_parameters=named, targets=())
 
     def trained_on(self, worlds: Iterable[Map]) -> list[bool]:
@@ -168,8 +162,7 @@ def map_fingerprint(world: Map) -> str:
         world.bounds.wkb_hex,
         [obstacle.wkb_hex for obstacle in world.obstacles],
         starts,
-        # Maps without them keep the fingerprint that they had before there were any.
-        *([[target.content for target in world.targets]] if world.targets else []),
+        [target.content for target in world.targets],
     )
 
 
@@ -256,7 +249,6 @@ class ChosenRecipe:
         return cls(recipe=str(path), profile=read_profile(path), note=note, is_other=True)
 
 
-# As in records of before: searches no longer compute with cmaes, which fixes use.
 _PACKAGES = ("cmaes", "numba", "numpy", "pymoo", "pyswarms", "scipy", "shapely")
 
 _own_version = cache(version)  # to ask takes a millisecond; plug-ins are asked for each time

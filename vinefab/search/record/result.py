@@ -50,7 +50,7 @@ from vinefab.search.settings import (
     plain_settings,
     settings_from_plain,
 )
-from vinefab.search.space import BuildSettings, Space
+from vinefab.search.space import Space
 from vinefab.tasks.evaluate import composite
 
 PLACED_OFF = 10.0
@@ -104,8 +104,7 @@ def lead_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
         value=replace(number, interval=None),
         detail=f"{number.bracket}, {score.detail}".removeprefix(", "),
     )
-    failed = content["unseen"].get("failed")  # unknown in records of an earlier vinefab
-    return score, *([] if failed is None else [Failures(**failed).fact]), placed
+    return score, Failures(**content["unseen"]["failed"]).fact, placed
 
 
 def window_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
@@ -289,8 +288,7 @@ class RunResult(Result):
     prediction
         What is predicted of the winner elsewhere, in plain values (`prediction.run_winner`).
     recipe
-        The recipe by which designs were judged; None where none was asked for, and in a record of
-        an older vinefab.
+        The recipe by which designs were judged; None where none was asked for.
     violations
         Which rules and limits the winner violates; empty where none, or where that is not known.
     front
@@ -687,18 +685,11 @@ def read_extensions(connection: sqlite3.Connection) -> tuple[Extension, ...]:
     return tuple(Extension(**json.loads(text)) for (text,) in rows)
 
 
-def completed(identity: RunIdentity) -> RunIdentity:
-    """Return an identity with the defaults of settings that are newer than its record."""
-    plain = plain_settings(settings_from_plain(identity.settings))
-    return replace(identity, settings={**identity.settings, **cast("dict[str, Any]", plain)})
-
-
 def resumed_limits(folder: Path, settings: RunSettings) -> RunSettings:
     """Return the settings of a run with the limits that its record has, if it has one.
 
     A run file gives the first settings, also after the limits were raised. One that gives
     neither these nor the present ones is left as it is, to be refused when the record is opened.
-    One that leaves out ``build.compensation`` means the record's: its default was another once.
     """
     path = folder / RECORD_FILE
     if not path.is_file():
@@ -709,11 +700,7 @@ def resumed_limits(folder: Path, settings: RunSettings) -> RunSettings:
             return settings
         entries = dict(connection.execute("SELECT key, value FROM run").fetchall())
         identity = recorded_identity(entries, path)
-        limits, build = identity.limits, settings.build
-        if "compensation" not in build.model_fields_set:
-            recorded = identity.settings.get("build")
-            held = BuildSettings.before() | (recorded if isinstance(recorded, dict) else {})
-            settings = settings.changed(build=build.changed(compensation=held["compensation"]))
+        limits = identity.limits
         known = [limits, *(one.before for one in read_extensions(connection))]
         if {name: getattr(settings.search, name) for name in limits} not in known:
             return settings

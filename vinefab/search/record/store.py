@@ -35,7 +35,6 @@ from vinefab.search.record.result import (
     RECORD_FILE,
     RECORD_SCHEMA,
     chained_digest,
-    completed,
     damage_errors,
     ensure_recorded,
     generation_rows,
@@ -338,7 +337,7 @@ class RunStore:
             now = recorded
             if raises_limits:
                 now = recorded.with_limits(self.identity.settings["search"])
-            problem = self.identity.differs_from(completed(now))
+            problem = self.identity.differs_from(now)
             self.drift = tuple(self.identity.drift(recorded))
         if problem is not None:
             raise problem.at(self.path)

@@ -127,7 +127,7 @@ def starts_where_it_is_told(settings, result, folder):
     poses = [evaluation.pose for evaluation in result.score.evaluations]
     assert {pose.y_mm for pose in poses} == {15.0}
     assert all(240.0 <= pose.x_mm <= 260.0 for pose in poses)
-    assert [one.name for one in run_task(settings).own] == ["A", "B", "valve"]
+    assert [one.name for one in run_task(settings).targets] == ["A", "B", "valve"]
     assert all("targets_reached" in evaluation.terms for evaluation in result.score.evaluations)
     rebuild(folder, folder / "again")
     (world,) = training_maps(settings)

@@ -235,7 +235,6 @@ class Material(Table):
         float | None,
         _LENGTH,
         Field(repr=False),
-        LATER,
         Unit("mm"),
         Doc("thickness of one layer of the film that lamination is for"),
     ] = None

@@ -57,6 +57,6 @@ def _of_task(task: Task, maps: Sequence[Map]) -> tuple[str, ...]:
     if isinstance(task, Coverage):
         fast = () if task.area == "exact" else (*_SEEN, "tasks.areas_kernel.cover_areas")
         return (*fast, _EXACT)
-    if isinstance(task, Reach) and not task.own and not any(world.targets for world in maps):
+    if isinstance(task, Reach) and not task.targets and not any(world.targets for world in maps):
         return _REACHED
     return ()

@@ -16,7 +16,7 @@ from shapely import box
 import vinefab as vf
 from vinefab.core import errors
 from vinefab.core.view import Result
-from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.outline.body_outline import body_outline
 
 ROOM = vf.Map(
     name="room",

@@ -46,9 +46,11 @@ if TYPE_CHECKING:
     from vinefab.prediction.family_deployments import MapFamily
     from vinefab.prediction.inflation_report import InflatedDesign
     from vinefab.prediction.predict import Predicted
+    from vinefab.search.optimizers.optimizer import OptimizerConfig
     from vinefab.tasks.task import Task
 
     TaskLike = str | Task
+    OptimizerLike = str | OptimizerConfig
     Answer = TypeVar("Answer", AimResult, DesignComparison, InflatedDesign, Predicted)
 else:
     TaskLike = Annotated[
@@ -57,6 +59,12 @@ else:
         Doc("The name of a task, in Python also a task of your own: an object with ``name``, "
             "``lowest`` and ``evaluate``."),
     ]  # fmt: skip
+    OptimizerLike = Annotated[
+        object,
+        Kind(
+            metavar="NAME", known=registered_names("vinefab.search.optimizers.optimizer:OPTIMIZERS")
+        ),
+    ]
 
 MOST_POSES = 1_000_000
 MOST_WORKERS = 1024

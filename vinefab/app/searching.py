@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.app.common import (
     MOST_WORKERS,
+    OptimizerLike,
     OutFolder,
     StudyOutcome,
     TaskLike,
@@ -57,6 +58,7 @@ from vinefab.model.inputs import (
 )
 
 if TYPE_CHECKING:
+    from vinefab.search.optimizers.optimizer import OptimizerConfig
     from vinefab.search.record.result import RunResult
     from vinefab.search.run_pages import RunListing
     from vinefab.search.settings import RunSettings
@@ -91,6 +93,7 @@ def optimize(
     cluster: Annotated[str | None, Kind(metavar="ADDRESS")] = None,
     seed: Seed | None = None,
     task: TaskLike | None = None,
+    optimizer: OptimizerLike | None = None,
     resume: bool = False,
     generations: int | None = None,
     evaluations: int | None = None,
@@ -124,8 +127,11 @@ def optimize(
         Seed of the search in place of the run's.
     task
         A task in place of the run's: its name, in Python also a task of your own.
+    optimizer
+        An optimizer in place of the run's: its name, in Python also one of your own.
     resume
-        Continue the run in ``out``; needed to raise its limits, and with a task of your own.
+        Continue the run in ``out``; needed to raise its limits, and with a task or an optimizer of
+        your own.
     generations
         With ``resume``: go on until so many generations.
     evaluations
@@ -183,6 +189,7 @@ def optimize(
     own_task = None if task is None or isinstance(task, str) else task_of(task, {})
     if isinstance(task, str):
         settings = settings.changed(task=PartSettings(name=task))
+    settings, own_optimizer = _searched_by(settings, optimizer)
     if seed is not None:
         settings = settings.changed(search=settings.search.changed(seed=seed))
     limits = {
@@ -201,13 +208,14 @@ def optimize(
             raise BadInputError("out", None, "the folder for the record and best.toml")
         evaluator = make_point_evaluator(workers, cluster)
         with told(progress), heard_by(_Advised().hear):
-            return _searched(settings, own_task, evaluator)
+            return _searched(settings, own_task, own_optimizer, evaluator)
 
     from vinefab.prediction.run_winner import run_in_folder
 
     folder = as_path("out", out)
-    # The code of a user's task is not part of a run's identity: it may have changed.
-    if not resume and own_task is None and (folder / RECORD_FILE).is_file():
+    # The code of a user's parts is not part of a run's identity: it may have changed.
+    own = own_task is not None or own_optimizer is not None
+    if not resume and not own and (folder / RECORD_FILE).is_file():
         resume = True
         note(f"{folder} holds a run: if it is this one, it is continued", only_in_shell=True)
     pages = (PAGE_NAME,) if page else ()
@@ -226,6 +234,7 @@ def optimize(
                 workers=make_point_evaluator(workers, cluster),
                 source=source,
                 task=own_task,
+                optimizer=own_optimizer,
             )
             result = ended.result
             again_scored = _score_again(result, settings, folder / "best.toml", own_task)
@@ -273,6 +282,24 @@ def _score_again(
     return call.text()
 
 
+def _searched_by(
+    settings: RunSettings, optimizer: OptimizerLike | None
+) -> tuple[RunSettings, OptimizerConfig | None]:
+    """Return settings with an optimizer that is named, or one that is an object."""
+    from vinefab.search.optimizers.optimizer import make_optimizer_config
+    from vinefab.search.settings import PartSettings
+
+    if optimizer is None:
+        return settings, None
+    if isinstance(optimizer, str):
+        make_optimizer_config(optimizer)  # an unknown name is refused here
+        return settings.changed(optimizer=PartSettings(name=optimizer)), None
+    if not callable(getattr(optimizer, "start", None)):
+        allowed = "a name, or an object with start(axes, population, seed)"
+        raise BadInputError("optimizer", optimizer, allowed)
+    return settings, optimizer
+
+
 def _run_of(given: RunLike) -> tuple[RunSettings, Path | None]:
     """Return the settings of a run, and the file that they come from."""
     from vinefab.model.files.shipped import locate
@@ -303,6 +330,7 @@ class _Advised:
 def _searched(
     settings: RunSettings,
     task: Task | None,
+    optimizer: OptimizerConfig | None,
     workers: Any,
 ) -> RunResult:
     """Return the result of a search that is not recorded."""
@@ -315,7 +343,9 @@ def _searched(
 
     maps, fresh = training_maps(settings), fresh_maps(settings)
     precompile(needed_code(settings, maps) if task is None else ())
-    search = Search.of(settings, maps, penalty_of(settings), task=task, fresh_maps=fresh)
+    search = Search.of(
+        settings, maps, penalty_of(settings), task=task, optimizer=optimizer, fresh_maps=fresh
+    )
     result, recipe = search.run(workers=workers), recipe_of(settings)
     if recipe is not None:
         result = result.with_recipe(recipe)

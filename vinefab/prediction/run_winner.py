@@ -60,6 +60,7 @@ from vinefab.prediction.prediction_width import (
 from vinefab.prediction.pressure_window import PressureWindow, window_over
 from vinefab.search.evaluator import PointEvaluator, final_seed, with_pose_range
 from vinefab.search.manufacturability import run_profile
+from vinefab.search.optimizers.optimizer import OptimizerConfig
 from vinefab.search.record.generations import curve_of
 from vinefab.search.record.result import (
     RECORD_FILE,
@@ -148,6 +149,7 @@ def run_in_folder(  # noqa: PLR0913  options by keyword
     workers: int | PointEvaluator = 1,
     source: Path | None = None,
     task: Task | None = None,
+    optimizer: OptimizerConfig | None = None,
 ) -> EndedRun:
     """Run the optimizer with its record, and predict what its winner does elsewhere.
 
@@ -157,7 +159,7 @@ def run_in_folder(  # noqa: PLR0913  options by keyword
         The command that resumes the run.
     page
         Whether to keep a page of the run current while it is going on.
-    resume, limits, workers, source, task
+    resume, limits, workers, source, task, optimizer
         As in `vinefab.search.run.run_search`.
     """
     ended: EndedRun | None = None
@@ -179,6 +181,7 @@ def run_in_folder(  # noqa: PLR0913  options by keyword
             predict=predict,
             source=source,
             task=task,
+            optimizer=optimizer,
         )
         return EndedRun.read(folder, result) if ended is None else replace(ended, result=result)
 

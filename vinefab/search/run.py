@@ -17,7 +17,7 @@ from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.foreign import calling, ensure_type, is_own
 from vinefab.core.front_door import imported_later
 from vinefab.core.progress import Progress, announce, each, phase
-from vinefab.core.registry import parameter_names
+from vinefab.core.registry import parameter_names, parameter_values
 from vinefab.core.rng import child
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import MOST_BRANCHES
@@ -51,6 +51,7 @@ from vinefab.search.needed_code import needed_code
 from vinefab.search.optimizers.optimizer import (
     FrontOptimizer,
     Optimizer,
+    OptimizerConfig,
     ScreeningOptimizer,
     StartingOptimizer,
     make_optimizer_config,
@@ -131,6 +132,7 @@ class Search:
     evaluator: Evaluator
     optimizer: Optimizer  # before its first generation
     fresh_maps: tuple[Map, ...] = ()  # unseen ones that the winner is chosen on
+    own_optimizer: OptimizerConfig | None = None  # in place of the one that the settings name
 
     @classmethod
     def of(
@@ -140,6 +142,7 @@ class Search:
         penalty: Penalty | None = None,
         *,
         task: Task | None = None,
+        optimizer: OptimizerConfig | None = None,
         fresh_maps: Sequence[Map] = (),
     ) -> "Search":
         """Prepare the search of a run; nothing is evaluated or written yet.
@@ -156,6 +159,8 @@ class Search:
             full check can win, as long as there is one.
         task
             A task object, in place of the task that the settings name.
+        optimizer
+            An object with ``start``, in place of the optimizer that the settings name.
         fresh_maps
             Maps that the winner is chosen on; none: on fresh poses on the training maps.
 
@@ -167,29 +172,37 @@ class Search:
         if task is not None:
             own = {name: getattr(task, name) for name in parameter_names(type(task))}
             settings = settings.changed(task=PartSettings(name=task.name, parameters=own))
+        if optimizer is not None:
+            with calling(f"optimizer {type(optimizer).__name__!r}", optimizer):
+                own = parameter_values(optimizer)
+                named = PartSettings(name=type(optimizer).__name__, parameters=own)
+            settings = settings.changed(optimizer=named)
         spec = EvaluatorSpec(settings=settings, maps=tuple(maps), penalty=penalty, task=task)
         evaluator = Evaluator.of(spec)
-        config = make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
+        config = optimizer or make_optimizer_config(
+            settings.optimizer.name, settings.optimizer.parameters
+        )
         seed, population = settings.search.seed, settings.search.population
-        optimizer = started(config, settings.optimizer.name, evaluator.space.axes, population, seed)
+        asked = started(config, settings.optimizer.name, evaluator.space.axes, population, seed)
         check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
-        if settings.start_from and not isinstance(optimizer, StartingOptimizer):
+        if settings.start_from and not isinstance(asked, StartingOptimizer):
             allowed = "nothing there: only the optimizer islands begins at designs"
             raise BadInputError("optimizer.start_from", settings.optimizer.name, allowed)
-        with calling(f"optimizer {settings.optimizer.name!r}", optimizer):
-            if settings.objectives and isinstance(optimizer, FrontOptimizer):
-                optimizer.set_lowest(evaluator.lowest)
+        with calling(f"optimizer {settings.optimizer.name!r}", asked):
+            if settings.objectives and isinstance(asked, FrontOptimizer):
+                asked.set_lowest(evaluator.lowest)
             # A user's own penalty may take longer than growth: screening asks for many.
-            if evaluator.screens and isinstance(optimizer, ScreeningOptimizer):
-                optimizer.screen_by(evaluator.penalties)
-            if settings.start_from and isinstance(optimizer, StartingOptimizer):
-                optimizer.start_from([np.array(point) for point in settings.start_from])
+            if evaluator.screens and isinstance(asked, ScreeningOptimizer):
+                asked.screen_by(evaluator.penalties)
+            if settings.start_from and isinstance(asked, StartingOptimizer):
+                asked.start_from([np.array(point) for point in settings.start_from])
         search = cls(
             settings=settings,
             maps=spec.maps,
             evaluator=evaluator,
-            optimizer=optimizer,
+            optimizer=asked,
             fresh_maps=tuple(fresh_maps),
+            own_optimizer=optimizer,
         )
         conditions = evaluator.training_conditions(seed, 0)
         evaluator.launches(conditions)
@@ -280,7 +293,7 @@ class Search:
         if targets is None or targets.all_touched or not asked:
             return ()
         with phase("a search that no rule stops"):
-            free = Search.of(without_rules(settings), self.maps).run()
+            free = Search.of(without_rules(settings), self.maps, optimizer=self.own_optimizer).run()
         if free.targets is None or len(free.targets.missed) >= len(targets.missed):
             return ("robots that no rule stops touch no more: what is missing is length or levels",)
         rules = rules_broken(self.evaluator, [one.x for one in free.finalists])
@@ -521,6 +534,7 @@ def run_search(  # noqa: PLR0913  options by keyword
     predict: Callable[[Search, RunResult], Mapping[str, Any]] | None = None,
     source: Path | None = None,
     task: Task | None = None,
+    optimizer: OptimizerConfig | None = None,
 ) -> RunResult:
     """Run the optimizer and keep its record in a folder.
 
@@ -537,7 +551,7 @@ def run_search(  # noqa: PLR0913  options by keyword
         what it has under ``origin`` stands in the winner's origin.
     source
         The run file, for error messages.
-    workers, task
+    workers, task, optimizer
         As in `vinefab.search.run.Search`.
 
     Raises
@@ -555,7 +569,10 @@ def run_search(  # noqa: PLR0913  options by keyword
         code = needed_code(settings, maps) if task is None else ()
         precompile(code)
         penalty = penalty_of(settings)
-        search = Search.of(settings, maps, penalty, task=task, fresh_maps=fresh_maps(settings))
+        fresh = fresh_maps(settings)
+        search = Search.of(
+            settings, maps, penalty, task=task, optimizer=optimizer, fresh_maps=fresh
+        )
     identity = RunIdentity.of(search.settings, maps, penalty)
     with (
         tuned_meanwhile(code),

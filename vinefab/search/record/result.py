@@ -582,7 +582,7 @@ def state_from_text(text: str) -> dict[str, Any]:
     """Return the state of `state_to_text`; all arrays are arrays of floats."""
     return {
         name: from_blob(base64.b64decode(value["bits"])).reshape(value["shape"])
-        if isinstance(value, dict)
+        if isinstance(value, dict) and value.keys() == {"shape", "bits"}
         else value
         for name, value in json.loads(text).items()
     }

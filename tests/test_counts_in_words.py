@@ -28,6 +28,8 @@ SOUND = {
     ("given", "deployments"),
     ("tags", "values"),  # over a limit
     ("name", "layers"),
+    ("name", "maps"),
+    ("count", "robots"),  # several
     ("verifying", "lines"),
     ("row", "generations"),  # 3/20
     ("given", "maps"),  # said where there are several

@@ -132,7 +132,7 @@ def starts_where_it_is_told(settings, result, folder):
     rebuild(folder, folder / "again")
     (world,) = training_maps(settings)
     drawn = (folder / "again" / "map_grid_3.svg").read_bytes()
-    assert drawn == marked(page_svg(map_plan(world, targets=run_task(settings).own)))
+    assert drawn == marked(page_svg(map_plan(world, targets=run_task(settings).targets)))
     assert drawn != marked(page_svg(map_plan(world)))
 
 

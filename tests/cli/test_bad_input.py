@@ -301,7 +301,7 @@ LINES = {
     "report plain_vine --out out.html": "--environment",
     "report plain_vine --environment gird --out out.html": "did you mean 'grid'",
     "report plain_vine --environment grid --count 0 --out out.html": "--count is 0",
-    "report plain_vine --environment grid --set sise=3 --out out.html": "grid.sise",
+    "report plain_vine --environment grid --set sise=3 --out out.html": "of the environment",
     "compare plain_vine --environment grid": "design",
     "compare plain plain_vine --map grid.geojson --measure growth_pressure": "growth_pressure_",
     "aim plain --map grid.geojson --where moon": "--where",
@@ -312,7 +312,7 @@ LINES = {
     "aim plain --map grid.geojson --placing-mm nan": "--placing-mm",
     "aim plain --map grid.geojson --task moon": "moon",
     "aim plain --map grid.geojson --out aim.pdf": "--out",
-    "aim plain --map grid.geojson --set target_mm=[[900,900]]": "target_mm",
+    "aim plain --map grid.geojson --set targets=[[900,900]]": "targets",
     "aim plain --map grid.geojson --growth head_on_half_angle_deg=15,1": "head-on-half-angle-deg",
     # runs
     "study contest tiny.toml --optimizer pso:inertai=1 --out out": "did you mean 'inertia'",

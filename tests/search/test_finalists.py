@@ -147,7 +147,7 @@ def test_a_winner_is_chosen_on_maps_that_the_search_has_not_seen(small):
 
 def test_where_a_run_names_its_places_the_winner_is_chosen_there(small):
     start = Start(pose=Pose(x_mm=10.0, y_mm=10.0, heading_rad=0.0))
-    aimed = PartSettings(name="reach", parameters={"target_mm": [[100.0, 100.0]]})
+    aimed = PartSettings(name="reach", parameters={"targets": [[100.0, 100.0]]})
     for other in (
         small.changed(maps=small.maps.changed(start=start)),
         small.changed(maps=small.maps.changed(files=(Path("a.geojson"),))),
@@ -407,13 +407,13 @@ def test_two_tasks_are_one_run_and_are_scored_alike_by_the_workers_of_a_cluster(
 @pytest.mark.parametrize(("own", "key"), [("reach", "task."), ("coverage", "task.reach.")])
 def test_a_target_in_an_obstacle_is_refused_by_the_name_of_its_table(small, maps, own, key):
     inside = maps[0].obstacles[3].representative_point()
-    target = {"target_mm": [[250.0, 15.0], [inside.x, inside.y]]}
+    target = {"targets": [[250.0, 15.0], [inside.x, inside.y]]}
     settings = with_two_tasks(small).changed(other_parameters={"reach": target})
     if own == "reach":
         settings = small.changed(task=PartSettings(name="reach", parameters=target))
     with pytest.raises(BadInputError, match="inside an obstacle of map 'grid_1'") as caught:
         Search.of(settings, maps)
-    assert caught.value.key == f"{key}target_mm[2]"
+    assert caught.value.key == f"{key}targets[2]"
 
 
 def test_other_tasks_lose_for_head_on_stops_and_meet_the_same_contacts(small, maps):

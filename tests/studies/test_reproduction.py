@@ -151,14 +151,14 @@ def test_a_damaged_part_is_named(folder, tmp_path):
     part = copy / "parts" / f"{job.key}.json"
     part.write_text(part.read_text()[:40])
     with pytest.raises(UnreadableFileError, match="is not JSON"):
-        JobStore(copy, QUICK_SIZE, 1, lambda _, __: None).train([job])
+        JobStore(copy, QUICK_SIZE, 1).train([job])
 
 
 @pytest.mark.thorough
 def test_processes_find_what_one_finds(folder, tmp_path):
     """Two processes, another folder: the same parts, byte for byte."""
     jobs = [Training(settings=coverage_run(QUICK_SIZE, "grid", number)) for number in range(2)]
-    with JobStore(tmp_path / "lab", QUICK_SIZE, 2, lambda _, __: None) as store:
+    with JobStore(tmp_path / "lab", QUICK_SIZE, 2) as store:
         store.train([*jobs, Training(settings=coverage_run(QUICK_SIZE, "cave", 0))])
     for job in jobs:
         path = f"parts/{job.key}.json"
@@ -166,9 +166,9 @@ def test_processes_find_what_one_finds(folder, tmp_path):
 
 
 def test_a_lab_of_another_version_is_refused(tmp_path):
-    JobStore(tmp_path / "lab", QUICK_SIZE, 1, lambda _, __: None)
+    JobStore(tmp_path / "lab", QUICK_SIZE, 1)
     with pytest.raises(BadInputError, match="poses"):
-        JobStore(tmp_path / "lab", replace(QUICK_SIZE, poses=7), 1, lambda _, __: None)
+        JobStore(tmp_path / "lab", replace(QUICK_SIZE, poses=7), 1)
 
 
 def test_runs_that_differ_have_other_keys():
@@ -315,10 +315,10 @@ def test_a_run_that_was_killed_as_it_began_goes_on(tmp_path):
     folder = tmp_path / "study"
     folder.mkdir()
     (folder / ".settings.json.k1ll3d").write_text("{")
-    with JobStore(folder, QUICK_SIZE, 1, lambda _, __: None) as store:
+    with JobStore(folder, QUICK_SIZE, 1) as store:
         assert store.finished() == []
     other = tmp_path / "other"
     other.mkdir()
     (other / "notes.txt").write_text("mine")
     with pytest.raises(ForeignFileError, match="holds other files"):
-        JobStore(other, QUICK_SIZE, 1, lambda _, __: None)
+        JobStore(other, QUICK_SIZE, 1)

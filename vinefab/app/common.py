@@ -337,7 +337,8 @@ def _task_of(
     words: _Words = _NOTHING
     if task is None and not usual and not _is_plugin(run.task):
         for name, value in parameters.items():
-            raise BadInputError(name, value, "together with task, whose parameter it is")
+            allowed = "an option of the environment, or with task a parameter of it"
+            raise BadInputError(name, value, allowed)
         return None, words
     if task is None and worlds and usual != "reach" and all(world.targets for world in worlds):
         usual, words = "reach", ((), ("task reach: the maps have targets",))

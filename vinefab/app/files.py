@@ -237,7 +237,7 @@ def rules(
     $ vinefab rules VF-C01
 
     >>> rules()["VF-C01"].limits
-    mappingproxy({'error': 0.0, 'warning': 2.0})
+    {'error': 0.0, 'warning': 2.0}
     """
     from vinefab.fabrication.rules.catalog import RuleBook
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vinefab as vf
+from vinefab.search.run import Search, training_maps
 
 SETTINGS = vf.RunSettings(
     maps=vf.MapSettings(count=1, options={"columns": 3, "rows": 3}),
@@ -69,3 +70,15 @@ def test_a_name_is_taken_and_anything_else_is_refused():
         optimize("randm")
     with pytest.raises(vf.BadInputError, match="start"):
         optimize(3)
+
+
+@pytest.mark.parametrize(
+    ("penalty", "words"),
+    [(lambda _: 1 / 0, "ZeroDivisionError"), (lambda _: "much", "not a number")],
+)
+def test_a_penalty_that_breaks_down_is_named(penalty, words):
+    settings = SETTINGS.changed(evaluation={"fabricable": True})
+    search = Search.of(settings, training_maps(settings), penalty)
+    with pytest.raises(vf.VinefabError, match=words) as caught:
+        search.run()
+    assert "penalty" in str(caught.value)

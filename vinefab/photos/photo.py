@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageOps, UnidentifiedImageError
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.foreign import reading
 from vinefab.core.plain_text import visible
 from vinefab.core.validation import Floats, frozen_floats, number, positive
 from vinefab.model.files.shipped import read_bytes
@@ -75,6 +76,16 @@ def read_photo(path: Path) -> Photo:
     data = read_bytes(path, _MOST_BYTES)
     if data[4:8] == b"ftyp":
         raise UnreadableFileError(path, "is a HEIC photo or a film; save it as JPEG or PNG")
+    with reading(path):
+        pixels, focal_35mm_mm = _decoded(path, data)
+    pixels.setflags(write=False)
+    diagonal_px = math.hypot(*pixels.shape[:2])
+    focal_px = focal_35mm_mm and focal_35mm_mm / _FILM_DIAGONAL_MM * diagonal_px
+    return Photo(name=visible(path.name), pixels=pixels, focal_px=focal_px)
+
+
+def _decoded(path: Path, data: bytes) -> tuple[NDArray[np.uint8], float | None]:
+    """Return the upright pixels of a picture, and the focal length by its EXIF data."""
     try:
         with warnings.catch_warnings():
             # We have a limit of our own; what else Pillow warns of does not stop it from reading.
@@ -95,10 +106,7 @@ def read_photo(path: Path) -> Photo:
         raise
     except (OSError, ValueError, SyntaxError, EOFError, struct.error) as error:
         raise UnreadableFileError(path, f"is damaged: {error}") from error
-    pixels.setflags(write=False)
-    diagonal_px = math.hypot(*pixels.shape[:2])
-    focal_px = focal_35mm_mm and focal_35mm_mm / _FILM_DIAGONAL_MM * diagonal_px
-    return Photo(name=visible(path.name), pixels=pixels, focal_px=focal_px)
+    return pixels, focal_35mm_mm
 
 
 def _ensure_one_picture(path: Path, image: Image.Image) -> None:

@@ -13,11 +13,13 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import partial
 from itertools import accumulate, pairwise, product
+from numbers import Real
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.foreign import broken, calling, is_own
 from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, Ints, whole
@@ -393,6 +395,17 @@ Penalty = Callable[[Design], float]
 """How far a design is from manufacturable: 0 if it is, else above 0."""
 
 
+def penalty_at(penalty: Penalty, design: Design) -> float:
+    """Return the penalty of a design; a user's own one is called through the boundary."""
+    if is_own(penalty):
+        return penalty(design)
+    with calling("penalty", penalty):
+        value = penalty(design)
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise broken("penalty", penalty, f"it returns {value!r:.60}, not a number")
+    return float(value)
+
+
 PenaltyOfBatch = Callable[[DesignBatch], Floats]
 """The penalties of many designs, NaN for those that are not valid; shape (m,)."""
 
@@ -433,7 +446,7 @@ class PenaltyWithLimits:
 
     def __call__(self, design: Design) -> float:
         """Return the distance of a design from one that can win."""
-        penalty = 0.0 if self.rules is None else self.rules(design)
+        penalty = 0.0 if self.rules is None else penalty_at(self.rules, design)
         return penalty + float(self.space.limit_excess(DesignBatch.of(design))[0])
 
     def passes(self, design: Design) -> bool:
@@ -753,7 +766,7 @@ class Evaluator:
             penalties = np.full(len(rows), np.nan)
             for place, point in enumerate(x[rows]):
                 with suppress(BadInputError):  # no valid design
-                    penalties[place] = alone(self.space.design(point))
+                    penalties[place] = penalty_at(alone, self.space.design(point))
             return penalties, Work(making_s=watch.lap_s())
 
         least, share = (LEAST_PENALTIES, 2) if at_once is not None else (1, 4)

@@ -19,7 +19,7 @@ from vinefab.core.validation import Floats
 from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.search.evaluator import FRESH, INVALID_FITNESS, Begin, Evaluator, FullCheck
+from vinefab.search.evaluator import FRESH, INVALID_FITNESS, Begin, Evaluator, FullCheck, penalty_at
 from vinefab.search.manufacturability import FAILED
 from vinefab.search.record.generations import Finalist, Generation
 from vinefab.search.space import COSTS, Space
@@ -255,7 +255,7 @@ def repair_design(
 def _penalty_at(x: Floats, space: Space, penalty: Callable[[Design], float]) -> float:
     """Return a point's penalty, infinite where there is no valid design."""
     try:
-        value = float(penalty(space.design(x)))
+        value = penalty_at(penalty, space.design(x))
     except BadInputError:
         return np.inf
     return np.inf if np.isnan(value) else value

@@ -26,7 +26,7 @@ PHASE = re.compile(r"^optimize: (?P<phase>[^,(]+)")
 def test_no_line_of_a_search_stands_still_on_an_empty_cache(tmp_path):
     """Compiling takes half a minute: its lines count functions and the time that is left."""
     (tmp_path / "run.toml").write_text(RUN)
-    program = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-m", "vinefab", "optimize", "run.toml", "--out", "run", "--no-page"],
         cwd=tmp_path,
         env={**os.environ, "VINEFAB_CACHE_DIR": str(tmp_path / "cache")},
@@ -34,9 +34,9 @@ def test_no_line_of_a_search_stands_still_on_an_empty_cache(tmp_path):
         stderr=subprocess.PIPE,
         text=True,
         errors="replace",
-    )
-    heard = [(time.monotonic(), "")]
-    heard += [(time.monotonic(), line) for line in program.stderr]
+    ) as program:
+        heard = [(time.monotonic(), "")]
+        heard += [(time.monotonic(), line) for line in program.stderr]
     assert program.wait() in (0, 1)
     lines = [line for _, line in heard if line.startswith("optimize: ")]
     assert any("compiling once on this computer, functions" in line for line in lines)

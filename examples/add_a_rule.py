@@ -1,50 +1,42 @@
 """Add a design rule of your own: how much film may be used.
 
-Run it as ``python examples/add_a_rule.py``. A rule is an id, what must hold, limits, a reason, and
-a function that checks a subject and returns the violations. A rule of vinefab's own is one such
-object in `vinefab/fabrication/rules/` and a line in its `catalog.py`.
+Run it as ``python examples/add_a_rule.py``. A rule is a check with its id, its limits and a reason;
+the first sentence of the check says what must hold. A rule of vinefab's own is one such function in
+a file of `vinefab/fabrication/rules/`.
 """
 
+from dataclasses import replace
+
 from vinefab.fabrication.checking import subject_of
-from vinefab.fabrication.rules.rule import Limits, Rule, RuleApplied, Subject, Violation
+from vinefab.fabrication.rules.rule import Limits, RuleApplied, Subject, design_rule
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import read_profile
 from vinefab.model.tree import branch_tree
 
 
-def check_film_length(subject: Subject, limits: Limits) -> RuleApplied:
-    """MY-F01: all branches together take no more film than the limits."""
-    film_m = branch_tree(subject.design).total_length_mm / 1000.0
-    broken = limits.most(film_m)
-    if broken is None:
-        return RuleApplied(checked=1)
-    violation = Violation(
-        message="so much film is slow to evert: shorten or leave out branches",
-        severity=broken.severity,
-        measured=film_m,
-        limit=broken.limit,
-    )
-    return RuleApplied(checked=1, violations=(violation,))
-
-
-RULE = Rule(
-    id="MY-F01",
-    title="film in all branches",
+@design_rule(
+    "MY-F01",
+    broken="too much film in all branches",
     unit="m",
-    limits={"warning": 1.0, "error": 3.0},
+    warning=1.0,
+    error=3.0,
     reason="our bench deploys no more than this in a minute [measured]",
-    check=check_film_length,
 )
+def film_in_all_branches(subject: Subject, limits: Limits) -> RuleApplied:
+    """All branches together take little film."""
+    broken = limits.most(branch_tree(subject.design).total_length_mm / 1000.0)
+    message = "so much film is slow to evert: shorten or leave out branches"
+    return RuleApplied.of_one(broken and replace(broken, message=message))
 
 
 def main() -> None:
-    profile = read_profile(DEFAULT_RECIPE)
+    rule, profile = film_in_all_branches, read_profile(DEFAULT_RECIPE)
     for name in ("plain_vine", "three_level_tree", "grid_explorer"):
         subject = subject_of(Design.read(name), profile)
-        applied = RULE.check(subject, RULE.limits_with({}))
+        applied = rule.check(subject, rule.limits_with({}))
         found = [
-            f"{v.severity}: {v.measured:.2f} {RULE.unit}, {v.message}" for v in applied.violations
+            f"{v.severity}: {v.measured:.2f} {rule.unit}, {v.message}" for v in applied.violations
         ]
         print(f"{name}: {'; '.join(found) or 'keeps the rule'}")
 

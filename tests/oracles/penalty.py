@@ -11,17 +11,17 @@ from tests.oracles.quick_cuts import PieceLimits, pair_depths, quick_cuts, strai
 from vinefab.fabrication.job.passes import bare_sheet_mm, seal_offset_mm, taken_mm
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits
 from vinefab.fabrication.rules.clearance_rules import (
-    ANGLE,
-    CLEARANCE,
-    CROTCH,
-    FILLET,
+    check_angle,
+    check_clearance,
+    check_crotch,
+    check_fillet,
     least_gap_mm,
 )
-from vinefab.fabrication.rules.laser_rules import PATHS
+from vinefab.fabrication.rules.laser_rules import check_paths
 from vinefab.fabrication.rules.pressure_rules import (
-    BODIES,
-    WINDOW,
     GrowthConstantsRange,
+    check_bodies,
+    check_window,
     contact_mm,
     most_growth_kpa,
 )
@@ -31,7 +31,7 @@ from vinefab.fabrication.rules.spacing import (
     excess_mm,
     spacing,
 )
-from vinefab.fabrication.rules.tree_rules import PACKING, occupancies
+from vinefab.fabrication.rules.tree_rules import check_packing, occupancies
 from vinefab.inflation.pattern import quick_pattern
 from vinefab.model.design import Design, Level, UnevenLevel
 from vinefab.model.laser import LaserProfile
@@ -119,7 +119,7 @@ def window_penalty(
         ``log(1 + excess)``: the relative excess, at most 10, of the pressure that growth to the
         worst tip takes over `most_growth_kpa`.
     """
-    values = WINDOW.limits_with((limits or {}).get(WINDOW.id, {}))
+    values = check_window.limits_under(limits)
     fit = GrowthConstantsRange.of(profile, values)
     build = design.build
     takes_kpa = planned_growth_kpa(
@@ -179,7 +179,9 @@ def fabrication_penalty(
     if profile is not None:
         film_mm, beside_mm = profile.material.film_mm, taken_mm(profile)
         pattern = quick_pattern(design, profile.material)
-        beyond = pattern.beyond + _over(_contacts(design), _limit(BODIES, changed, "sibling_share"))
+        beyond = pattern.beyond + _over(
+            _contacts(design), _limit(check_bodies, changed, "sibling_share")
+        )
         sizes_mm = FilletSizes.of(changed, profile)
         beyond += math.fsum(
             relative_excess(_least_mm(sizes_mm, radius_mm, turn), radius_mm)
@@ -189,13 +191,13 @@ def fabrication_penalty(
         design, passages = pattern.flat, pattern.passages
     gaps = bare_gaps(design)
     angles_deg = (math.degrees(angle_rad) for angle_rad, _ in gaps)
-    narrow = _short_of(angles_deg, _limit(ANGLE, changed))
-    webbed = _over((share for _, share in gaps), _limit(CROTCH, changed))
+    narrow = _short_of(angles_deg, _limit(check_angle, changed))
+    webbed = _over((share for _, share in gaps), _limit(check_crotch, changed))
     # What rides in a child comes through the passage of its joint.
     shares = [
         share / passage
         for share, passage in zip(
-            occupancies(design, film_mm, _limit(PACKING, changed, "packing")),
+            occupancies(design, film_mm, _limit(check_packing, changed, "packing")),
             (1.0, *passages),
             strict=False,
         )
@@ -206,7 +208,7 @@ def fabrication_penalty(
         + narrow
         + webbed
         + sum(short_share(*room, LEAST_SEGMENT_MM) for room in rooms_mm(design)),
-        _over((100.0 * share for share in shares), _limit(PACKING, changed)),
+        _over((100.0 * share for share in shares), _limit(check_packing, changed)),
         _on_sheet(design, changed, sheet_mm, beside_mm)
         if pieces is None
         else quick.left
@@ -237,9 +239,9 @@ class FilletSizes(NamedTuple):
     @classmethod
     def of(cls, changed: LimitChanges, profile: LaserProfile) -> "FilletSizes":
         """Return the sizes for a recipe and limits that are changed."""
-        seal_mm, paths = seal_offset_mm(profile), PATHS.limits_with(changed.get(PATHS.id, {}))
+        seal_mm, paths = seal_offset_mm(profile), check_paths.limits_under(changed)
         return cls(
-            error_mm=_limit(FILLET, changed),
+            error_mm=_limit(check_fillet, changed),
             seal_mm=seal_mm,
             run_mm=1.001 * (paths["radius_error"] + seal_mm),
             end_mm=1.1 * paths["segment_error"],
@@ -295,7 +297,7 @@ def _fillets(design: Design) -> Iterator[tuple[float, float, float, float]]:
 
 
 def _limit(rule: Rule, changed: LimitChanges, name: str = "error") -> float:
-    return rule.limits_with(changed.get(rule.id, {}))[name]
+    return rule.limits_under(changed)[name]
 
 
 def _short_of(values: Iterable[float], limit: float) -> float:
@@ -322,7 +324,7 @@ def _on_sheet(
     if design.branch_count > MOST_CHECKED_BRANCHES:
         return float(design.branch_count) ** 2
     capsules = capsules_of(flat_layout(design), design.build)
-    clearance_mm = least_gap_mm(CLEARANCE, changed, beside_mm)
+    clearance_mm = least_gap_mm(check_clearance, changed, beside_mm)
     found = spacing(capsules, clearance_mm)
     near = float(pair_depths(capsules, found, clearance_mm).sum())
     if sheet_mm is None:
@@ -344,7 +346,7 @@ def path_excess(design: Design, profile: LaserProfile, changed: LimitChanges) ->
     """Return by how much sides and drawn fillets of a flat tree are too small for the laser."""
     sizes = FilletSizes.of(changed, profile)
     least_mm = max(sizes.error_mm, sizes.run_mm)
-    side_mm = 1.001 * _limit(PATHS, changed, "segment_error")
+    side_mm = 1.001 * _limit(check_paths, changed, "segment_error")
     found = math.fsum(relative_excess(least_mm, drawn) for drawn in _drawn_fillets_mm(design))
     return found + math.fsum(short_share(*room, side_mm) for room in rooms_mm(design))
 

@@ -28,10 +28,10 @@ from vinefab.fabrication.pieces.partition import (
     sleeve_sides,
     sleeves_of,
 )
-from vinefab.fabrication.rules.clearance_rules import CLEARANCE, least_gap_mm
+from vinefab.fabrication.rules.clearance_rules import check_clearance, least_gap_mm
 from vinefab.fabrication.rules.rule import LimitChanges, relative_excess
 from vinefab.fabrication.rules.spacing import Capsules, RotatedSpan, Spacing, spacing
-from vinefab.fabrication.rules.tree_rules import LAP_PACKING, fullest_laps, widest_cut_mm
+from vinefab.fabrication.rules.tree_rules import check_lap_packing, fullest_laps, widest_cut_mm
 from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import fan_offsets_rad
@@ -77,12 +77,12 @@ class PieceLimits:
         sheet_mm: tuple[float, float] | None = None,
     ) -> "PieceLimits":
         """Return the limits for a recipe and the limits that it changes."""
-        packed = LAP_PACKING.limits_with(changed.get(LAP_PACKING.id, {}))
+        packed = check_lap_packing.limits_under(changed)
         return cls(
             most_cuts=(build.pieces or PieceSettings()).most - 1,
             size=sleeve_size(build, profile),
             reach_mm=reach_mm(profile),
-            clearance_mm=least_gap_mm(CLEARANCE, changed, taken_mm(profile)),
+            clearance_mm=least_gap_mm(check_clearance, changed, taken_mm(profile)),
             sheet_mm=sheet_mm,
             widest_mm=widest_cut_mm(build, profile, changed),
             film_mm=profile.material.film_mm,

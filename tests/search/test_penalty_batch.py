@@ -12,7 +12,7 @@ from vinefab.fabrication.pieces.partition import in_pieces as in_its_pieces
 from vinefab.fabrication.pieces.partition import partition_of, pieces_of
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.rule import Subject
-from vinefab.fabrication.rules.tree_rules import LAP_PACKING
+from vinefab.fabrication.rules.tree_rules import check_lap_packing
 from vinefab.inflation.pattern import pattern_of, quick_pattern
 from vinefab.model.design import (
     MOST_BRANCHES,
@@ -322,7 +322,7 @@ def test_film_with_laps_in_it_keeps_within_its_lumen(compensation):
         flat = Subject.of(pattern.flat)
         flat = replace(flat, profile=penalty.profile, pattern=pattern)
         cut = in_its_pieces(flat, pieces_of(pattern, penalty.profile))
-        assert not run_checks(cut, only={LAP_PACKING.id}).blocking
+        assert not run_checks(cut, only={check_lap_packing.id}).blocking
 
 
 def test_branches_whose_lap_would_burst_or_whose_plug_does_not_go_in_are_not_cut():

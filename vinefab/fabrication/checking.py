@@ -14,9 +14,9 @@ from vinefab.fabrication.findings_picture import annotated_job, findings_picture
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.pieces.partition import in_pieces, pieces_of
 from vinefab.fabrication.rules.catalog import (
-    FLAT_RULES,
     RULES,
     concerns,
+    flat_rules,
     merged_reports,
     run_checks,
 )
@@ -127,11 +127,11 @@ def checked_design(
         return subject, run_checks(subject, limits)
     flat = _flat_subject(design, profile, deployed)
     flat = replace(flat, profile=profile, corridors=corridors, rig=rig)
-    report = run_checks(flat, limits, only=FLAT_RULES)
+    report = run_checks(flat, limits, only=flat_rules())
     others = [
         rule
         for rule in (*RULES, *RULES.broken)
-        if rule not in FLAT_RULES and concerns(rule, flat.design)
+        if rule not in flat_rules() and concerns(rule, flat.design)
     ]
     if not report.blocking:
         subject = replace(flat, job=laser_job(flat.design, profile))

@@ -27,28 +27,28 @@ from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import bare_sheet_mm, taken_mm
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.clearance_rules import (
-    ANGLE,
-    CLEARANCE,
-    CROTCH,
-    FILLET,
-    POUCH,
+    check_angle,
+    check_clearance,
+    check_crotch,
+    check_fillet,
+    check_pouch,
     least_gap_mm,
 )
 from vinefab.fabrication.rules.pressure_rules import (
-    BURST,
-    WINDOW,
     GrowthConstantsRange,
+    check_burst,
+    check_window,
     growth_limit_kpa,
     safe_pressure_kpa,
 )
 from vinefab.fabrication.rules.rule import LimitChanges, Limits, Rule, relative_excess
 from vinefab.fabrication.rules.tree_rules import (
-    CLAMP,
-    LEAST_WIDTH,
-    MOUTH,
-    PACKING,
-    TAIL,
-    WIDTH_RATIO,
+    check_clamp,
+    check_least_width,
+    check_mouth,
+    check_packing,
+    check_tail,
+    check_width_ratio,
 )
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.laser import LaserProfile
@@ -194,9 +194,9 @@ def _relative(
     )
 
 
-_LEAST = (LEAST_WIDTH, WIDTH_RATIO, ANGLE, FILLET, MOUTH)
-_LEFT = (CLEARANCE, POUCH)
-_MOST = (PACKING, CROTCH, CLAMP)
+_LEAST = (check_least_width, check_width_ratio, check_angle, check_fillet, check_mouth)
+_LEFT = (check_clearance, check_pouch)
+_MOST = (check_packing, check_crotch, check_clamp)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -243,7 +243,7 @@ class FixTargets:
             named["error"] = named.get("error", rule.limits["error"]) + stricter_mm
         sheet_mm = bare_sheet_mm(profile)
         penalized = PenaltyRules.of(design.build, profile, limits, sheet_mm, grows=False)
-        fit = GrowthConstantsRange.of(profile, WINDOW.limits_with(limits.get(WINDOW.id, {})))
+        fit = GrowthConstantsRange.of(profile, check_window.limits_under(limits))
         return cls(
             profile=profile,
             limits=limits,
@@ -254,7 +254,7 @@ class FixTargets:
 
     def of_rule(self, rule: Rule) -> Limits:
         """Return a rule's limits."""
-        return RULES[rule.id].limits_with(self.limits.get(rule.id, {}))
+        return RULES[rule.id].limits_under(self.limits)
 
     def penalties(self, designs: Sequence[Design]) -> Floats:
         """Return the distances of designs from the error limits, 0 if they keep them; (m,).
@@ -266,21 +266,21 @@ class FixTargets:
 
     def _excess(self, design: Design) -> float:
         """Return the excess of mouth, pouch and the pressure for growth over their limits."""
-        build, window = design.build, self.of_rule(WINDOW)
+        build, window = design.build, self.of_rule(check_window)
         allowed_kpa = growth_limit_kpa(build.widest_mm, self.profile.material, window)
-        wide = relative_excess(build.mouth_width_mm, self.of_rule(CLAMP)["error"])
+        wide = relative_excess(build.mouth_width_mm, self.of_rule(check_clamp)["error"])
         pouch_mm = build.pouch.flat_width_mm if build.pouch else 0.0
         least_mm = 1.01 * build.widths_mm[-1] if build.pouch else 0.0
         return (
             (0.0 if build.collar else wide)  # a collar fits its own clamp
-            + relative_excess(self.of_rule(MOUTH)["error"], build.mouth_width_mm)
+            + relative_excess(self.of_rule(check_mouth)["error"], build.mouth_width_mm)
             + relative_excess(least_mm, pouch_mm)
             + relative_excess(self._growth_kpa(design), self.window_share * allowed_kpa)
         )
 
     def settled(self, design: Design) -> Design:
         """Return a design whose fillets, tail and pressure keep the limits at its widths."""
-        build, fillet = design.build, self.of_rule(FILLET)
+        build, fillet = design.build, self.of_rule(check_fillet)
         fillets_mm = tuple(
             max(self.least_fillet_mm(), min(radius, fillet["most_error_share"] * width))
             for radius, width in zip(build.fillet_mm, build.widths_mm[1:], strict=True)
@@ -290,7 +290,7 @@ class FixTargets:
         least_kpa = math.ceil(1000.0 * takes_kpa / self.window_share) / 1000.0
         settled = build.changed(
             fillet_mm=fillets_mm,
-            tail_mm=max(build.tail_mm, self.of_rule(TAIL)["error"]),
+            tail_mm=max(build.tail_mm, self.of_rule(check_tail)["error"]),
             pressure_kpa=min(max(build.pressure_kpa, least_kpa), self.most_kpa(build)),
         )
         return design.changed(build=settled)
@@ -298,7 +298,7 @@ class FixTargets:
     def most_kpa(self, build: Build) -> float:
         """Return the largest working pressure that the seams stand at a build's widths."""
         material = self.profile.material
-        safe = safe_pressure_kpa(build.widest_mm, material, self.of_rule(BURST))
+        safe = safe_pressure_kpa(build.widest_mm, material, self.of_rule(check_burst))
         return math.floor(1000.0 * min(safe, material.seam.pressure_kpa.value)) / 1000.0
 
     def least_fillet_mm(self) -> float:

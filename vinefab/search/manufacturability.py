@@ -28,24 +28,24 @@ from vinefab.core.validation import Floats
 from vinefab.fabrication.checking import check_design, subject_of
 from vinefab.fabrication.job.passes import bare_sheet_mm
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits, run_checks
-from vinefab.fabrication.rules.clearance_rules import ANGLE, CROTCH, POUCH
-from vinefab.fabrication.rules.laser_rules import BED, PLY
+from vinefab.fabrication.rules.clearance_rules import check_angle, check_crotch, check_pouch
+from vinefab.fabrication.rules.laser_rules import check_bed, check_ply
 from vinefab.fabrication.rules.pressure_rules import (
-    BURST,
-    RATING,
-    STRAIN,
-    WINDOW,
     GrowthConstantsRange,
+    check_burst,
+    check_rating,
+    check_strain,
+    check_window,
     most_growth_kpa,
 )
 from vinefab.fabrication.rules.rule import ROUNDING, LimitChanges, Rule
 from vinefab.fabrication.rules.spacing import RotatedSpan, capsules_of, excess_mm
 from vinefab.fabrication.rules.tree_rules import (
-    CLAMP,
-    LEAST_WIDTH,
-    PACKING,
-    TAIL,
-    WIDTH_RATIO,
+    check_clamp,
+    check_least_width,
+    check_packing,
+    check_tail,
+    check_width_ratio,
     occupancies,
 )
 from vinefab.growth.batch import grow_on
@@ -166,7 +166,7 @@ class SpaceQuery:
 
     def limit(self, rule: Rule, name: str = "error") -> float:
         """Return a rule's limit."""
-        return rule.limits_with(self.changed.get(rule.id, {}))[name]
+        return rule.limits_under(self.changed)[name]
 
     def bounds(self, level: int, name: str) -> tuple[str, Bounds]:
         """Return the key and the range of a level's variable."""
@@ -204,11 +204,11 @@ def _build(query: SpaceQuery) -> Iterator[BadInputError]:
     """Yield violations by trunk, tail, pressure and film, which are the same for all designs."""
     build = query.settings.build
     checked = (
-        (PLY, "evaluation.recipe", query.profile.recipe.name, ""),
-        (TAIL, "build.tail_mm", build.tail_mm, "at least {:g} mm"),
-        (CLAMP, build.widths_key, build.widths_value, "at most {:g} mm, for the clamp"),
-        (RATING, "build.pressure_kpa", build.pressure_kpa, ""),
-        (BURST, "build.pressure_kpa", build.pressure_kpa, ""),
+        (check_ply, "evaluation.recipe", query.profile.recipe.name, ""),
+        (check_tail, "build.tail_mm", build.tail_mm, "at least {:g} mm"),
+        (check_clamp, build.widths_key, build.widths_value, "at most {:g} mm, for the clamp"),
+        (check_rating, "build.pressure_kpa", build.pressure_kpa, ""),
+        (check_burst, "build.pressure_kpa", build.pressure_kpa, ""),
     )
     vine = Design(name="vine", trunk_length_mm=_VINE_MM, build=build.build(1))
     report = run_checks(subject_of(vine, query.profile), only={rule.id for rule, *_ in checked})
@@ -221,7 +221,7 @@ def _build(query: SpaceQuery) -> Iterator[BadInputError]:
 def _widths(query: SpaceQuery) -> Iterator[BadInputError]:
     """Yield violations by levels that are too narrow, or too wide for their parents."""
     build, fewest = query.settings.build, query.fewest
-    least_mm, ratio = query.limit(LEAST_WIDTH), query.limit(WIDTH_RATIO)
+    least_mm, ratio = query.limit(check_least_width), query.limit(check_width_ratio)
     key, value, given = build.widths_key, build.widths_value, max(1, len(build.widths_mm))
     for level, width_mm in enumerate(build.build(fewest).widths_mm, start=1):
         if width_mm < least_mm * (1.0 - ROUNDING):
@@ -229,17 +229,17 @@ def _widths(query: SpaceQuery) -> Iterator[BadInputError]:
             wide_mm = math.ceil(10.0 * least_mm / build.width_ratio**narrowed) / 10.0
             why = f", as width_ratio narrows it to level {level}" if narrowed else ""
             where = f" on level {min(level, given)}" if build.widths_mm else ""
-            yield _no(LEAST_WIDTH, key, value, f"at least {wide_mm:g} mm{where}{why}")
+            yield _no(check_least_width, key, value, f"at least {wide_mm:g} mm{where}{why}")
     pairs = pairwise(build.build(fewest).widths_mm)
     for level, (wide, narrow) in enumerate(pairs, start=2):
         if wide / narrow >= ratio * (1.0 - ROUNDING):
             continue
         if level <= given:
             allowed = f"on level {level} at most {wide / ratio:g} mm: parents must be wider"
-            yield _no(WIDTH_RATIO, key, value, allowed)
+            yield _no(check_width_ratio, key, value, allowed)
         most = math.floor(1000.0 / ratio) / 1000.0
         allowed = f"at most {most:g}: parents must be wider than children"
-        yield _no(WIDTH_RATIO, "build.width_ratio", build.width_ratio, allowed)
+        yield _no(check_width_ratio, "build.width_ratio", build.width_ratio, allowed)
 
 
 def _pouch(query: SpaceQuery) -> Iterator[BadInputError]:
@@ -249,26 +249,30 @@ def _pouch(query: SpaceQuery) -> Iterator[BadInputError]:
         return
     build = query.settings.build
     leaf_mm = build.build(most).widths_mm[-1]
-    least_mm = max(leaf_mm, query.limit(LEAST_WIDTH))
+    least_mm = max(leaf_mm, query.limit(check_least_width))
     if pouch.length_mm is not None and pouch.length_mm < least_mm * (1.0 - ROUNDING):
-        yield _no(POUCH, "build.pouch.length_mm", pouch.length_mm, f"at least {least_mm:g} mm")
+        yield _no(
+            check_pouch, "build.pouch.length_mm", pouch.length_mm, f"at least {least_mm:g} mm"
+        )
     if pouch.flat_width_mm <= leaf_mm:
         words = f"{pouch.flat_width_mm:g} mm wide"
-        yield _no(POUCH, "build.pouch", words, f"wider than the narrowest leaf, {leaf_mm:g} mm")
+        yield _no(
+            check_pouch, "build.pouch", words, f"wider than the narrowest leaf, {leaf_mm:g} mm"
+        )
     alone = build.changed(widths_mm=(leaf_mm,)).build(1)
     vine = Design(name="vine", trunk_length_mm=_VINE_MM, build=alone)
     full = 100.0 * max(
-        occupancies(vine, query.film_mm, query.limit(PACKING, "packing")), default=0.0
+        occupancies(vine, query.film_mm, query.limit(check_packing, "packing")), default=0.0
     )
-    if full > query.limit(PACKING) * (1.0 + ROUNDING):
+    if full > query.limit(check_packing) * (1.0 + ROUNDING):
         words = f"{pouch.flat_width_mm:g} mm wide"
         allowed = f"narrower, or wider leaves: its film would fill {full:.0f} % of the narrowest"
-        yield _no(PACKING, "build.pouch", words, allowed)
+        yield _no(check_packing, "build.pouch", words, allowed)
 
 
 def _angles(query: SpaceQuery) -> Iterator[BadInputError]:
     """Yield violations by children that are almost parallel, or folded onto their parent."""
-    least_deg = query.limit(ANGLE)
+    least_deg = query.limit(check_angle)
     for level in range(2, query.fewest + 1):
         name, branches = query.bounds(level, "branches")
         key, fan = query.bounds(level, "angle_deg")
@@ -278,21 +282,21 @@ def _angles(query: SpaceQuery) -> Iterator[BadInputError]:
             continue
         if fan.low > widest + 1e-6 or most < 2:
             allowed = f"some fan from {least_deg:g} to {widest:g} deg"
-            yield _no(ANGLE, key, _ends(fan), allowed)
+            yield _no(check_angle, key, _ends(fan), allowed)
         allowed = f"{most} children or fewer, {least_deg:g} deg apart in {key}"
-        yield _no(ANGLE, name, _ends(branches), allowed)
+        yield _no(check_angle, name, _ends(branches), allowed)
 
 
 def _crotches(query: SpaceQuery) -> Iterator[BadInputError]:
     """Yield violations by children that end within the joint."""
     widths_mm = query.settings.build.build(query.fewest).widths_mm
-    share = query.limit(CROTCH)
+    share = query.limit(check_crotch)
     for level in range(2, query.fewest + 1):
         key, length = query.bounds(level, "length_mm")
         least_mm = widths_mm[level - 2] / 2.0 / share
         if length.high < least_mm * (1.0 - ROUNDING):
             allowed = f"lengths from {least_mm:g} mm: at least the width of the parent"
-            yield _no(CROTCH, key, _ends(length), allowed)
+            yield _no(check_crotch, key, _ends(length), allowed)
 
 
 def _bed(query: SpaceQuery) -> Iterator[BadInputError]:
@@ -304,8 +308,8 @@ def _bed(query: SpaceQuery) -> Iterator[BadInputError]:
         wide_mm, high_mm = query.sheet_mm
         allowed = f"a trunk that fits {wide_mm:g} x {high_mm:g} mm with its tail"
         if build.tail_mm > length.low:
-            yield _no(BED, "build.tail_mm", build.tail_mm, allowed)
-        yield _no(BED, key, _ends(length), allowed)
+            yield _no(check_bed, "build.tail_mm", build.tail_mm, allowed)
+        yield _no(check_bed, key, _ends(length), allowed)
 
 
 def film_in_trunk(query: SpaceQuery, design: Design) -> tuple[float, float]:
@@ -313,9 +317,9 @@ def film_in_trunk(query: SpaceQuery, design: Design) -> tuple[float, float]:
 
     Wider by a factor, every level holds so many times as much.
     """
-    shares = occupancies(design, query.film_mm, query.limit(PACKING, "packing"))
+    shares = occupancies(design, query.film_mm, query.limit(check_packing, "packing"))
     full = 100.0 * max(shares[: len(design.levels)], default=0.0)
-    return full, design.build.widths_mm[0] * full / query.limit(PACKING)
+    return full, design.build.widths_mm[0] * full / query.limit(check_packing)
 
 
 def _grows(query: SpaceQuery, design: Design) -> bool:
@@ -323,7 +327,7 @@ def _grows(query: SpaceQuery, design: Design) -> bool:
 
     A search keeps to limits that are only assumed, too: there the rule finds a warning.
     """
-    limits = WINDOW.limits_with(query.changed.get(WINDOW.id, {}))
+    limits = check_window.limits_under(query.changed)
     fit = GrowthConstantsRange.of(query.profile, limits)
     takes_kpa = planned_growth_kpa(
         branch_tree(design), design.build.widths_mm, fit.loose, fit.diameter_mm
@@ -340,7 +344,7 @@ def _least(query: SpaceQuery) -> Iterator[BadInputError]:
         return  # refused elsewhere, with another message
     design = space.design(corner)
     full, _ = film_in_trunk(query, design)
-    if full > (most := query.limit(PACKING)) * (1.0 + ROUNDING):
+    if full > (most := query.limit(check_packing)) * (1.0 + ROUNDING):
         branches = [level.branches for level in design.levels]
         wide_mm = [math.ceil(10.0 * mm * full / most) / 10.0 for mm in design.build.widths_mm]
         values = wide_mm[: len(settings.build.widths_mm)] or wide_mm[0]
@@ -348,12 +352,12 @@ def _least(query: SpaceQuery) -> Iterator[BadInputError]:
             f"fewer, or {settings.build.widths_key} = {values}: their film would fill {full:.0f} % "
             "of the trunk"
         )
-        yield _no(PACKING, "space.branches", f"at least {branches} by level", allowed)
+        yield _no(check_packing, "space.branches", f"at least {branches} by level", allowed)
     if not _grows(query, design):
         pressed = design.changed(build=design.build.changed(pressure_kpa=10_000.0))
         if _grows(query, pressed):
             allowed = "more: no leaf of the space grows to its tip with it"
-            yield _no(WINDOW, "build.pressure_kpa", design.build.pressure_kpa, allowed)
+            yield _no(check_window, "build.pressure_kpa", design.build.pressure_kpa, allowed)
             return
         allowed = (
             "another trunk or ratio: growth through the leaves needs the trunk's burst pressure"
@@ -362,7 +366,7 @@ def _least(query: SpaceQuery) -> Iterator[BadInputError]:
         given = (
             (build.widths_key, build.widths_value) if build.widths_mm else (key, build.width_ratio)
         )
-        yield _no(WINDOW, *given, allowed)
+        yield _no(check_window, *given, allowed)
 
 
 _WIDTHS = {"trunk_width_mm", "widths_mm"}
@@ -409,7 +413,7 @@ def _with_trunk(settings: RunSettings) -> RunSettings:
     wide_mm = DEFAULT_TRUNK_WIDTH_MM
     if tree is not None and tree.levels:
         holds_mm = math.ceil(film_in_trunk(query, tree)[1])
-        wide_mm = max(wide_mm, min(float(holds_mm), query.limit(CLAMP)))
+        wide_mm = max(wide_mm, min(float(holds_mm), query.limit(check_clamp)))
     return settings.changed(build=settings.build.changed(trunk_width_mm=wide_mm))
 
 
@@ -424,9 +428,9 @@ def _with_pressure(settings: RunSettings) -> RunSettings:
     strain_of_1_kpa = hoop_strain(1.0, width_mm, film.ply_mm.value, film.modulus_mpa.value)
     most_kpa = min(
         burst_pressure_kpa(width_mm, seam_load_n_mm(film.seam))
-        / query.limit(BURST, "safety_factor"),
+        / query.limit(check_burst, "safety_factor"),
         film.seam.pressure_kpa.value,
-        query.limit(STRAIN, "warning") / 100.0 / strain_of_1_kpa,
+        query.limit(check_strain, "warning") / 100.0 / strain_of_1_kpa,
     )
     kpa = max(0.1, math.floor(10.0 * most_kpa) / 10.0)
     return settings.changed(build=settings.build.changed(pressure_kpa=kpa))
@@ -444,23 +448,23 @@ def said_before(evaluator: Evaluator) -> str:
         shape = " x ".join(str(level.branches) for level in tree.levels)
         ply_mm = query.profile.material.ply_mm.value
         what = f"{counted(tree.depth, 'level')} (branches {shape}) of {ply_mm:g} mm film"
-        wide_mm, most = build.build(1).widths_mm[0], query.limit(PACKING)
+        wide_mm, most = build.build(1).widths_mm[0], query.limit(check_packing)
         if percent > most:
             said.append(
                 f"a trunk of {wide_mm:g} mm is narrow for this film: {what} fill {percent:.0f} % "
-                f"of a lumen, and {most:g} % is allowed ({PACKING.id}); one of "
+                f"of a lumen, and {most:g} % is allowed ({check_packing.id}); one of "
                 f"{math.ceil(holds_mm):g} mm holds them ({build.widths_key})"
             )
         elif wide_mm > DEFAULT_TRUNK_WIDTH_MM and wide_mm == math.ceil(holds_mm):
             said.append(
-                f"trunk {wide_mm:g} mm: the narrowest that {what} ride through ({PACKING.id})"
+                f"trunk {wide_mm:g} mm: the narrowest that {what} ride through ({check_packing.id})"
             )
     sheet_mm, excess_mm = query.sheet_mm, max(_excesses_mm(evaluator, query), default=0.0)
     if (build.pieces is None or build.pieces.most == 1) and excess_mm > LEAST_EXCESS_MM:
         said.append(
             f"one flat outline that touches all targets is about {excess_mm:.0f} mm too large "
-            f"for the sheet of {sheet_mm[0]:.0f} x {sheet_mm[1]:.0f} mm ({BED.id}), its tail of "
-            f"{build.tail_mm:g} mm included, unless walls bend it: allow pieces "
+            f"for the sheet of {sheet_mm[0]:.0f} x {sheet_mm[1]:.0f} mm ({check_bed.id}), its tail "
+            f"of {build.tail_mm:g} mm included, unless walls bend it: allow pieces "
             "([build.pieces] most = 6)"
         )
     return "; ".join(said)

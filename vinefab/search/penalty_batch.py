@@ -22,21 +22,27 @@ from vinefab.fabrication.job.passes import (
     taken_mm,
 )
 from vinefab.fabrication.pieces.partition import beside_mm, sleeve_sides
-from vinefab.fabrication.rules.clearance_rules import ANGLE, CLEARANCE, CROTCH, FILLET, least_gap_mm
-from vinefab.fabrication.rules.laser_rules import PATHS
+from vinefab.fabrication.rules.clearance_rules import (
+    check_angle,
+    check_clearance,
+    check_crotch,
+    check_fillet,
+    least_gap_mm,
+)
+from vinefab.fabrication.rules.laser_rules import check_paths
 from vinefab.fabrication.rules.pressure_rules import (
-    BODIES,
-    WINDOW,
     GrowthConstantsRange,
+    check_bodies,
+    check_window,
     most_growth_kpa,
 )
-from vinefab.fabrication.rules.rule import MOST_OF_ONE, LimitChanges, Limits, Rule
+from vinefab.fabrication.rules.rule import MOST_OF_ONE, LimitChanges
 from vinefab.fabrication.rules.spacing import TURNS, pouch_capsules, tail_capsules
 from vinefab.fabrication.rules.tree_rules import (
-    LAP_PACKING,
-    LEAST_WIDTH,
-    PACKING,
-    WIDTH_RATIO,
+    check_lap_packing,
+    check_least_width,
+    check_packing,
+    check_width_ratio,
     widest_cut_mm,
 )
 from vinefab.inflation.pattern import (
@@ -273,24 +279,24 @@ class PenaltyRules:
             Width and height that the flat robot must fit after a rotation. Subtract a few
             millimetres for seam, kerf and the overcut at the mouth.
         """
-        fit = GrowthConstantsRange.of(profile, _limits_of(WINDOW, changed))
-        packing, laps = (_limits_of(rule, changed) for rule in (PACKING, LAP_PACKING))
+        fit = GrowthConstantsRange.of(profile, check_window.limits_under(changed))
+        packing, laps = (rule.limits_under(changed) for rule in (check_packing, check_lap_packing))
         material, seal_mm = profile.material, seal_offset_mm(profile)
-        paths = _limits_of(PATHS, changed)
-        fillet_mm = _limits_of(FILLET, changed)["error"]
+        paths = check_paths.limits_under(changed)
+        fillet_mm = check_fillet.limits_under(changed)["error"]
         run_mm = 1.001 * (paths["radius_error"] + seal_mm)
         size = sleeve_size(build, profile)
         limits = PenaltyLimits(
-            angle_deg=_limits_of(ANGLE, changed)["error"],
-            crotch=_limits_of(CROTCH, changed)["error"],
+            angle_deg=check_angle.limits_under(changed)["error"],
+            crotch=check_crotch.limits_under(changed)["error"],
             fillet_mm=fillet_mm,
             seal_mm=seal_mm,
             run_mm=run_mm,
             end_mm=1.1 * paths["segment_error"],
-            sibling_share=_limits_of(BODIES, changed)["sibling_share"],
+            sibling_share=check_bodies.limits_under(changed)["sibling_share"],
             packing_percent=packing["error"],
             film_mm=material.plies * material.ply_mm.value / packing["packing"],
-            clearance_mm=least_gap_mm(CLEARANCE, changed, taken_mm(profile)),
+            clearance_mm=least_gap_mm(check_clearance, changed, taken_mm(profile)),
             segment_mm=LEAST_SEGMENT_MM,
             side_mm=1.001 * paths["segment_error"],
             drawn_mm=max(fillet_mm, run_mm),
@@ -567,14 +573,12 @@ def _scratch(branches: int, capsules: int, children: int) -> Scratch:
     )
 
 
-def _limits_of(rule: Rule, changed: LimitChanges) -> Limits:
-    return rule.limits_with(changed.get(rule.id, {}))
-
-
 def width_violations(build: Build, changed: LimitChanges) -> float:
     """Return the summed depths of violations by the widths of the levels, whatever they hold."""
     widths_mm, ends_mm = build.widths_mm, build.end_widths_mm
-    least_mm, least = (_limits_of(rule, changed)["error"] for rule in (LEAST_WIDTH, WIDTH_RATIO))
+    least_mm, least = (
+        rule.limits_under(changed)["error"] for rule in (check_least_width, check_width_ratio)
+    )
     ratios = (wide / narrow for wide, narrow in zip(ends_mm, widths_mm[1:], strict=False))
     narrow = math.fsum((least_mm - mm) / least_mm for mm in ends_mm if mm < least_mm)
     return narrow + math.fsum((least - ratio) / least for ratio in ratios if ratio < least)
@@ -585,7 +589,7 @@ def _tables(
 ) -> LevelTables:
     """Return the tables that depend on a build and a level alone."""
     profile, changed, limits = rules.profile, rules.changed, rules.limits
-    material, window = profile.material, _limits_of(WINDOW, changed)
+    material, window = profile.material, check_window.limits_under(changed)
     # How the fans that some builds may have are cut: each law once, and where it stands.
     counts = {count for by_place in fans for some in by_place.values() for count in some}
     children = min(MOST_CHILDREN, max(counts, default=1))

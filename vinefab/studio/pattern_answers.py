@@ -10,7 +10,7 @@ import shapely
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import imported_later
 from vinefab.core.view import plain_blocks
-from vinefab.fabrication.rules.pressure_rules import SENSITIVITY, degrees_text
+from vinefab.fabrication.rules.pressure_rules import check_sensitivity, degrees_text
 from vinefab.inflation.pattern import Pattern, pattern_of
 from vinefab.inflation.robot import with_short_tail
 from vinefab.model.design import Design, UnevenLevel
@@ -78,7 +78,7 @@ def _note(pattern: Pattern, profile: LaserProfile, place: int) -> dict[str, str]
         return {"kind": "bad", "text": f"✕ not possible{nearest}", "about": f"{why}."}
     shown = found.flat.angles_deg if is_compensated else found.deployed_deg
     how = "cut" if is_compensated else "deploys at"
-    kind = "sensitive" if found.sensitivity > SENSITIVITY.limits["warning"] else "known"
+    kind = "sensitive" if found.sensitivity > check_sensitivity.limits["warning"] else "known"
     text = f"{how} {_fan(shown)}°, x{found.sensitivity:.1f} sensitive"
     source = "from the table" if found.source == "table" else "simulated joint"
     about = (

@@ -22,7 +22,7 @@ from vinefab.fabrication.package.sheet_pictures import (
     sheet_svg,
 )
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
-from vinefab.fabrication.rules.pressure_rules import WINDOW, WorstBranch, pressure_gauge
+from vinefab.fabrication.rules.pressure_rules import WorstBranch, check_window, pressure_gauge
 from vinefab.fabrication.rules.rule import Subject
 from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
@@ -177,11 +177,12 @@ def _sheet_content(subject: Subject, report: CheckReport) -> dict[str, Any]:
 def _gauge_content(subject: Subject, profile: LaserProfile) -> dict[str, Any]:
     """Return the pressure for growth, that of the widest part, and the working pressure."""
     changed = by_rule(changed_limits(subject.design, profile))
-    gauge = pressure_gauge(subject, profile, WINDOW.limits_with(changed.get(WINDOW.id, {})))
+    limits = check_window.limits_under(changed)
+    gauge = pressure_gauge(subject, profile, limits)
     seam = profile.material.seam
     paths = "simulated" if subject.deployments else "computed"
     constants = "measured" if gauge.growth_measured else "assumed"
-    factor = changed.get(WINDOW.id, {}).get("safety_factor", WINDOW.limits["safety_factor"])
+    factor = limits["safety_factor"]
     return {
         "needed_loose": _need_content(subject, gauge.loose),
         "needed_tight": _need_content(subject, gauge.tight),

@@ -1,7 +1,7 @@
 """The parts keep vinefab's contracts: `pytest` runs this."""
 
 from vinefab_mylab.farthest import Farthest
-from vinefab_mylab.film_in_stock import FILM_IN_STOCK
+from vinefab_mylab.film_in_stock import film_in_stock
 from vinefab_mylab.hillclimb import HillClimbConfig
 from vinefab_mylab.posts import POSTS
 
@@ -21,4 +21,4 @@ def test_the_optimizer() -> None:
 
 
 def test_the_rule() -> None:
-    testing.check_rule(FILM_IN_STOCK)
+    testing.check_rule(film_in_stock)

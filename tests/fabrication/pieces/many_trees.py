@@ -16,15 +16,15 @@ import numpy as np
 
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
-from vinefab.fabrication.rules.catalog import ROOM_RULES, run_checks
-from vinefab.fabrication.rules.rule import Subject
+from vinefab.fabrication.rules.catalog import rules_on, run_checks
+from vinefab.fabrication.rules.rule import Scope, Subject
 from vinefab.model.design import PieceSettings
 from vinefab.model.laser import read_profile
 from vinefab.search.space import BuildSettings, Space, SpaceSettings
 
 LONG_S = 20.0
 BINS = (10, 40, 100, 341)
-CHECKED = ROOM_RULES | {"VF-W04", "VF-P05", "VF-S01", "VF-J01", "VF-J02"}
+CHECKED = rules_on(Scope.ROOM) | {"VF-W04", "VF-P05", "VF-S01", "VF-J01", "VF-J02"}
 PROFILE = read_profile("co2_60w__stretchlon_200")
 
 

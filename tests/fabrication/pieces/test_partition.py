@@ -13,8 +13,8 @@ from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.passes import BESIDE_MM, piece_ends, reach_mm
 from vinefab.fabrication.pieces.partition import _Cutter, in_pieces, partition_of
 from vinefab.fabrication.rules.as_built import flat_place_mm
-from vinefab.fabrication.rules.catalog import ROOM_RULES, run_checks
-from vinefab.fabrication.rules.rule import Subject
+from vinefab.fabrication.rules.catalog import rules_on, run_checks
+from vinefab.fabrication.rules.rule import Scope, Subject
 from vinefab.model.design import Build, Design, Level, PieceSettings, Waiver
 from vinefab.model.laser import read_profile
 from vinefab.model.outline import Part
@@ -126,7 +126,7 @@ def _passes(one, cut):
     if any([*cutter._found_on(partition, piece)] for piece in partition.pieces):
         return False
     subject = in_pieces(replace(Subject.of(one), profile=PROFILE), partition)
-    return not run_checks(subject, only=ROOM_RULES).blocking
+    return not run_checks(subject, only=rules_on(Scope.ROOM)).blocking
 
 
 @pytest.mark.parametrize("seed", range(4))

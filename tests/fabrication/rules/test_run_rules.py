@@ -1,3 +1,4 @@
+import pickle
 import re
 from dataclasses import replace
 
@@ -9,15 +10,21 @@ from vinefab.fabrication import checking
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.fabrication.rules.as_built import RIG_RULES
 from vinefab.fabrication.rules.catalog import (
     RULES,
     SLEEVE_RULES,
     changed_limits,
     merged_reports,
+    rules_on,
     run_checks,
 )
-from vinefab.fabrication.rules.rule import RigSubject, RuleApplied, RuleNotApplicable, Subject
+from vinefab.fabrication.rules.rule import (
+    RigSubject,
+    RuleApplied,
+    RuleNotApplicable,
+    Scope,
+    Subject,
+)
 from vinefab.model.design import Design, PieceSettings, Waiver
 from vinefab.model.files.shipped import names
 from vinefab.model.finding import Severity
@@ -237,7 +244,7 @@ def test_every_rule_has_an_outcome_on_next_to_nothing(make, profile, fans):
                 error.add_note(f"{rule.id} on {case}")
                 raise
             assert isinstance(outcome, RuleApplied | RuleNotApplicable), (rule.id, case)
-    for rule in RIG_RULES:
+    for rule in map(RULES.get, rules_on(Scope.RIG)):
         rule.apply(RigSubject(), rule.limits_with({}))
 
 
@@ -258,3 +265,11 @@ def test_settings_derived_for_another_film_are_stale(make, ply_mm, needs):
         assert f"takes about {needs} J/cm^2" in found[0]
         assert f"{2 * ply_mm:g} mm" in found[0]
         assert "weldcut delivers 27, less than that" in found[0]
+
+
+def test_a_declared_rule_is_its_check():
+    """Title from the docstring, limits from the keywords; it goes to another process."""
+    rule = RULES["VF-B01"]
+    assert rule.title == "the tail is long enough to invert and clamp"
+    assert dict(rule.limits) == {"error": 150.0, "warning": 200.0}
+    assert pickle.loads(pickle.dumps(rule)) == rule  # noqa: S301  made here

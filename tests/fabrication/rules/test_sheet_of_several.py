@@ -8,8 +8,8 @@ import pytest
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import SheetOptions
 from vinefab.fabrication.package.prepare import prepare
-from vinefab.fabrication.rules.catalog import SHEET_RULES, SLEEVE_RULES, run_checks
-from vinefab.fabrication.rules.rule import Subject
+from vinefab.fabrication.rules.catalog import SLEEVE_RULES, rules_on, run_checks
+from vinefab.fabrication.rules.rule import Scope, Subject
 from vinefab.model.finding import Severity
 from vinefab.model.job import Operation
 
@@ -66,7 +66,7 @@ def test_the_robot_that_came_out_narrow_is_named(fork, vine, profile, label, of_
     )
     assert (len(forks), len(vines)) == (of_fork, of_vine)
     assert all(f"'outline of {label}'" in finding.message for finding in forks)
-    assert not {"VF-W04", "VF-P05"} & SHEET_RULES
+    assert not {"VF-W04", "VF-P05"} & rules_on(Scope.SHEET)
     # a seam too narrow by a fiftieth of the tube, on one side and the other
     seams = [len(found(design, profile, wrong, "VF-P05")) for design in (fork, vine)]
     assert [count > 0 for count in seams] == [of_fork > 0, of_vine > 0]

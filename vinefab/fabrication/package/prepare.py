@@ -47,16 +47,16 @@ from vinefab.fabrication.package.sheet_pictures import (
 )
 from vinefab.fabrication.pieces.exploded import piece_lumens
 from vinefab.fabrication.pieces.partition import in_pieces, pieces_of
-from vinefab.fabrication.rules.as_built import READBACK
+from vinefab.fabrication.rules.as_built import check_readback
 from vinefab.fabrication.rules.catalog import (
     RULES,
-    SHEET_RULES,
     checks_text,
     concerns,
     merged_reports,
+    rules_on,
     run_checks,
 )
-from vinefab.fabrication.rules.rule import Subject
+from vinefab.fabrication.rules.rule import Scope, Subject
 from vinefab.inflation.pattern import Pattern, pattern_blocks, pattern_of
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design, design_text
@@ -196,7 +196,7 @@ def prepare(
             written = laser_files(spec, stem=name, requested=(R12_FORMAT,) if r12 else ())
             files |= {f"{folder}{slash}{name}": data for name, data in written.files.items()}
             problems |= {f"{folder}{slash}{name}": w for name, w in written.problems.items()}
-        reread = run_checks(replace(subject, readback=problems), only=(READBACK.id,))
+        reread = run_checks(replace(subject, readback=problems), only=(check_readback.id,))
         report = merged_reports(report, reread)
     return Prepared(
         design=design,
@@ -218,9 +218,9 @@ def _beside(cut: Design, profile: LaserProfile, job: Job, *, separate: bool) -> 
     Rules about the sheet as a whole are applied with the first robot only.
     """
     subject = Subject.on_sheet(cut, profile, job, separate=separate)
-    report = run_checks(subject, only=RULES.keys() - SHEET_RULES)
+    report = run_checks(subject, only=RULES.keys() - rules_on(Scope.SHEET))
     reason = f"checked once for the whole sheet, with {job.name}"
-    rules = [rule for rule in sorted(SHEET_RULES) if concerns(rule, cut)]
+    rules = [rule for rule in sorted(rules_on(Scope.SHEET)) if concerns(rule, cut)]
     skipped = tuple(RuleSkipped(rule=rule, reason=reason) for rule in rules)
     once = replace(report, run=(), skipped=skipped, findings=())
     return replace(merged_reports(report, once), stale_waivers=())

@@ -30,12 +30,17 @@ from vinefab.fabrication.job.passes import (
     sleeve_size,
 )
 from vinefab.fabrication.job.placement import place_contours
-from vinefab.fabrication.rules.catalog import ROOM_RULES, by_rule, changed_limits, run_checks
-from vinefab.fabrication.rules.clearance_rules import CLEARANCE, OVERLAP, POUCH, least_gap_mm
-from vinefab.fabrication.rules.rule import ROUNDING, LimitChanges, Subject
+from vinefab.fabrication.rules.catalog import by_rule, changed_limits, rules_on, run_checks
+from vinefab.fabrication.rules.clearance_rules import (
+    check_clearance,
+    check_overlap,
+    check_pouch,
+    least_gap_mm,
+)
+from vinefab.fabrication.rules.rule import ROUNDING, LimitChanges, Scope, Subject
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of, spacing
 from vinefab.fabrication.rules.tree_rules import (
-    LAP_PACKING,
+    check_lap_packing,
     fullest_laps,
     passages_of,
     widest_cut_mm,
@@ -589,7 +594,7 @@ class _Cutter:
             if sleeve.width_mm > widest_mm:
                 alone = Clause(frozenset(), frozenset({sleeve.branch}))
                 yield _Conflict(why="load its lap", branches=(sleeve.branch,), clause=alone)
-        limits = LAP_PACKING.limits_with(self.values.get(LAP_PACKING.id, {}))
+        limits = check_lap_packing.limits_under(self.values)
         film_mm, packing = self.profile.material.film_mm, limits["packing"]
         fullest = fullest_laps(self.design, cut.sleeves, film_mm, packing, passages)
         for branch, share in fullest.values():
@@ -603,7 +608,8 @@ class _Cutter:
     def _pairs(self) -> Iterator[_Conflict]:
         """Yield every pair of bodies that come too near each other."""
         near_mm, pouch_mm = (
-            least_gap_mm(rule, self.values, self.subject.taken_mm) for rule in (CLEARANCE, POUCH)
+            least_gap_mm(rule, self.values, self.subject.taken_mm)
+            for rule in (check_clearance, check_pouch)
         )
         capsules, kind = self.bodies.capsules, self.bodies.kind
         found = spacing(capsules, max(near_mm, pouch_mm, 0.0))
@@ -621,7 +627,7 @@ class _Cutter:
         _, first = np.unique(ends[order], axis=0, return_index=True)
         for row in order[first].tolist():
             a, kind_a, b, kind_b, joined = ends[row].tolist()
-            rule = POUCH if joined else OVERLAP if depth[row] < 0.0 else CLEARANCE
+            rule = check_pouch if joined else check_overlap if depth[row] < 0.0 else check_clearance
             if self.waived:
                 names = self.subject.ids(*sorted((a, b)))
                 if fingerprint(rule.id, "", *names) in self.waived:
@@ -667,7 +673,7 @@ class _Cutter:
                 yield _Conflict(why=TOO_LARGE, branches=piece.branches, clause=part)
             return  # what its parts break is seen when they are parted
         subject = _on_piece(self.subject, self.bodies, piece, ends)
-        for finding in run_checks(subject, self.limits, only=ROOM_RULES).blocking:
+        for finding in run_checks(subject, self.limits, only=rules_on(Scope.ROOM)).blocking:
             rows = tuple(self.subject.names.index(name) for name in finding.branches)
             if len(rows) != 2:
                 continue

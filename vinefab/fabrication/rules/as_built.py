@@ -12,12 +12,14 @@ from vinefab.core.plain_text import counted
 from vinefab.fabrication.job.passes import bodies_of_paths, closes
 from vinefab.fabrication.rules.rule import (
     Limits,
+    RigFacts,
     RigSubject,
-    Rule,
     RuleApplied,
+    Scope,
     Subject,
     Violation,
     branch_point_mm,
+    design_rule,
     made,
     mark_branches,
     needed,
@@ -29,8 +31,6 @@ from vinefab.model.outline import Contour, Part
 from vinefab.outline.joint import Point, taper_rad
 from vinefab.physics.growth_pressure import planned_paths
 from vinefab.physics.tube import inflated_diameter_mm
-
-_NEAR_MM = 1e-3
 
 
 def _excess_widths_mm(
@@ -51,7 +51,7 @@ def _excess_widths_mm(
     back = _back_to_flat(subject, contours)
     collar, from_mm = subject.design.build.collar, -math.inf
     if collar is not None:  # its sides are as wide as its clamp
-        from_mm = collar.reach_mm - _NEAR_MM - layout.tail_mm
+        from_mm = collar.reach_mm - 1e-3 - layout.tail_mm
     for segment in (one for run in contours for one in run.moved(*back).segments):
         is_tail, starts_mm = segment.part is Part.TAIL, (segment.start_mm[0], segment.end_mm[0])
         if segment.bulge or not segment.branch or not (is_tail or segment.part is Part.SIDE):
@@ -114,8 +114,20 @@ def _owner(path: LaserPath, paths: tuple[LaserPath, ...]) -> str:
     return f" of {path.label!r}" if len(paths) > 1 else ""
 
 
+@design_rule(
+    "VF-W04",
+    broken="branches do not come out as wide as designed",
+    unit="mm",
+    error=0.1,
+    on={Scope.PATHS, Scope.PIECES},
+    reason="a forgotten seam and kerf offset narrows an 8 mm branch by 6 to 12 % (computed)",
+    remedy="use the recipe's seam and kerf, and leave the machine's own kerf at 0",
+)
 def check_built_width(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-W04: both sides of a branch, less seam and kerf, leave the designed lumen between them."""
+    """Branches come out as wide as designed.
+
+    Both sides, less seam and kerf, leave the designed lumen between them.
+    """
     job, profile = made(subject, "needs a recipe, for seam and kerf")
     operation = Operation.WELDCUT if job.along(Operation.WELDCUT) else Operation.WELD
     beam = profile.settings(operation)
@@ -161,8 +173,15 @@ def check_built_width(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied(checked=checked, violations=tuple(violations))
 
 
+@design_rule(
+    "VF-X01",
+    broken="a file read back differs from the job",
+    on={Scope.SHEET},
+    reason="programs read files, not intentions",
+    remedy="report it: a file that differs from its model is a fault of vinefab or of a disk",
+)
 def check_readback(subject: Subject, _: Limits) -> RuleApplied:
-    """VF-X01: every file written equals the model when it is read back."""
+    """Files read back equal the job."""
     files = needed(subject.readback, "no file was written and read back")
     violations = [
         Violation(message=f"{name}: {problem}; write the package again", aspect=name)
@@ -172,32 +191,18 @@ def check_readback(subject: Subject, _: Limits) -> RuleApplied:
     return RuleApplied(checked=len(files), violations=tuple(violations))
 
 
-BUILT_WIDTH = Rule(
-    id="VF-W04",
-    title="branches come out as wide as designed",
-    broken="branches do not come out as wide as designed",
+@design_rule(
+    "VF-P05",
+    broken="a seam or overcut is narrower than the recipe's",
     unit="mm",
-    limits={"error": 0.1},
-    reason="a forgotten seam and kerf offset narrows an 8 mm branch by 6 to 12 % (computed)",
-    remedy="use the recipe's seam and kerf, and leave the machine's own kerf at 0",
-    check=check_built_width,
+    slack=0.005,
+    on={Scope.PATHS, Scope.PIECES},
+    reason="a narrower seam was never tested, and a mouth that is not cut through tears it open; "
+    "a laser's steps round the slack away (assumed)",
+    remedy="use the recipe's seam width and overcut, or test the narrower seam with coupons",
 )
-READBACK = Rule(
-    id="VF-X01",
-    title="files read back equal the job",
-    broken="a file read back differs from the job",
-    reason="programs read files, not intentions",
-    remedy="report it: a file that differs from its model is a fault of vinefab or of a disk",
-    check=check_readback,
-)
-
-
-_ON_LINE_MM = 0.05
-"""An end of the outline within this distance of the mouth's cut lies on it."""
-
-
 def check_seams(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-P05: the paths leave the recipe's seam, and cuts cross or overlap by its overcut."""
+    """Seams and overcuts are as wide as the recipe's."""
     _, profile = made(subject, "needs a recipe, for seam and overcut")
     slack_mm = limits["slack"]
     seams_mm = _seams_mm(subject, profile)
@@ -275,8 +280,11 @@ def _seams_mm(subject: Subject, profile: LaserProfile) -> dict[str, tuple[float,
     return found
 
 
-def _overcuts_mm(subject: Subject) -> Iterator[tuple[float, str]]:
-    """Yield by how much a cut at a mouth runs past each end of an outline on it, and its owner."""
+def _overcuts_mm(subject: Subject, near_mm: float = 0.05) -> Iterator[tuple[float, str]]:
+    """Yield by how much a cut at a mouth runs past each end of an outline on it, and its owner.
+
+    An end that is as near to the cut lies on it.
+    """
     ends = [
         path.contour.points_mm[row]
         for path in subject.own(Operation.WELDCUT)
@@ -294,33 +302,25 @@ def _overcuts_mm(subject: Subject) -> Iterator[tuple[float, str]]:
                 x, y = end - start
                 across_mm = abs(along[0] * y - along[1] * x)
                 at_mm = float(along[0] * x + along[1] * y)
-                near_mm = min(at_mm, segment.length_mm - at_mm)
-                if across_mm < _ON_LINE_MM and near_mm > -_ON_LINE_MM:
-                    yield near_mm, _owner(path, cuts)
+                past_mm = min(at_mm, segment.length_mm - at_mm)
+                if across_mm < near_mm and past_mm > -near_mm:
+                    yield past_mm, _owner(path, cuts)
 
 
-SEAM_WIDTH = Rule(
-    id="VF-P05",
-    title="seams and overcuts are as wide as the recipe's",
-    broken="a seam or overcut is narrower than the recipe's",
-    unit="mm",
-    limits={"slack": 0.005},
-    reason="a narrower seam was never tested, and a mouth that is not cut through tears it open; "
-    "a laser's steps round the slack away (assumed)",
-    remedy="use the recipe's seam width and overcut, or test the narrower seam with coupons",
-    check=check_seams,
+def _rig(subject: RigSubject) -> RigFacts:
+    return needed(subject.rig, "needs a test rig: vinefab rig makes one, --rig names one")
+
+
+@design_rule(
+    "VF-R01",
+    broken="a rig part is not a closed solid of the right volume",
+    on={Scope.RIG},
+    reason="slicers guess what an open mesh means",
+    remedy="make the rig anew; report it if the part still is not closed",
 )
-
-
-_SLACK_MM = 1e-3
-"""Tolerance of a part's size: files hold it in single precision."""
-
-_NO_RIG = "needs a test rig: vinefab rig makes one, --rig names one"
-
-
 def check_solids(subject: RigSubject, _: Limits) -> RuleApplied:
-    """VF-R01: every part, read again, is closed, oriented and has the right volume."""
-    rig = needed(subject.rig, _NO_RIG)
+    """Every rig part is a closed solid of the right volume."""
+    rig = _rig(subject)
     violations = [
         Violation(message=f"{part.name} {problem}: make the rig anew", aspect=part.name)
         for part in rig.parts
@@ -329,13 +329,24 @@ def check_solids(subject: RigSubject, _: Limits) -> RuleApplied:
     return RuleApplied(checked=len(rig.parts), violations=tuple(violations))
 
 
+@design_rule(
+    "VF-R02",
+    broken="a rig part is too large for the machine",
+    unit="mm",
+    on={Scope.RIG},
+    reason="a part that does not fit cannot be printed",
+    remedy="another printer, a smaller scale, or lower obstacles",
+)
 def check_fits(subject: RigSubject, _: Limits) -> RuleApplied:
-    """VF-R02: every part fits the machine, the margin of its bed kept."""
-    rig, violations = needed(subject.rig, _NO_RIG), []
+    """Every rig part fits the machine.
+
+    The margin of its bed is kept.
+    """
+    rig, violations = _rig(subject), []
     for part in rig.parts:
         axes = zip(part.size_mm, rig.room_mm, ("wide", "deep", "high"), strict=True)
         size_mm, most_mm, axis = max(axes, key=lambda axis: axis[0] - axis[1])
-        if size_mm > most_mm + _SLACK_MM:
+        if size_mm > most_mm + 1e-3:  # files hold sizes in single precision
             message = f"{part.name} is too {axis} for {rig.printer}: split or scale the rig"
             violations.append(
                 Violation(message=message, measured=size_mm, limit=most_mm, aspect=part.name)
@@ -343,8 +354,20 @@ def check_fits(subject: RigSubject, _: Limits) -> RuleApplied:
     return RuleApplied(checked=len(rig.parts), violations=tuple(violations))
 
 
+@design_rule(
+    "VF-R03",
+    broken="corridors are too narrow for inflated branches",
+    unit="mm",
+    limits_in="times the inflated diameter",
+    warning=1.0,
+    on={Scope.RIG},
+    reason="an inflated body does not pass a narrower gap. A dead "
+    "end with less free area than the body's cross-section is a notch in a wall and no corridor, "
+    "unless a start is in it",
+    remedy="narrower tubes, a larger scale, or another map",
+)
 def check_corridors(subject: RigSubject, limits: Limits) -> RuleApplied:
-    """VF-R03: corridors take the inflated diameter of every level."""
+    """Corridors let every inflated branch through."""
     why = "to compare corridors with the robot"
     design = needed(subject.design, f"needs a design (--design), {why}")
     corridors = needed(subject.corridors or None, f"needs a map or a rig (--map), {why}")
@@ -376,8 +399,18 @@ def check_corridors(subject: RigSubject, limits: Limits) -> RuleApplied:
     )
 
 
+@design_rule(
+    "VF-R04",
+    broken="obstacles are too low: the inflated trunk climbs over them",
+    unit="mm",
+    limits_in="times the inflated diameter of the trunk",
+    warning=1.2,
+    on={Scope.RIG},
+    reason="a tube climbs over an obstacle that is lower; 1.2 diameters are assumed",
+    remedy="higher obstacles, or a narrower trunk",
+)
 def check_height(subject: RigSubject, limits: Limits) -> RuleApplied:
-    """VF-R04: obstacles are higher than the inflated trunk, so that it does not climb over them."""
+    """Obstacles are higher than the inflated trunk climbs."""
     why = "to compare heights with the trunk"
     rig = needed(subject.rig, f"needs a test rig (--rig), {why}")
     design = needed(subject.design, f"needs a design (--design), {why}")
@@ -394,48 +427,3 @@ def check_height(subject: RigSubject, limits: Limits) -> RuleApplied:
             limit=broken.limit * diameter_mm,
         )
     )
-
-
-RIG_SOLIDS = Rule(
-    id="VF-R01",
-    title="every rig part is a closed solid of the right volume",
-    broken="a rig part is not a closed solid of the right volume",
-    reason="slicers guess what an open mesh means",
-    remedy="make the rig anew; report it if the part still is not closed",
-    check=check_solids,
-)
-RIG_SIZE = Rule(
-    id="VF-R02",
-    title="every rig part fits the machine",
-    broken="a rig part is too large for the machine",
-    unit="mm",
-    reason="a part that does not fit cannot be printed",
-    remedy="another printer, a smaller scale, or lower obstacles",
-    check=check_fits,
-)
-CORRIDORS = Rule(
-    id="VF-R03",
-    title="corridors let every inflated branch through",
-    broken="corridors are too narrow for inflated branches",
-    unit="mm",
-    limits_in="times the inflated diameter",
-    limits={"warning": 1.0},
-    reason="an inflated body does not pass a narrower gap. A dead "
-    "end with less free area than the body's cross-section is a notch in a wall and no corridor, "
-    "unless a start is in it",
-    remedy="narrower tubes, a larger scale, or another map",
-    check=check_corridors,
-)
-OBSTACLE_HEIGHT = Rule(
-    id="VF-R04",
-    title="obstacles are higher than the inflated trunk climbs",
-    broken="obstacles are too low: the inflated trunk climbs over them",
-    unit="mm",
-    limits_in="times the inflated diameter of the trunk",
-    limits={"warning": 1.2},
-    reason="a tube climbs over an obstacle that is lower; 1.2 diameters are assumed",
-    remedy="higher obstacles, or a narrower trunk",
-    check=check_height,
-)
-RIG_RULES = (RIG_SOLIDS, RIG_SIZE, CORRIDORS, OBSTACLE_HEIGHT)
-"""The rules that can be applied without a design's layout, to a `RigSubject`."""

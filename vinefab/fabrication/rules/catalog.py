@@ -20,7 +20,6 @@ from vinefab.fabrication.rules import (
     pressure_rules,
     tree_rules,
 )
-from vinefab.fabrication.rules.as_built import RIG_RULES
 from vinefab.fabrication.rules.rule import (
     LimitChanges,
     Limits,
@@ -28,6 +27,7 @@ from vinefab.fabrication.rules.rule import (
     Rule,
     RuleApplied,
     RuleNotApplicable,
+    Scope,
     Subject,
 )
 from vinefab.model.design import Design, Waiver
@@ -69,30 +69,19 @@ RULES: Registry[Rule] = Registry(
 )
 
 
-def _ids(*rules: Rule) -> frozenset[str]:
-    return frozenset(rule.id for rule in rules)
+def rules_on(scope: Scope) -> frozenset[str]:
+    """Return the ids of all rules that are about something."""
+    return frozenset(rule.id for rule in all_rules() if scope in rule.on)
 
 
-_OF_LASER = (
-    *(laser_rules.BED, laser_rules.MARKS, laser_rules.PATHS, laser_rules.ORDER),
-    *(laser_rules.MACHINE, tree_rules.PIECE_LABELS),
-)
+def flat_rules() -> frozenset[str]:
+    """Return vinefab's own rules that need no paths of the laser; those of others may ask for some.
 
-SHEET_RULES = _ids(*_OF_LASER, laser_rules.PLY, laser_rules.STATUS, as_built.READBACK)
-"""Rules about a sheet, its recipe and its files: they run once on a sheet of several robots."""
+    >>> "VF-T01" in flat_rules(), "VF-L02" in flat_rules()
+    (True, False)
+    """
+    return frozenset(rule.id for rule in _BUILTIN if Scope.PATHS not in rule.on)
 
-ROOM_RULES = _ids(tree_rules.POLYGON, tree_rules.MOUTH, clearance_rules.OVERLAP)
-ROOM_RULES |= _ids(clearance_rules.CLEARANCE, clearance_rules.FOREIGN_FILLET, clearance_rules.POUCH)
-"""Rules about what lies side by side on one sheet: a robot that breaks them may go in pieces."""
-
-PIECE_RULES = ROOM_RULES | _ids(as_built.BUILT_WIDTH, as_built.SEAM_WIDTH, laser_rules.FILM)
-"""Rules that every piece of a robot passes by itself."""
-
-JOB_RULES = _ids(*_OF_LASER, as_built.BUILT_WIDTH, as_built.SEAM_WIDTH)
-"""Rules about the paths of the laser; a rule of another package may ask for them too."""
-
-FLAT_RULES = frozenset(rule.id for rule in _BUILTIN) - JOB_RULES
-"""Rules that need no paths of the laser."""
 
 SLEEVE_RULES = frozenset(rule.id for rule in _BUILTIN if rule.id.startswith("VF-J"))
 """Rules about pieces and their sleeves."""
@@ -251,7 +240,7 @@ def run_checks(
         if (only is None or rule.id in only) and concerns(rule.id, subject.design)
     ]
     outcomes = [
-        (rule, _outcome(rule, subject, rule.limits_with(values.get(rule.id, {}))))
+        (rule, _outcome(rule, subject, rule.limits_under(values)))
         for rule in each("rules", rules, lambda rule: rule.title)
     ]
     recipe = subject.profile.recipe.name if subject.profile else ""
@@ -269,7 +258,7 @@ def run_checks(
 
 def _outcome(rule: Rule, subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
     """Return the outcome of a rule; rules about one flat outline look at every piece of a robot."""
-    if not subject.pieces or rule.id not in PIECE_RULES:
+    if not subject.pieces or Scope.PIECES not in rule.on:
         return rule.apply(subject, limits)
     found = [rule.apply(piece, limits) for piece in subject.pieces]
     for outcome in found:
@@ -311,12 +300,11 @@ def _replaced(old: Sequence[_Entry], new: Sequence[_Entry], rules: set[str]) -> 
 def run_rig_checks(subject: RigSubject) -> CheckReport:
     """Return the report of the rules about test rigs, the only ones that need no design."""
     design = subject.design
-    ids = {rule.id for rule in RIG_RULES}
+    rules = [rule for rule in _BUILTIN if Scope.RIG in rule.on]
+    ids = {rule.id for rule in rules}
     own = tuple(limit for limit in (changed_limits(design) if design else ()) if limit.rule in ids)
     values = by_rule(own)
-    outcomes = [
-        (rule, rule.apply(subject, rule.limits_with(values.get(rule.id, {})))) for rule in RIG_RULES
-    ]
+    outcomes = [(rule, rule.apply(subject, rule.limits_under(values))) for rule in rules]
     name, waivers = (design.name, design.waivers) if design else ("", ())
     return replace(_report(name, outcomes, waivers), limits=own)
 

@@ -15,9 +15,11 @@ from vinefab.fabrication.rules.rule import (
     Limits,
     Rule,
     RuleApplied,
+    Scope,
     Subject,
     Violation,
     branch_point_mm,
+    design_rule,
     mark_line,
     outline_violations,
 )
@@ -72,15 +74,26 @@ def nearest_pairs(
 
 
 def _remaining(pairs: int, predicate: str) -> tuple[Violation, ...]:
-    """Return one violation for all pairs beyond `MOST_FINDINGS`, if there are any."""
+    """Return one violation for all pairs beyond the most that are reported, if there are any."""
     if pairs <= _MOST_FINDINGS:
         return ()
     rest = f"{pairs - _MOST_FINDINGS} more pairs of branches {predicate}"
     return (Violation(message=rest, severity=Severity.INFO, aspect="rest"),)
 
 
+@design_rule(
+    "VF-T03",
+    broken="branches overlap on the sheet",
+    unit="mm",
+    on={Scope.ROOM, Scope.PIECES},
+    reason="a flat sheet has no room for two branches at one place",
+    remedy="widen angles, shorten or narrow the branches named, use fewer of them, or allow pieces",
+)
 def check_overlap(subject: Subject, _: Limits) -> RuleApplied:
-    """VF-T03: branches that share no joint do not overlap."""
+    """Branches lie clear of each other on the sheet.
+
+    These are branches that share no joint.
+    """
     found = spacing(subject.capsules, 0.0)
     nears, pairs = nearest_pairs(subject, found, ~found.joined & (found.gap_mm < 0.0))
     message = "two branches lie on one place: widen the fan, shorten one of them, or allow pieces"
@@ -99,7 +112,7 @@ def least_gap_mm(rule: Rule, changed: LimitChanges, taken_mm: float) -> float:
     taken_mm
         What the beams of each take outside its lumen (`taken_mm` of `fabrication.job.passes`).
     """
-    return rule.limits_with(changed.get(rule.id, {}))["error"] + 2.0 * taken_mm
+    return rule.limits_under(changed)["error"] + 2.0 * taken_mm
 
 
 def _film_left(subject: Subject, limits: Limits) -> tuple[Spacing, NDArray[np.bool_]]:
@@ -113,8 +126,19 @@ def _without_recipe(subject: Subject) -> str:
     return "" if subject.profile else "without a recipe: seams and kerfs are not subtracted"
 
 
+@design_rule(
+    "VF-C01",
+    broken="too little film is left between branches",
+    unit="mm",
+    error=0.0,
+    warning=2.0,
+    on={Scope.ROOM, Scope.PIECES},
+    reason="where seam, web and kerf of both leave no film between them, a cut runs through a "
+    "neighbour's seam; a narrow strip melts (assumed)",
+    remedy="widen angles, narrow or shorten the branches named, use fewer of them, or allow pieces",
+)
 def check_clearance(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-C01: as made, film is left between branches that share no joint.
+    """Enough film is left between branches.
 
     Left is what lies between their lumens, less what the beams of both take there: seam, web and
     kerf, by the process of the robot.
@@ -146,28 +170,6 @@ def _gap_violations(
     return (*violations, *_remaining(pairs, "come too near each other"))
 
 
-OVERLAP = Rule(
-    id="VF-T03",
-    title="branches lie clear of each other on the sheet",
-    broken="branches overlap on the sheet",
-    unit="mm",
-    reason="a flat sheet has no room for two branches at one place",
-    remedy="widen angles, shorten or narrow the branches named, use fewer of them, or allow pieces",
-    check=check_overlap,
-)
-CLEARANCE = Rule(
-    id="VF-C01",
-    title="enough film is left between branches",
-    broken="too little film is left between branches",
-    unit="mm",
-    limits={"error": 0.0, "warning": 2.0},
-    reason="where seam, web and kerf of both leave no film between them, a cut runs through a "
-    "neighbour's seam; a narrow strip melts (assumed)",
-    remedy="widen angles, narrow or shorten the branches named, use fewer of them, or allow pieces",
-    check=check_clearance,
-)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Web:
     """The film that a fillet adds, between its arc and the sides that it joins."""
@@ -176,8 +178,18 @@ class _Web:
     branch: int  # index of a branch that the fillet belongs to
 
 
+@design_rule(
+    "VF-C05",
+    broken="a fillet reaches a branch of another joint",
+    unit="mm",
+    error=0.0,
+    warning=2.0,
+    on={Scope.ROOM, Scope.PIECES},
+    reason="a fillet that swallows another branch's side changes the robot",
+    remedy="a smaller fillet, or more distance between the joint and the next branch",
+)
 def check_foreign(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-C05: the film of a fillet keeps clear of all branches but those of its joint.
+    """Fillets touch only branches of their own joint.
 
     The capsules of VF-C01 leave fillets out; a large fillet can close the gap to a branch that is
     clear of both its sides. A fillet at a pouch's neck belongs to the joint of its branch.
@@ -260,38 +272,29 @@ def _near_webs(
     yield from zip(web.tolist(), row.tolist(), gap_mm.tolist(), strict=True)
 
 
-FOREIGN_FILLET = Rule(
-    id="VF-C05",
-    title="fillets touch only branches of their own joint",
-    broken="a fillet reaches a branch of another joint",
-    unit="mm",
-    limits={"error": 0.0, "warning": 2.0},
-    reason="a fillet that swallows another branch's side changes the robot",
-    remedy="a smaller fillet, or more distance between the joint and the next branch",
-    check=check_foreign,
-)
-
-
-_ARC_STEPS = 32
-_LEAST_NOTCH_MM2 = 0.05
-_SLACK_MM = 0.02
-
-
-def notches(body: shapely.Polygon, width_mm: float) -> list[shapely.Polygon]:
+def notches(
+    body: shapely.Polygon,
+    width_mm: float,
+    *,
+    arc_steps: int = 32,
+    slack_mm: float = 0.02,
+    least_mm2: float = 0.05,
+) -> list[shapely.Polygon]:
     """Return where a disc of a diameter does not fit into the film around a body.
 
     Returns
     -------
     list of Polygon
-        What morphological closing of the body by the disc adds, without slivers. A fillet of at
-        least half the width adds nothing, nor does film between sides that part from such a fillet.
+        What morphological closing of the body by the disc adds, without slivers along its edge
+        (``slack_mm``) and in corners (``least_mm2``). A fillet of at least half the width adds
+        nothing, nor does film between sides that part from such a fillet.
     """
-    closed = shapely.buffer(body, width_mm / 2.0, quad_segs=_ARC_STEPS)
-    closed = shapely.buffer(closed, -width_mm / 2.0, quad_segs=_ARC_STEPS)
+    closed = shapely.buffer(body, width_mm / 2.0, quad_segs=arc_steps)
+    closed = shapely.buffer(closed, -width_mm / 2.0, quad_segs=arc_steps)
     # The chords of both buffers leave a film as thin as their sagitta all around.
-    sagitta_mm = width_mm * (1.0 - math.cos(math.pi / (4 * _ARC_STEPS)))
-    added = shapely.difference(closed, shapely.buffer(body, _SLACK_MM + sagitta_mm))
-    return [part for part in shapely.get_parts(added).tolist() if part.area > _LEAST_NOTCH_MM2]
+    sagitta_mm = width_mm * (1.0 - math.cos(math.pi / (4 * arc_steps)))
+    added = shapely.difference(closed, shapely.buffer(body, slack_mm + sagitta_mm))
+    return [part for part in shapely.get_parts(added).tolist() if part.area > least_mm2]
 
 
 def lies_between(
@@ -316,8 +319,20 @@ def lies_between(
     )
 
 
+@design_rule(
+    "VF-C07",
+    broken="a pouch is too small or too near a neighbour",
+    unit="mm",
+    error=0.0,
+    warning=2.0,
+    on={Scope.ROOM, Scope.PIECES},
+    reason="a pouch holds by being wider than its branch; two pouches that touch melt into one",
+    remedy="a pouch wider than its branch; a smaller one, or a wider fan, where two touch",
+)
 def check_pouch(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-C07: pouches are wider than their branch, as long, and clear of branches at its joint.
+    """Pouches are large enough and clear of neighbours.
+
+    A pouch is wider than its branch, at least as long, and clear of branches at its joint.
 
     Near its own parent a pouch ends in the fillets of joint and neck; where these fill the room
     between, no film is left that could be too narrow. So the drawn outline decides there.
@@ -369,22 +384,6 @@ def _confirmed(
             if lies_between(subject, seen[width_mm], violation.branches, width_mm):
                 yield replace(violation, severity=severity, limit=limits[severity])
                 break
-
-
-POUCH = Rule(
-    id="VF-C07",
-    title="pouches are large enough and clear of neighbours",
-    broken="a pouch is too small or too near a neighbour",
-    unit="mm",
-    limits={"error": 0.0, "warning": 2.0},
-    reason="a pouch holds by being wider than its branch; two pouches that touch melt into one",
-    remedy="a pouch wider than its branch; a smaller one, or a wider fan, where two touch",
-    check=check_pouch,
-)
-
-
-PARALLEL_RAD = 1e-6
-"""Neighbours at a smaller angle never part."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -444,13 +443,25 @@ def shorter_mm(gap: Gap) -> float:
 def share_in_crotch(gap: Gap) -> float:
     """Return the reach of a gap's crotch over the length of its shorter neighbour.
 
-    Neighbours that never part give infinity.
+    Neighbours at less than a millionth of a radian never part and give infinity.
     """
-    return gap.reach_mm / shorter_mm(gap) if gap.angle_rad > PARALLEL_RAD else math.inf
+    return gap.reach_mm / shorter_mm(gap) if gap.angle_rad > 1e-6 else math.inf
 
 
+@design_rule(
+    "VF-C02",
+    broken="the angle at a joint is too small",
+    unit="deg",
+    error=15.0,
+    warning=20.0,
+    reason="narrower crotches leave a sliver of film that the laser melts shut",
+    remedy="widen the fan, or use fewer branches in it",
+)
 def check_angle(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-C02: neighbours round a joint, the parent's body among them, part at an angle."""
+    """Neighbours at every joint part widely enough.
+
+    The parent's body is one of the neighbours.
+    """
     joints = level_joints(subject.design)
     violations = []
     for joint in joints:
@@ -474,8 +485,17 @@ def check_angle(subject: Subject, limits: Limits) -> RuleApplied:
     )
 
 
+@design_rule(
+    "VF-C03",
+    broken="a crotch webs its branches together too far",
+    unit="mm",
+    limits_in="times the length of the shorter neighbour",
+    error=0.5,
+    reason="a longer web ties branches together that should bend apart",
+    remedy="a smaller fillet, a wider angle, or a longer child",
+)
 def check_crotch(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-C03: the filleted crotch ends within a share of the shorter neighbour."""
+    """Crotches end within half of the shorter neighbour."""
     joints = level_joints(subject.design)
     violations = []
     for joint in joints:
@@ -498,8 +518,21 @@ def check_crotch(subject: Subject, limits: Limits) -> RuleApplied:
     )
 
 
+@design_rule(
+    "VF-C04",
+    broken="a fillet is too small or too large",
+    unit="mm",
+    error=1.0,
+    warning=2.0,
+    share_of_width=0.25,
+    most_warning_share=1.0,
+    most_error_share=2.0,
+    reason="a sharp crotch is where seams begin to peel; the radius should grow with the child, "
+    "but a fillet much larger than the child makes it wide where it should be narrow",
+    remedy="a larger fillet on a sharp crotch, a smaller one next to a narrow child",
+)
 def check_fillet(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-C04: fillets are large enough, for the laser and for their child."""
+    """Fillets are of the right size."""
     joints = level_joints(subject.design)
     violations = []
     for joint in joints:
@@ -550,48 +583,17 @@ def _violation(
     return broken.on(subject, rows, message, at=at_mm, aspect=aspect)
 
 
-ANGLE = Rule(
-    id="VF-C02",
-    title="neighbours at every joint part widely enough",
-    broken="the angle at a joint is too small",
+@design_rule(
+    "VF-C06",
+    broken="a path turns too sharply or too often",
     unit="deg",
-    limits={"error": 15.0, "warning": 20.0},
-    reason="narrower crotches leave a sliver of film that the laser melts shut",
-    remedy="widen the fan, or use fewer branches in it",
-    check=check_angle,
+    joint_warning=90.0,
+    capstan_warning=10.0,
+    reason="friction at turns multiplies the pressure that growth takes (mu 0.234, published)",
+    remedy="smaller angles, or fewer levels along the path",
 )
-CROTCH = Rule(
-    id="VF-C03",
-    title="crotches end within half of the shorter neighbour",
-    broken="a crotch webs its branches together too far",
-    unit="mm",
-    limits_in="times the length of the shorter neighbour",
-    limits={"error": 0.5},
-    reason="a longer web ties branches together that should bend apart",
-    remedy="a smaller fillet, a wider angle, or a longer child",
-    check=check_crotch,
-)
-FILLET = Rule(
-    id="VF-C04",
-    title="fillets are of the right size",
-    broken="a fillet is too small or too large",
-    unit="mm",
-    limits={
-        "error": 1.0,
-        "warning": 2.0,
-        "share_of_width": 0.25,
-        "most_warning_share": 1.0,
-        "most_error_share": 2.0,
-    },
-    reason="a sharp crotch is where seams begin to peel; the radius should grow with the child, "
-    "but a fillet much larger than the child makes it wide where it should be narrow",
-    remedy="a larger fillet on a sharp crotch, a smaller one next to a narrow child",
-    check=check_fillet,
-)
-
-
 def check_turn(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-C06: joints turn little, and so does the whole path to every tip.
+    """Paths turn little enough to grow.
 
     Without deployments a path's turn is that of its joints; with them, the largest turn at
     contacts and base hinges on the way is added.
@@ -631,15 +633,3 @@ def _summed_along(tree: BranchTree, values: Floats) -> Floats:
         rows = np.flatnonzero(tree.level == level)
         total[rows] += total[tree.parent[rows]]
     return total
-
-
-TURN = Rule(
-    id="VF-C06",
-    title="paths turn little enough to grow",
-    broken="a path turns too sharply or too often",
-    unit="deg",
-    limits={"joint_warning": 90.0, "capstan_warning": 10.0},
-    reason="friction at turns multiplies the pressure that growth takes (mu 0.234, published)",
-    remedy="smaller angles, or fewer levels along the path",
-    check=check_turn,
-)

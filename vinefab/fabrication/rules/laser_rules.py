@@ -18,10 +18,11 @@ from vinefab.fabrication.rules.as_built import flat_place_mm
 from vinefab.fabrication.rules.rule import (
     Limits,
     MissingInputError,
-    Rule,
     RuleApplied,
+    Scope,
     Subject,
     Violation,
+    design_rule,
     made,
     mark_point,
     needed,
@@ -34,14 +35,6 @@ from vinefab.model.laser import LaserProfile, Machine, RecipeStatus
 from vinefab.model.outline import Part
 from vinefab.outline.body_outline import ProblemKind
 from vinefab.outline.joint import LEAST_ARC_RADIUS_MM, LEAST_CUT_MM
-
-_CHORD_MM = 0.002
-_CORNER = 10.0
-"""Two places of one path are neighbours if the way between them is at most so many times the
-distance that is asked for. Of a corner of 15 degrees, the least allowed, they are 7.7 times."""
-
-_AROUND_END = 2.0
-"""A cut across a mouth crosses the ends of the seam by design, within so many times that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +66,7 @@ class _Pieces:
             (number, segment, path.settings_in(profile), points)
             for number, path in enumerate(paths)
             for segment in path.contour.segments
-            for points in [segment.flattened_mm(_CHORD_MM)]
+            for points in [segment.flattened_mm(0.002)]
         ]
         count = [len(points) - 1 for *_, points in rows]
         start = np.concatenate([points[:-1] for *_, points in rows])
@@ -134,8 +127,11 @@ def meetings(paths: Sequence[LaserPath], profile: LaserProfile) -> Iterator[Band
         past_mm = 0.0 if path.contour.closed else math.dist(*ends_mm)
         around.append(path.contour.length_mm - past_mm if closes(path.contour) else math.inf)
     apart = np.minimum(apart, np.abs(np.array(around)[pieces.path[one]] - apart))
-    beside = same & (apart <= _CORNER * asked)
-    ends = _near_own_end(paths, pieces, (one, two), places, _AROUND_END * asked + 0.5)
+    # Places of one path are neighbours if the way between them is at most so many times what is
+    # asked for: of a corner of 15 degrees, the least allowed, it is 7.7 times.
+    beside = same & (apart <= 10.0 * asked)
+    # A cut across a mouth crosses the ends of the seam by design, so near to them.
+    ends = _near_own_end(paths, pieces, (one, two), places, 2.0 * asked + 0.5)
     seen = set[tuple[int, int, tuple[str, ...]]]()
     rows = np.flatnonzero((left < 0.0) & ~beside & ~ends)
     for row in rows[np.argsort(left[rows], kind="stable")].tolist():
@@ -179,14 +175,21 @@ def _near_own_end(
     return found
 
 
-_NO_PATHS = "needs a recipe, which the paths follow from"
-_ORDER = tuple(Operation)
-_MOST_MEETINGS = 100
-
-
+@design_rule(
+    "VF-L01",
+    broken="a mark is missing or too near the body",
+    unit="mm",
+    error=3.0,
+    on={Scope.SHEET, Scope.PATHS},
+    reason="a mark weakens film under pressure; an unlabelled robot cannot be identified",
+    remedy="more room around the robot for its label",
+)
 def check_marks(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-L01: marks stay off the pressurised body; those left out are reported."""
-    job, profile = made(subject, _NO_PATHS)
+    """Every mark is made, clear of the body.
+
+    Marks that were left out are reported.
+    """
+    job, profile = made(subject)
     marks = [path for path in job.along(Operation.MARK) if not _is_guide(path)]
     sealed = (*job.along(Operation.WELD), *job.along(Operation.WELDCUT))
     bodies = [_Body(runs) for runs in bodies_of_paths(sealed)] if marks else []
@@ -238,9 +241,21 @@ def _without_pins(job: Job, profile: LaserProfile) -> Iterator[Violation]:
             )
 
 
+@design_rule(
+    "VF-L02",
+    broken="laser paths run into each other or are too small to run",
+    unit="mm",
+    segment_error=LEAST_CUT_MM,
+    radius_error=LEAST_ARC_RADIUS_MM,
+    apart_error=0.0,
+    shared_error=0.2,
+    on={Scope.SHEET, Scope.PATHS},
+    reason="a kerf in a neighbour's seam opens it; tiny pieces stop the head and burn",
+    remedy="branches farther apart; larger details: longer branches, larger fillets",
+)
 def check_paths(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-L02: no path runs into what another or itself takes, no segment is too small to be run."""
-    job, profile = made(subject, _NO_PATHS)
+    """Laser paths keep apart and are large enough to run."""
+    job, profile = made(subject)
     paths = [path for path in job.paths if path.operation.is_machined]
     violations: list[Violation] = []
     for path in paths:
@@ -268,11 +283,18 @@ def check_paths(subject: Subject, limits: Limits) -> RuleApplied:
 
 
 def _meetings(
-    subject: Subject, profile: LaserProfile, paths: Sequence[LaserPath], limits: Limits
+    subject: Subject,
+    profile: LaserProfile,
+    paths: Sequence[LaserPath],
+    limits: Limits,
+    most: int = 100,
 ) -> Iterator[Violation]:
-    """Yield a violation for every two places at which a kerf reaches into a kerf or a seam."""
+    """Yield a violation for every two places at which a kerf reaches into a kerf or a seam.
+
+    One more counts those beyond ``most``.
+    """
     found = list(meetings([p for p in paths if p.operation is not Operation.MARK], profile))
-    for meeting in found[:_MOST_MEETINGS]:
+    for meeting in found[:most]:
         if broken := limits.least(meeting.left_mm, "apart"):
             other = "itself" if meeting.one is meeting.two else f"{meeting.one.label!r}"
             message = f"the beam reaches into {other} along {meeting.two.label!r}"
@@ -285,8 +307,8 @@ def _meetings(
                 marker=mark_point(at_mm) if at_mm else "",
                 aspect=f"{meeting.one.operation} {meeting.two.operation}",
             )
-    if len(found) > _MOST_MEETINGS:
-        rest = f"{len(found) - _MOST_MEETINGS} more places at which paths run into each other"
+    if len(found) > most:
+        rest = f"{len(found) - most} more places at which paths run into each other"
         yield Violation(message=rest, severity=Severity.INFO, aspect="rest")
 
 
@@ -304,12 +326,23 @@ def _marked_twice(paths: Sequence[LaserPath], limits: Limits) -> Iterator[Violat
             yield replace(broken, message=message, aspect="shared")
 
 
+@design_rule(
+    "VF-L03",
+    broken="paths run in the wrong order",
+    on={Scope.SHEET, Scope.PATHS},
+    reason="film that is cut free moves",
+    remedy="let vinefab order the paths; do not reorder them by hand",
+)
 def check_order(subject: Subject, _: Limits) -> RuleApplied:
-    """VF-L03: marks, welds, weld-cuts, cuts; among cuts, what lies inside comes first."""
-    paths = [path for path in needed(subject.job, _NO_PATHS).paths if path.operation.is_machined]
-    violations = []
+    """Paths run in order: weld before cut, inner before outer.
+
+    Marks, welds, weld-cuts, cuts.
+    """
+    job, _recipe = made(subject)
+    paths = [path for path in job.paths if path.operation.is_machined]
+    order, violations = tuple(Operation), []
     for before, after in pairwise(paths):
-        if _ORDER.index(before.operation) > _ORDER.index(after.operation):
+        if order.index(before.operation) > order.index(after.operation):
             message = f"{after.operation} {after.label!r} comes after {before.operation}"
             message += f" {before.label!r}, when film has moved: keep the order of the files"
             violations.append(
@@ -365,43 +398,17 @@ def _line(path: LaserPath) -> shapely.LineString:
     return shapely.LineString(np.concatenate([points, closing]))
 
 
-MARKS = Rule(
-    id="VF-L01",
-    title="every mark is made, clear of the body",
-    broken="a mark is missing or too near the body",
+@design_rule(
+    "VF-L04",
+    broken="the laser cannot weld the film",
     unit="mm",
-    limits={"error": 3.0},
-    reason="a mark weakens film under pressure; an unlabelled robot cannot be identified",
-    remedy="more room around the robot for its label",
-    check=check_marks,
+    error=0.0475,
+    on={Scope.SHEET},
+    reason="0.0375 mm film welded and 0.05 mm film did not (paper); the limit between is assumed",
+    remedy="another film, or a recipe that seals without a laser",
 )
-PATHS = Rule(
-    id="VF-L02",
-    title="laser paths keep apart and are large enough to run",
-    broken="laser paths run into each other or are too small to run",
-    unit="mm",
-    limits={
-        "segment_error": LEAST_CUT_MM,
-        "radius_error": LEAST_ARC_RADIUS_MM,
-        "apart_error": 0.0,
-        "shared_error": 0.2,
-    },
-    reason="a kerf in a neighbour's seam opens it; tiny pieces stop the head and burn",
-    remedy="branches farther apart; larger details: longer branches, larger fillets",
-    check=check_paths,
-)
-ORDER = Rule(
-    id="VF-L03",
-    title="paths run in order: weld before cut, inner before outer",
-    broken="paths run in the wrong order",
-    reason="film that is cut free moves",
-    remedy="let vinefab order the paths; do not reorder them by hand",
-    check=check_order,
-)
-
-
 def check_ply(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-L04: the film is one that the recipe's laser can weld."""
+    """The laser can weld the film."""
     profile = needed(subject.profile, "needs a recipe")
     if not all(settings.by_laser for settings in profile.recipe.by_operation.values()):
         raise MissingInputError("an impulse sealer makes the seams of this recipe, not the laser")
@@ -416,8 +423,16 @@ def check_ply(subject: Subject, limits: Limits) -> RuleApplied:
     )
 
 
+@design_rule(
+    "VF-L05",
+    broken="the recipe is too fast for the machine",
+    unit="mm/s",
+    on={Scope.SHEET, Scope.PATHS},
+    reason="a head that must slow down in an arc puts more energy there than the recipe says",
+    remedy="a lower speed in the recipe, or larger radii",
+)
 def check_machine(subject: Subject, _: Limits) -> RuleApplied:
-    """VF-L05: the recipe asks the machine for no more speed and acceleration than it has."""
+    """The machine reaches the recipe's speeds."""
     job, profile = made(subject, "needs a recipe")
     machine, operations = profile.machine, profile.recipe.by_operation
     violations = []
@@ -444,8 +459,20 @@ def check_machine(subject: Subject, _: Limits) -> RuleApplied:
     return RuleApplied(checked=len(operations), violations=tuple(violations))
 
 
+@design_rule(
+    "VF-L06",
+    broken="recipe not calibrated",
+    kerf_warning=1.0,
+    on={Scope.SHEET},
+    reason="no laser settings for this film were found in any source; only coupons tell. A kerf "
+    "wider than the seam leaves little that holds (assumed)",
+    remedy="cut the coupons of `vinefab coupon`, measure them, and run `vinefab calibrate`",
+)
 def check_status(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-L06: the recipe is calibrated on the user's machine and runs energies that passed."""
+    """Recipe calibrated.
+
+    The coupons were cut on the user's machine, and the recipe runs energies that passed.
+    """
     profile = needed(subject.profile, "needs a recipe")
     recipe = profile.recipe
     violations = []
@@ -518,44 +545,20 @@ def _warning(
     )
 
 
-PLY = Rule(
-    id="VF-L04",
-    title="the laser can weld the film",
-    broken="the laser cannot weld the film",
+@design_rule(
+    "VF-S01",
+    broken="the robot does not fit the bed",
     unit="mm",
-    limits={"error": 0.0475},
-    reason="0.0375 mm film welded and 0.05 mm film did not (paper); the limit between is assumed",
-    remedy="another film, or a recipe that seals without a laser",
-    check=check_ply,
+    on={Scope.SHEET, Scope.PATHS},
+    reason="what hangs over the bed is not cut; tiles need targets to be aligned by",
+    remedy="shorten the robot, allow tiles or pieces, or use a machine with a larger bed",
 )
-MACHINE = Rule(
-    id="VF-L05",
-    title="the machine reaches the recipe's speeds",
-    broken="the recipe is too fast for the machine",
-    unit="mm/s",
-    reason="a head that must slow down in an arc puts more energy there than the recipe says",
-    remedy="a lower speed in the recipe, or larger radii",
-    check=check_machine,
-)
-STATUS = Rule(
-    id="VF-L06",
-    title="recipe calibrated",
-    broken="recipe not calibrated",
-    limits={"kerf_warning": 1.0},
-    reason="no laser settings for this film were found in any source; only coupons tell. A kerf "
-    "wider than the seam leaves little that holds (assumed)",
-    remedy="cut the coupons of `vinefab coupon`, measure them, and run `vinefab calibrate`",
-    check=check_status,
-)
-
-
-_NO_BED = "needs a recipe, for the machine's bed and the film"
-_SLACK_MM = 1e-6
-
-
 def check_bed(subject: Subject, _: Limits) -> RuleApplied:
-    """VF-S01: every machined path lies on the bed, inside its margins."""
-    job, profile = made(subject, _NO_BED)
+    """Everything fits the bed.
+
+    Every machined path lies inside the bed's margins.
+    """
+    job, profile = made(subject, "needs a recipe, for the machine's bed")
     machine, facts = profile.machine, job.facts
     wanted, placed = facts.get("robots_wanted", 1), facts.get("robots_placed", 1)
     if wanted != placed:
@@ -568,7 +571,7 @@ def check_bed(subject: Subject, _: Limits) -> RuleApplied:
         violations = []
         for number, tile in enumerate(job.tiles, start=1):
             over_mm = _over_mm(tile, machine)
-            if over_mm > _SLACK_MM:
+            if over_mm > 0.0:
                 message, aspect = f"tile {number} lies over the rim: allow pieces", f"tile {number}"
                 violations.append(
                     Violation(message=message, measured=over_mm, limit=0.0, aspect=aspect)
@@ -579,7 +582,7 @@ def check_bed(subject: Subject, _: Limits) -> RuleApplied:
         return RuleApplied(checked=count, violations=tuple(violations), note=note)
     over_mm = max(_over_mm(sheet, machine) for sheet in job.runs)
     checked = sum(path.operation.is_machined for sheet in job.runs for path in sheet.paths)
-    if over_mm <= _SLACK_MM:
+    if over_mm <= 0.0:
         return RuleApplied(checked=checked)
     wide_mm, high_mm = machine.usable_mm
     reason = facts.get("tiling")
@@ -594,7 +597,7 @@ def check_bed(subject: Subject, _: Limits) -> RuleApplied:
 
 
 def _over_mm(job: Job, machine: Machine) -> float:
-    """Return the length by which a job's paths exceed the usable bed."""
+    """Return the length by which a job's paths exceed the usable bed; 0 within rounding."""
     margin_mm = machine.margin_mm.value
     right_mm = machine.bed_width_mm.value - margin_mm
     top_mm = machine.bed_height_mm.value - margin_mm
@@ -602,12 +605,26 @@ def _over_mm(job: Job, machine: Machine) -> float:
     if not contours:
         return 0.0
     x0, y0, x1, y1 = box_around_mm(contours)
-    return max(margin_mm - x0, margin_mm - y0, x1 - right_mm, y1 - top_mm)
+    over_mm = max(margin_mm - x0, margin_mm - y0, x1 - right_mm, y1 - top_mm)
+    return over_mm if over_mm > 1e-6 else 0.0
 
 
+@design_rule(
+    "VF-S02",
+    broken="a sheet is too wide for the roll of film",
+    unit="mm",
+    on={Scope.PIECES},
+    reason="a robot or sheet wider than the roll needs a seam across the film",
+    remedy="shorten or narrow the robot, allow pieces, nest fewer, or use a wider roll",
+)
 def check_film(subject: Subject, _: Limits) -> RuleApplied:
-    """VF-S02: what is cut from one sheet of film, in its best rotation, fits the roll's width."""
-    roll_mm = needed(subject.profile, _NO_BED).material.roll_width_mm.value
+    """Every sheet fits the roll of film.
+
+    What is cut from one sheet lies on the roll in its best rotation.
+    """
+    roll_mm = needed(
+        subject.profile, "needs a recipe, for the width of its film"
+    ).material.roll_width_mm.value
     if subject.job is None:
         cut = {"the robot": [subject.outline.contour]}
     else:
@@ -647,23 +664,3 @@ def least_width_mm(points_mm: Floats) -> float:
     along_x, along_y = np.diff(hull, axis=0).T
     across = np.array([-along_y, along_x]) / np.hypot(along_x, along_y)
     return float(np.ptp(hull @ across, axis=0).min())
-
-
-BED = Rule(
-    id="VF-S01",
-    title="everything fits the bed",
-    broken="the robot does not fit the bed",
-    unit="mm",
-    reason="what hangs over the bed is not cut; tiles need targets to be aligned by",
-    remedy="shorten the robot, allow tiles or pieces, or use a machine with a larger bed",
-    check=check_bed,
-)
-FILM = Rule(
-    id="VF-S02",
-    title="every sheet fits the roll of film",
-    broken="a sheet is too wide for the roll of film",
-    unit="mm",
-    reason="a robot or sheet wider than the roll needs a seam across the film",
-    remedy="shorten or narrow the robot, allow pieces, nest fewer, or use a wider roll",
-    check=check_film,
-)

@@ -15,10 +15,10 @@ import numpy as np
 from vinefab.fabrication.rules.clearance_rules import nearest_pairs
 from vinefab.fabrication.rules.rule import (
     Limits,
-    Rule,
     RuleApplied,
     Subject,
     Violation,
+    design_rule,
     needed,
 )
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of, spacing
@@ -53,12 +53,23 @@ from vinefab.physics.tube import (
     seam_load_n_mm,
 )
 
-_NO_RECIPE = "needs a recipe, for the film and its seam"
+
+def _film(subject: Subject) -> Material:
+    return needed(subject.profile, "needs a recipe, for the film and its seam").material
 
 
+@design_rule(
+    "VF-P01",
+    broken="the working pressure is too high for the widest tube",
+    unit="kPa",
+    safety_factor=1.5,
+    reason="the load on a seam is pressure times width, so the widest tube bursts first; only a "
+    "burst test that was measured forbids, a pressure that a tube survived is a lower bound",
+    remedy="a lower working pressure or narrower tubes; burst coupons to know the seam",
+)
 def check_burst(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-P01: the working pressure keeps a safety factor below the burst pressure of each width."""
-    material = needed(subject.profile, _NO_RECIPE).material
+    """Every width stands the working pressure with safety."""
+    material = _film(subject)
     width_mm, branch = widest(subject)
     limit_kpa = safe_pressure_kpa(width_mm, material, limits)
     severity = Severity.ERROR if material.seam.is_measured_limit else Severity.WARNING
@@ -71,9 +82,16 @@ def check_burst(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied.of_one(broken and broken.on(subject, [branch], message))
 
 
+@design_rule(
+    "VF-P02",
+    broken="the working pressure exceeds that of the seam's test",
+    unit="kPa",
+    reason="beyond the pressure of its test a seam's strength is an extrapolation to other widths",
+    remedy="a lower working pressure, or coupons that are burst at a higher one",
+)
 def check_rating(subject: Subject, _: Limits) -> RuleApplied:
-    """VF-P02: the working pressure is not above that of the seam's test, at any width."""
-    material = needed(subject.profile, _NO_RECIPE).material
+    """The seam was tested at the working pressure or above."""
+    material = _film(subject)
     tested_kpa = material.seam.pressure_kpa.value
     # In a narrower tube the same load on a seam takes more pressure: an extrapolation, so no error.
     broken = Limits({"warning": tested_kpa}).most(subject.design.build.pressure_kpa)
@@ -84,9 +102,17 @@ def check_rating(subject: Subject, _: Limits) -> RuleApplied:
     return RuleApplied.of_one(broken and broken.on(subject, [0], message))
 
 
+@design_rule(
+    "VF-P04",
+    broken="the film stretches too far at the working pressure",
+    unit="%",
+    warning=50.0,
+    reason="thin TPU balloons long before it bursts, and a ballooned robot is another robot",
+    remedy="a lower working pressure, thicker film or narrower tubes",
+)
 def check_strain(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-P04: the film does not balloon at the working pressure."""
-    film, (width_mm, branch) = needed(subject.profile, _NO_RECIPE).material, widest(subject)
+    """The film stretches little at the working pressure."""
+    film, (width_mm, branch) = _film(subject), widest(subject)
     strain = hoop_strain(
         subject.design.build.pressure_kpa, width_mm, film.ply_mm.value, film.modulus_mpa.value
     )
@@ -120,41 +146,6 @@ def widest(subject: Subject) -> tuple[float, int]:
 
 def _or_test(material: Material) -> str:
     return "" if material.seam.is_measured_limit else ", or burst a balloon to know the limit"
-
-
-BURST = Rule(
-    id="VF-P01",
-    title="every width stands the working pressure with safety",
-    broken="the working pressure is too high for the widest tube",
-    unit="kPa",
-    limits={"safety_factor": 1.5},
-    reason="the load on a seam is pressure times width, so the widest tube bursts first; only a "
-    "burst test that was measured forbids, a pressure that a tube survived is a lower bound",
-    remedy="a lower working pressure or narrower tubes; burst coupons to know the seam",
-    check=check_burst,
-)
-RATING = Rule(
-    id="VF-P02",
-    title="the seam was tested at the working pressure or above",
-    broken="the working pressure exceeds that of the seam's test",
-    unit="kPa",
-    reason="beyond the pressure of its test a seam's strength is an extrapolation to other widths",
-    remedy="a lower working pressure, or coupons that are burst at a higher one",
-    check=check_rating,
-)
-STRAIN = Rule(
-    id="VF-P04",
-    title="the film stretches little at the working pressure",
-    broken="the film stretches too far at the working pressure",
-    unit="%",
-    limits={"warning": 50.0},
-    reason="thin TPU balloons long before it bursts, and a ballooned robot is another robot",
-    remedy="a lower working pressure, thicker film or narrower tubes",
-    check=check_strain,
-)
-
-
-_FREE = "no map given: joints only, in free space; contacts on the way add to it"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -256,8 +247,21 @@ def pressure_gauge(subject: Subject, profile: LaserProfile, limits: Limits) -> P
     )
 
 
+@design_rule(
+    "VF-P03",
+    broken="growth takes more pressure than the widest tube stands",
+    unit="kPa",
+    safety_factor=1.5,
+    margin_percent=20.0,
+    loose_kpa=0.0,
+    tight_kpa=FITTED.storage_kpa.value,
+    reason="growth through narrow leaves must take less than the wide trunk stands; crumpled film "
+    "leaves its store without tension, as the paper's robots are stored; a spool held back 8.32 "
+    "kPa (published): with one, set loose_kpa to that",
+    remedy="a narrower trunk, wider leaves, shorter paths or smaller turns; film stored loosely",
+)
 def check_window(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-P03: growth to the worst tip takes less than the widest tube stands, with a margin.
+    """The widest tube stands the pressure that growth takes.
 
     Checked are the paths in free space and, where there are deployments, those on the maps.
 
@@ -287,7 +291,8 @@ def check_window(subject: Subject, limits: Limits) -> RuleApplied:
         one = _violation(subject, loose, message, weak, aspect="working")
         title = "the working pressure is too low to grow the robot"
         violations.append(replace(one, title=title))
-    notes = [] if subject.deployments else [_FREE]
+    free = "no map given: joints only, in free space; contacts on the way add to it"
+    notes = [] if subject.deployments else [free]
     if not violations and tight.pressure_kpa > gauge.growth_limit_kpa:
         notes.append(
             f"let the film lie loosely in the base: a spool that holds it back would take up to "
@@ -301,11 +306,16 @@ def check_window(subject: Subject, limits: Limits) -> RuleApplied:
 
 
 def worst_growths(
-    subject: Subject, several: Sequence[GrowthConstants], fitted_mm: float
+    subject: Subject,
+    several: Sequence[GrowthConstants],
+    fitted_mm: float,
+    *,
+    together: int = 128,
 ) -> list[WorstBranch]:
     """Return for several constants which branch takes the most pressure to grow.
 
-    Deployments may be grown anew whenever they are asked for, so each is walked once for all.
+    Deployments may be grown anew whenever they are asked for, so each is walked once for all, so
+    many of them together.
     """
     build, tree = subject.design.build, subject.grown_tree
     riding, level = riding_mm(tree, build.widths_mm).tolist(), tree.level.tolist()
@@ -328,7 +338,7 @@ def worst_growths(
         for constants in by_level
     ]
     named = zip(subject.deployment_names, subject.deployments, strict=True)
-    while some := list(islice(named, _TOGETHER)):
+    while some := list(islice(named, together)):
         deployments = [deployment for _, deployment in some]
         branches = np.concatenate([np.arange(len(each.tree)) for each in deployments])
         owner = np.repeat(np.arange(len(some)), [len(each.tree) for each in deployments])
@@ -342,10 +352,6 @@ def worst_growths(
             )
             found[row] = max(found[row], worst, key=_comparable)
     return found
-
-
-_TOGETHER = 128
-"""Deployments that are looked at together."""
 
 
 def _comparable(worst: WorstBranch) -> float:
@@ -364,26 +370,8 @@ def _violation(
     return broken.on(subject, rows[:1], message, at=1.0, marked=rows, aspect=aspect)
 
 
-WINDOW = Rule(
-    id="VF-P03",
-    title="the widest tube stands the pressure that growth takes",
-    broken="growth takes more pressure than the widest tube stands",
-    unit="kPa",
-    limits={
-        "safety_factor": 1.5,
-        "margin_percent": 20.0,
-        "loose_kpa": 0.0,
-        "tight_kpa": FITTED.storage_kpa.value,
-    },
-    reason="growth through narrow leaves must take less than the wide trunk stands; crumpled film "
-    "leaves its store without tension, as the paper's robots are stored; a spool held back 8.32 "
-    "kPa (published): with one, set loose_kpa to that",
-    remedy="a narrower trunk, wider leaves, shorter paths or smaller turns; film stored loosely",
-    check=check_window,
-)
-
-
-_NO_PATTERN = "needs a recipe, for how far the film stretches"
+def _pattern(subject: Subject) -> Pattern:
+    return needed(subject.pattern, "needs a recipe, for how far the film stretches")
 
 
 def degrees_text(angles_deg: tuple[float, ...]) -> str:
@@ -401,12 +389,21 @@ def _simulated(pattern: Pattern) -> Iterator[tuple[PatternJoint, FlatJoint]]:
 # --- Deploys as designed --------------------------------------------------------------------------
 
 
+@design_rule(
+    "VF-I01",
+    broken="a joint does not deploy at the designed angles",
+    unit="deg",
+    error=MESH_DEG,
+    reason="seams cannot stretch, so that joints open or close under pressure (simulated); meshes "
+    f"of the simulation differ by {MESH_DEG:g} degrees",
+    remedy="a wider fan, fewer children or narrower ones",
+)
 def check_deployed(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-I01: the children of every joint deploy at their designed angles.
+    """Joints deploy at the designed angles.
 
     Those are turned by up to 0.8 degrees where that brings tips nearer (`vinefab.inflation`).
     """
-    pattern = needed(subject.pattern, _NO_PATTERN)
+    pattern = _pattern(subject)
     compensated = pattern.design.build.compensation != "none"
     violations = []
     if not compensated and any(np.any(fan_offsets_rad(one)) for one in pattern.design.levels):
@@ -434,25 +431,20 @@ def check_deployed(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied(checked=len(pattern.joints), violations=tuple(violations))
 
 
-DEPLOYED = Rule(
-    id="VF-I01",
-    title="joints deploy at the designed angles",
-    broken="a joint does not deploy at the designed angles",
-    unit="deg",
-    limits={"error": MESH_DEG},
-    reason="seams cannot stretch, so that joints open or close under pressure (simulated); meshes "
-    f"of the simulation differ by {MESH_DEG:g} degrees",
-    remedy="a wider fan, fewer children or narrower ones",
-    check=check_deployed,
-)
-
-
 # --- Sensitive joints -----------------------------------------------------------------------------
 
 
+@design_rule(
+    "VF-I02",
+    broken="a joint multiplies errors of its flat angles",
+    warning=2.5,
+    reason="where siblings are near each other, a small change of the flat angles changes the "
+    "deployed ones much more: errors of making are multiplied (simulated; the limit is assumed)",
+    remedy="wider gaps between siblings, fewer or narrower children",
+)
 def check_sensitivity(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-I02: errors of flat angles do not grow much under pressure."""
-    pattern = needed(subject.pattern, _NO_PATTERN)
+    """Small errors of flat angles stay small under pressure."""
+    pattern = _pattern(subject)
     violations = [
         broken.on_level(
             subject,
@@ -466,18 +458,6 @@ def check_sensitivity(subject: Subject, limits: Limits) -> RuleApplied:
         if (broken := limits.most(found.sensitivity))
     ]
     return RuleApplied(checked=len(pattern.joints), violations=tuple(violations))
-
-
-SENSITIVITY = Rule(
-    id="VF-I02",
-    title="small errors of flat angles stay small under pressure",
-    broken="a joint multiplies errors of its flat angles",
-    limits={"warning": 2.5},
-    reason="where siblings are near each other, a small change of the flat angles changes the "
-    "deployed ones much more: errors of making are multiplied (simulated; the limit is assumed)",
-    remedy="wider gaps between siblings, fewer or narrower children",
-    check=check_sensitivity,
-)
 
 
 # --- Crotch load ----------------------------------------------------------------------------------
@@ -500,14 +480,25 @@ def fillet_gain(before: float, after: float) -> float:
     return float(two / one)
 
 
+@design_rule(
+    "VF-I03",
+    broken="a weld in a crotch bears too much load",
+    unit="N/mm",
+    safety_factor=1.0,
+    reason="a crotch opens under 2 to 5 times the load of a straight seam (simulated), on a few "
+    "millimetres; published pressures come from robots with crotches, so that no factor is added "
+    "(assumed), and the rule never forbids",
+    remedy="a larger fillet (a third of the parent's width in place of an eighth: a fifth less), "
+    "then a lower pressure, then fewer children",
+)
 def check_crotch_load(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-I03: the weld in a crotch bears no more than the seam of the recipe is known to stand.
+    """Welds in crotches bear their load.
 
     The load of a straight seam is taken from pressure and flat width, as in VF-P01. The crotch's is
     so many times as large for some millimetres only, and published pressures come from robots with
     crotches, so that this warns and never forbids.
     """
-    pattern = needed(subject.pattern, _NO_PATTERN)
+    pattern = _pattern(subject)
     seam = needed(subject.profile, "needs a recipe, for the seam").material.seam
     stands = Limits({"warning": seam_load_n_mm(seam) / limits["safety_factor"]})
     pressure_kpa = subject.design.build.pressure_kpa
@@ -537,21 +528,6 @@ def check_crotch_load(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied(checked=len(pattern.joints), violations=tuple(violations))
 
 
-CROTCH_LOAD = Rule(
-    id="VF-I03",
-    title="welds in crotches bear their load",
-    broken="a weld in a crotch bears too much load",
-    unit="N/mm",
-    limits={"safety_factor": 1.0},
-    reason="a crotch opens under 2 to 5 times the load of a straight seam (simulated), on a few "
-    "millimetres; published pressures come from robots with crotches, so that no factor is added "
-    "(assumed), and the rule never forbids",
-    remedy="a larger fillet (a third of the parent's width in place of an eighth: a fifth less), "
-    "then a lower pressure, then fewer children",
-    check=check_crotch_load,
-)
-
-
 # --- Bodies under pressure ------------------------------------------------------------------------
 
 
@@ -578,14 +554,26 @@ def contact_mm(gap_deg: float, width_mm: float) -> float:
     return inflated_radius_mm(width_mm) / math.sin(half_rad) if half_rad > 0.0 else math.inf
 
 
+@design_rule(
+    "VF-I04",
+    broken="inflated branches lie on each other",
+    unit="mm",
+    warning=0.0,
+    sibling_share=0.5,
+    collapsed_share=1.0,
+    reason="branches that touch push each other aside or up, which neither growth nor the "
+    "simulated joint knows; siblings may touch for half of the shorter one (assumed), and "
+    "those that touch all along collapse into one body",
+    remedy="a wider fan, shorter or narrower branches, fewer of them",
+)
 def check_bodies(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-I04: inflated branches do not lie on each other, siblings at most near their joint.
+    """Inflated branches lie clear of each other.
 
     Between branches that share no joint the free distance in plan counts, between siblings the
     length from their joint along which they lie on each other. The nearest pair stands for all of
     one robot: robots in pieces cross themselves on purpose, at many places.
     """
-    pattern = needed(subject.pattern, _NO_PATTERN)
+    pattern = _pattern(subject)
     violations = []
     share = Limits({"warning": limits["sibling_share"], "error": limits["collapsed_share"]})
     for joint, found in _simulated(pattern):
@@ -629,17 +617,3 @@ def check_bodies(subject: Subject, limits: Limits) -> RuleApplied:
         violations=tuple(violations),
         note="without pouches" if pouched else "",
     )
-
-
-BODIES = Rule(
-    id="VF-I04",
-    title="inflated branches lie clear of each other",
-    broken="inflated branches lie on each other",
-    unit="mm",
-    limits={"warning": 0.0, "sibling_share": 0.5, "collapsed_share": 1.0},
-    reason="branches that touch push each other aside or up, which neither growth nor the "
-    "simulated joint knows; siblings may touch for half of the shorter one (assumed), and "
-    "those that touch all along collapse into one body",
-    remedy="a wider fan, shorter or narrower branches, fewer of them",
-    check=check_bodies,
-)

@@ -1,8 +1,10 @@
 """A design rule with its limits, what it checks, and the violations that it finds."""
 
+import inspect
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from math import isfinite
 from numbers import Real
 from typing import Any, TypeVar
@@ -328,14 +330,30 @@ def needed(value: _Input | None, reason: str) -> _Input:
     return value
 
 
-def made(subject: Subject, reason: str) -> tuple[Job, LaserProfile]:
+def made(
+    subject: Subject, reason: str = "needs a recipe, which the paths follow from"
+) -> tuple[Job, LaserProfile]:
     """Return the job and recipe of a subject; without them the rule is not applicable."""
     return needed(subject.job, reason), needed(subject.profile, reason)
 
 
+class Scope(StrEnum):
+    """What a rule is about, and so where it runs."""
+
+    SHEET = "sheet"  # the sheet, its recipe and its files: once on a sheet of several robots
+    PATHS = "paths"  # the paths of the laser
+    PIECES = "pieces"  # every piece of a robot passes it by itself
+    ROOM = "room"  # what lies side by side on a sheet: a robot that breaks it may go in pieces
+    RIG = "rig"  # a test rig or corridors: it can be applied to a `RigSubject` without a layout
+
+
+Check = Callable[[Subject, Limits], RuleApplied | RuleNotApplicable]
+"""Checks a subject against the limits of a rule."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rule(Result):
-    """A design rule: a pure check with its limits and its justification.
+    """A design rule: a pure check with its limits and its justification; see `design_rule`.
 
     Parameters
     ----------
@@ -355,6 +373,8 @@ class Rule(Result):
         Why the rule exists and where its limits come from.
     remedy
         What a designer changes where it fires.
+    on
+        What it is about.
     check
         Checks a subject against limits.
     """
@@ -367,7 +387,8 @@ class Rule(Result):
     limits: Mapping[str, float] = field(default_factory=dict)
     reason: str
     remedy: str = ""
-    check: Callable[[Subject, Limits], RuleApplied | RuleNotApplicable]
+    on: frozenset[Scope] = frozenset()
+    check: Check
     schema = "vinefab/rules-1"
 
     def __post_init__(self) -> None:
@@ -443,6 +464,10 @@ class Rule(Result):
                 raise broken(what, self.check, problem)
         return outcome
 
+    def limits_under(self, changed: LimitChanges | None) -> Limits:
+        """Return the limits under changes of several rules."""
+        return self.limits_with((changed or {}).get(self.id, {}))
+
     def limits_with(self, changed: Mapping[str, float]) -> Limits:
         """Return the default limits with some of them changed.
 
@@ -457,6 +482,53 @@ class Rule(Result):
                 raise BadInputError(f"limits.{self.id}.{name}", value, allowed)
             number(f"limits.{self.id}.{name}", value, -LARGEST_MM, LARGEST_MM)
         return Limits({**self.limits, **changed})
+
+
+def design_rule(  # noqa: PLR0913  the fields of a rule
+    id: str,
+    *,
+    reason: str,
+    broken: str = "",
+    unit: str = "",
+    limits_in: str = "",
+    remedy: str = "",
+    on: Collection[Scope] = (),
+    **limits: float,
+) -> Callable[[Check], Rule]:
+    """Declare a design rule on its check, which becomes the `Rule`.
+
+    The first sentence of the check's docstring is the title: what holds where the rule is kept.
+    Further keywords are its limits.
+
+    Examples
+    --------
+    >>> @design_rule("MY-B01", unit="mm", warning=300.0, reason="our clamp is deep")
+    ... def check_long_tail(subject, limits):
+    ...     '''The tail is long.'''
+    ...     broken = limits.least(subject.design.build.tail_mm)
+    ...     return RuleApplied.of_one(broken and replace(broken, message="lengthen build.tail_mm"))
+    >>> check_long_tail
+    <Rule MY-B01: the tail is long (warning 300 mm)>
+    """
+
+    def declared(check: Check) -> Rule:
+        title = (inspect.getdoc(check) or check.__name__).partition("\n")[0].rstrip(".")
+        # Where the function is found from now on, as pickles look for it.
+        check.__qualname__ += ".check"
+        return Rule(
+            id=id,
+            title=title[:1].lower() + title[1:],
+            broken=broken,
+            unit=unit,
+            limits_in=limits_in,
+            limits=limits,
+            reason=reason,
+            remedy=remedy,
+            on=frozenset(on),
+            check=check,
+        )
+
+    return declared
 
 
 def _outcome_problem(outcome: object) -> str:

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,11 +15,12 @@ from vinefab.fabrication.rules.rule import (
     ROUNDING,
     LimitChanges,
     Limits,
-    Rule,
     RuleApplied,
+    Scope,
     Subject,
     Violation,
     branch_point_mm,
+    design_rule,
     mark_branches,
     mark_line,
     mark_point,
@@ -36,12 +37,17 @@ from vinefab.model.tree import Partition, Sleeve, branch_tree
 from vinefab.outline.body_outline import ProblemKind
 from vinefab.physics.tube import lap_load_n_mm, lumen_area_mm2
 
-_AT = re.compile(r"\[(\S+) (\S+)\]")
-"""The place in Shapely's reason why a polygon is not valid."""
 
-
+@design_rule(
+    "VF-T01",
+    broken="a branch has no length or hangs on nothing",
+    unit="mm",
+    error=0.1,
+    reason="a branch shorter than a laser spot cannot be drawn",
+    remedy="lengthen the branch, or remove its level",
+)
 def check_tree(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-T01: every branch hangs on the tip of its parent and has a length."""
+    """Every branch hangs on its parent and has a length."""
     layout, tree = subject.layout, subject.layout.tree
     violations = []
     for row, length_mm in enumerate(tree.length_mm.tolist()):
@@ -61,13 +67,23 @@ def check_tree(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied(checked=len(tree), violations=tuple(violations))
 
 
+@design_rule(
+    "VF-T02",
+    broken="the outline crosses itself",
+    on={Scope.ROOM, Scope.PIECES},
+    reason="two flat plies cannot lie on themselves; a crossing outline cuts the body open",
+    remedy="widen angles, shorten or narrow branches until none crosses another, or pieces",
+)
 def check_outline_polygon(subject: Subject, _: Limits) -> RuleApplied:
-    """VF-T02: the outline encloses one valid polygon without holes."""
+    """The outline stays clear of itself.
+
+    It encloses one valid polygon without holes.
+    """
     body = subject.body
     if body.is_valid:
         return RuleApplied(checked=1)
     reason = shapely.is_valid_reason(body)
-    found = _AT.search(reason)
+    found = re.search(r"\[(\S+) (\S+)\]", reason)  # the place
     if not found:
         return RuleApplied.of_one(Violation(message=f"the outline is not a polygon: {reason}"))
     at = float(found[1]), float(found[2])
@@ -87,8 +103,17 @@ def check_outline_polygon(subject: Subject, _: Limits) -> RuleApplied:
     )
 
 
+@design_rule(
+    "VF-T04",
+    broken="the mouth is missing or too narrow",
+    unit="mm",
+    error=5.0,
+    on={Scope.ROOM, Scope.PIECES},
+    reason="the robot is inflated and clamped through its mouth; everything else is sealed",
+    remedy="widen the trunk",
+)
 def check_mouth(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-T04: the outline is open at one place, the mouth, and wide enough there."""
+    """The mouth is open and wide enough."""
     contour = subject.outline.contour
     first, last = contour.points_mm[0].tolist(), contour.points_mm[-1].tolist()
     if contour.closed:
@@ -108,57 +133,42 @@ def check_mouth(subject: Subject, limits: Limits) -> RuleApplied:
     )
 
 
-TREE = Rule(
-    id="VF-T01",
-    title="every branch hangs on its parent and has a length",
-    broken="a branch has no length or hangs on nothing",
+@design_rule(
+    "VF-B01",
+    broken="the tail is too short to invert and clamp",
     unit="mm",
-    limits={"error": 0.1},
-    reason="a branch shorter than a laser spot cannot be drawn",
-    remedy="lengthen the branch, or remove its level",
-    check=check_tree,
+    error=150.0,
+    warning=200.0,
+    reason="the last 200 mm are inverted over the base and clamped (paper)",
+    remedy="a longer tail",
 )
-POLYGON = Rule(
-    id="VF-T02",
-    title="the outline stays clear of itself",
-    broken="the outline crosses itself",
-    reason="two flat plies cannot lie on themselves; a crossing outline cuts the body open",
-    remedy="widen angles, shorten or narrow branches until none crosses another, or pieces",
-    check=check_outline_polygon,
-)
-MOUTH = Rule(
-    id="VF-T04",
-    title="the mouth is open and wide enough",
-    broken="the mouth is missing or too narrow",
-    unit="mm",
-    limits={"error": 5.0},
-    reason="the robot is inflated and clamped through its mouth; everything else is sealed",
-    remedy="widen the trunk",
-    check=check_mouth,
-)
-
-
-_STRAIGHT_MM = 1e-6
-
-
 def check_tail(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-B01: the tail is long enough to be inverted over the base and clamped."""
+    """The tail is long enough to invert and clamp."""
     tail_mm = subject.design.build.tail_mm
     broken = limits.least(tail_mm)
-    if not broken:
-        return RuleApplied(checked=1)
-    violation = replace(
-        broken,
-        message="too little tail to invert over the base: lengthen build.tail_mm",
-        branches=subject.ids(0),
-        at_mm=(-tail_mm, 0.0),
-        marker=mark_line((-tail_mm, 0.0), (0.0, 0.0)),
+    return RuleApplied.of_one(
+        broken
+        and replace(
+            broken,
+            message="too little tail to invert over the base: lengthen build.tail_mm",
+            branches=subject.ids(0),
+            at_mm=(-tail_mm, 0.0),
+            marker=mark_line((-tail_mm, 0.0), (0.0, 0.0)),
+        )
     )
-    return RuleApplied(checked=1, violations=(violation,))
 
 
+@design_rule(
+    "VF-B02",
+    broken="the tail does not fit the clamp",
+    unit="mm",
+    error=100.0,
+    fit_error=0.1,
+    reason="a clamp seals a straight tube only; without a collar 100 mm is assumed",
+    remedy="a collar that fits the clamp, or another trunk width",
+)
 def check_clamp(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-B02: the tail is straight all along and its mouth fits the clamp of the base.
+    """The tail is straight and fits the clamp.
 
     With a collar the outline's mouth must be as wide as a tube that fits the clamp; without one it
     must be no wider than a common clamp. The collar's transition is the only bend allowed.
@@ -181,7 +191,7 @@ def check_clamp(subject: Subject, limits: Limits) -> RuleApplied:
             replace(broken, message=message, branches=subject.ids(0), at_mm=at_mm, aspect="clamp")
         )
     tail = [s for s in contour.segments if s.part is Part.TAIL]
-    bent = [s for s in tail if s.bulge or abs(s.start_mm[1] - s.end_mm[1]) > _STRAIGHT_MM]
+    bent = [s for s in tail if s.bulge or abs(s.start_mm[1] - s.end_mm[1]) > 1e-6]
     if bent:
         violations.append(
             Violation(
@@ -195,8 +205,17 @@ def check_clamp(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied(checked=1, violations=tuple(violations))
 
 
+@design_rule(
+    "VF-B03",
+    broken="the longest path is too short or too long: untested",
+    unit="mm",
+    short_warning=250.0,
+    long_warning=2000.0,
+    reason="untested above 2 m and below 0.25 m (paper)",
+    remedy="change the lengths, or accept that such a length was never tried",
+)
 def check_reach(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-B03: the longest path from base to tip has a length that has been tested."""
+    """The longest path has a length that was tested."""
     tree = subject.grown_tree
     path_mm = np.array(tree.length_mm)
     for row in range(1, len(tree)):
@@ -210,51 +229,14 @@ def check_reach(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied.of_one(broken and broken.on(subject, [far], message, at=1.0))
 
 
-TAIL = Rule(
-    id="VF-B01",
-    title="the tail is long enough to invert and clamp",
-    broken="the tail is too short to invert and clamp",
-    unit="mm",
-    limits={"error": 150.0, "warning": 200.0},
-    reason="the last 200 mm are inverted over the base and clamped (paper)",
-    remedy="a longer tail",
-    check=check_tail,
-)
-CLAMP = Rule(
-    id="VF-B02",
-    title="the tail is straight and fits the clamp",
-    broken="the tail does not fit the clamp",
-    unit="mm",
-    limits={"error": 100.0, "fit_error": 0.1},
-    reason="a clamp seals a straight tube only; without a collar 100 mm is assumed",
-    remedy="a collar that fits the clamp, or another trunk width",
-    check=check_clamp,
-)
-DEPLOYED_LENGTH = Rule(
-    id="VF-B03",
-    title="the longest path has a length that was tested",
-    broken="the longest path is too short or too long: untested",
-    unit="mm",
-    limits={"short_warning": 250.0, "long_warning": 2000.0},
-    reason="untested above 2 m and below 0.25 m (paper)",
-    remedy="change the lengths, or accept that such a length was never tried",
-    check=check_reach,
-)
-
-
-PACKING_SHARE = 0.1
-"""Share of solid film in a bundle of crumpled thin film (assumed, uncalibrated)."""
-
-
-def occupancies(
-    design: Design, film_mm: float, packing: float = PACKING_SHARE
-) -> tuple[float, ...]:
+def occupancies(design: Design, film_mm: float, packing: float = 0.1) -> tuple[float, ...]:
     """Return, for each level that film rides in, how much of its lumen that film fills.
 
     While a branch grows, all its undeployed descendants are drawn through it one level after
     the other, the branches of one level side by side. A branch of width w has a solid cross-section
-    of w x film, which crumpling expands to w x film / packing. The fullest cross-section below
-    level i is that of the level with the most width in it:
+    of w x film, which crumpling expands to w x film / packing (the share of solid film in a bundle,
+    assumed). The fullest cross-section below level i is that of the level with the most width in
+    it:
 
         occupancy_i = max over j > i of  n_ij w_j film / packing / (w_i^2 / pi)
 
@@ -284,7 +266,7 @@ def lap_occupancies(
     design: Design,
     sleeves: Iterable[Sleeve],
     film_mm: float,
-    packing: float = PACKING_SHARE,
+    packing: float = 0.1,
 ) -> dict[int, float]:
     """Return, for each branch that laps ride in, how much of its lumen the film there fills.
 
@@ -330,8 +312,17 @@ def passages_of(pattern: Pattern | None) -> dict[int, float]:
     return {joint.level: joint.found.passage for joint in joints if joint.found is not None}
 
 
+@design_rule(
+    "VF-W01",
+    broken="a level or pouch is too narrow to inflate",
+    unit="mm",
+    error=5.0,
+    warning=8.0,
+    reason="narrow tubes burst before they grow: 3 mm tubes did, 4 to 7 mm worked (published)",
+    remedy="widen the level; with a width ratio, raise it or the trunk's width",
+)
 def check_least_width(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-W01: no level is too narrow to be inflated and turned inside out."""
+    """Every level is wide enough to inflate."""
     build = subject.design.build
     widths_mm = build.end_widths_mm
     violations = [
@@ -351,8 +342,16 @@ def check_least_width(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied(checked=len(widths_mm), violations=(*violations, *more))
 
 
+@design_rule(
+    "VF-W02",
+    broken="a child is too wide for its parent",
+    error=1.2,
+    warning=1.5,
+    reason="each level should be much wider than the next one, or it does not deploy (paper)",
+    remedy="narrow the child's level or widen its parent's",
+)
 def check_width_ratio(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-W02: a parent is much wider than its children."""
+    """Every parent is much wider than its children."""
     widths_mm = subject.design.build.widths_mm
     ends_mm = subject.design.build.end_widths_mm
     ratios = [wide / narrow for wide, narrow in zip(ends_mm, widths_mm[1:], strict=False)]
@@ -369,8 +368,18 @@ def check_width_ratio(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied(checked=len(ratios), violations=(*violations, *more))
 
 
+@design_rule(
+    "VF-W03",
+    broken="too much folded film rides in a branch",
+    unit="%",
+    error=60.0,
+    warning=30.0,
+    packing=0.1,
+    reason="undeployed film rides inside the body and jams when it is packed (uncalibrated)",
+    remedy="fewer, shorter or narrower descendants, smaller pouches, or a wider parent",
+)
 def check_packing(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-W03: folded descendants and pouches leave room in the lumen that they ride in.
+    """Folded film leaves room in every branch.
 
     What rides in a child comes through its joint. Where the joint was simulated, the cross-section
     there counts: that of the child's tube times the joint's passage.
@@ -395,37 +404,6 @@ def check_packing(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied(checked=len(found), violations=tuple(violations))
 
 
-LEAST_WIDTH = Rule(
-    id="VF-W01",
-    title="every level is wide enough to inflate",
-    broken="a level or pouch is too narrow to inflate",
-    unit="mm",
-    limits={"error": 5.0, "warning": 8.0},
-    reason="narrow tubes burst before they grow: 3 mm tubes did, 4 to 7 mm worked (published)",
-    remedy="widen the level; with a width ratio, raise it or the trunk's width",
-    check=check_least_width,
-)
-WIDTH_RATIO = Rule(
-    id="VF-W02",
-    title="every parent is much wider than its children",
-    broken="a child is too wide for its parent",
-    limits={"error": 1.2, "warning": 1.5},
-    reason="each level should be much wider than the next one, or it does not deploy (paper)",
-    remedy="narrow the child's level or widen its parent's",
-    check=check_width_ratio,
-)
-PACKING = Rule(
-    id="VF-W03",
-    title="folded film leaves room in every branch",
-    broken="too much folded film rides in a branch",
-    unit="%",
-    limits={"error": 60.0, "warning": 30.0, "packing": 0.1},
-    reason="undeployed film rides inside the body and jams when it is packed (uncalibrated)",
-    remedy="fewer, shorter or narrower descendants, smaller pouches, or a wider parent",
-    check=check_packing,
-)
-
-
 def _cut(subject: Subject) -> tuple[Partition, LaserProfile, PieceSettings]:
     """Return the pieces of a robot, its recipe and the design's settings of pieces."""
     many = f"{counted(len(subject.names), 'branch')} are too many to look for the fewest pieces"
@@ -436,19 +414,26 @@ def _cut(subject: Subject) -> tuple[Partition, LaserProfile, PieceSettings]:
     return needed(subject.partition, many), profile, settings
 
 
-_MOST_NAMED = 4
+def _few(names: Sequence[str], most: int = 4) -> str:
+    """Return the first of some names, with dots for the others."""
+    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
 
 
+@design_rule(
+    "VF-J01",
+    broken="no room for a sleeve where the robot must be cut",
+    unit="mm",
+    reason="plug and socket need a straight stretch, away from fillets, tips and pouches",
+    remedy="lengthen the branch named, or shorten fillets, lap or pouch",
+)
 def check_sleeve_room(subject: Subject, _: Limits) -> RuleApplied:
-    """VF-J01: where a robot must be parted, a branch has room for a sleeve."""
+    """Branches to be cut have room for a sleeve."""
     partition, violations = _cut(subject)[0], []
     for found in partition.unparted:
-        named = found.branches[:_MOST_NAMED]
-        names = ", ".join(subject.ids(*named))
-        names += ", ..." if len(found.branches) > len(named) else ""
-        message = f"{names} {found.why}, and cutting in pieces cannot help: "
+        names = subject.ids(*found.branches)
+        message = f"{_few(names)} {found.why}, and cutting in pieces cannot help: "
         if found.between:
-            between = ", ".join(subject.ids(*found.between[:_MOST_NAMED]))
+            between = _few(subject.ids(*found.between))
             message += (
                 f"no branch between them ({between}) has {found.needed_mm:.1f} mm of straight side "
                 "for a sleeve: lengthen one, or shorten fillets, lap or pouch"
@@ -460,7 +445,7 @@ def check_sleeve_room(subject: Subject, _: Limits) -> RuleApplied:
                 message=message,
                 measured=found.room_mm,
                 limit=found.needed_mm,
-                branches=subject.ids(*named),
+                branches=names[:4],
                 at_mm=branch_point_mm(subject.layout, found.branches[0], 0.5),
                 marker=mark_branches(subject.layout, found.branches),
                 aspect=found.why,
@@ -470,8 +455,14 @@ def check_sleeve_room(subject: Subject, _: Limits) -> RuleApplied:
     return RuleApplied(checked=checked, violations=tuple(violations))
 
 
+@design_rule(
+    "VF-J02",
+    broken="the robot needs too many pieces",
+    reason="each joint is one more place to leak and some minutes of work",
+    remedy="allow more pieces, or change what makes branches overlap",
+)
 def check_piece_count(subject: Subject, _: Limits) -> RuleApplied:
-    """VF-J02: a robot needs no more pieces than its design allows."""
+    """The robot goes in as few pieces as allowed."""
     partition, _profile, settings = _cut(subject)
     count = len(partition.pieces)
     least = "no fewer possible" if partition.proven_least else "fewer may be possible"
@@ -488,8 +479,17 @@ def check_piece_count(subject: Subject, _: Limits) -> RuleApplied:
     return RuleApplied(checked=count, violations=(violation,))
 
 
+@design_rule(
+    "VF-J03",
+    broken="a lap is too weak or too short",
+    unit="N/mm",
+    safety_factor=1.5,
+    reason="the pressure pulls a sleeve apart with P w / (2 pi) per millimetre of its rim; only "
+    "laps that failed in a test forbid, what they bore is a lower bound",
+    remedy="a lower working pressure or a narrower branch at the joint; burst lap coupons",
+)
 def check_laps(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-J03: the laps of sleeves bear the working pressure with a safety factor."""
+    """Laps bear the working pressure."""
     partition, profile, pieces = _cut(subject)
     sleeves, recipe = partition.sleeves, profile.recipe
     if not sleeves:
@@ -526,8 +526,19 @@ def check_laps(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied(checked=len(sleeves), violations=tuple(violations))
 
 
+@design_rule(
+    "VF-J06",
+    broken="sockets are too narrow or too wide for their plugs",
+    unit="mm",
+    films=1.0,
+    rooms=2.0,
+    reason="flat, a plug is as thick as all plies, and as much wider must a socket be; half the "
+    "ease is gathered on each side within the room that the lap leaves to its band, at 45 degrees "
+    "at most, or folds lead out of the lap (assumed)",
+    remedy="an ease between the film's thickness and the lap less the band's width",
+)
 def check_ease(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-J06: plugs go into their sockets, and these lie on them without steep folds."""
+    """Sockets fit their plugs."""
     partition, profile, pieces = _cut(subject)
     bond, film_mm = profile.recipe.lap, profile.material.film_mm
     room_mm = max(0.0, pieces.lap_mm - (bond.band_mm.value if bond else 0.0)) / 2.0
@@ -573,18 +584,28 @@ def fullest_laps(
 
 def widest_cut_mm(build: Build, profile: LaserProfile, changed: LimitChanges) -> float:
     """Return the widest branch whose sleeve keeps VF-J03 and VF-J06; 0 if there is none."""
-    least_mm = EASE.limits_with(changed.get(EASE.id, {}))["films"] * profile.material.film_mm
+    least_mm = check_ease.limits_under(changed)["films"] * profile.material.film_mm
     if Limits({"error": least_mm}).least((build.pieces or PieceSettings()).ease_mm):
         return 0.0
     bond, load = profile.recipe.lap, lap_load_n_mm(build.pressure_kpa, 1.0)
     if bond is None or not bond.is_measured_limit or load == 0.0:
         return math.inf
-    factor = LAP.limits_with(changed.get(LAP.id, {}))["safety_factor"]
+    factor = check_laps.limits_under(changed)["safety_factor"]
     return (1.0 + ROUNDING) * bond.load_n_per_mm.value / factor / load
 
 
+@design_rule(
+    "VF-J04",
+    broken="too much folded film and laps ride in a branch",
+    unit="%",
+    error=60.0,
+    warning=30.0,
+    packing=0.1,
+    reason="the film of a lap is doubled and rides inside the body like all of it (uncalibrated)",
+    remedy="fewer laps in one branch, shorter laps, or a wider parent",
+)
 def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-J04: folded film leaves room in the lumen that it rides in also where laps double it.
+    """Folded film leaves room where laps double it.
 
     As for VF-W03, what rides in a child comes through its joint's passage, where that is known.
     """
@@ -608,8 +629,15 @@ def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied(checked=len(fullest), violations=tuple(violations))
 
 
+@design_rule(
+    "VF-J05",
+    broken="labels of pieces or joints are missing",
+    on={Scope.SHEET, Scope.PATHS},
+    reason="pieces look alike, and a mirrored branch joined the wrong way up cannot be undone",
+    remedy="more room next to the piece, or mark it by hand before it leaves the bed",
+)
 def check_piece_labels(subject: Subject, _: Limits) -> RuleApplied:
-    """VF-J05: every piece and both ends of every joint have labels next to them."""
+    """Every piece, plug and socket is labelled."""
     partition, job = (
         _cut(subject)[0],
         needed(subject.job, "needs a recipe, which the marks follow from"),
@@ -625,73 +653,12 @@ def check_piece_labels(subject: Subject, _: Limits) -> RuleApplied:
     missing = [label for label in wanted if label not in made]
     if not missing:
         return RuleApplied(checked=len(wanted))
-    few = ", ".join(missing[:_MOST_NAMED]) + (", ..." if len(missing) > _MOST_NAMED else "")
     violation = Violation(
         message=f"{counted(len(missing), 'label')} {agreeing(len(missing), 'is', 'are')} missing "
-        f"on the film ({few}): write them by hand, "
+        f"on the film ({_few(missing)}): write them by hand, "
         "after assembly.svg, before a piece is lifted out",
         severity=Severity.WARNING,
         measured=float(len(missing)),
         limit=0.0,
     )
     return RuleApplied(checked=len(wanted), violations=(violation,))
-
-
-SLEEVE_ROOM = Rule(
-    id="VF-J01",
-    title="branches to be cut have room for a sleeve",
-    broken="no room for a sleeve where the robot must be cut",
-    unit="mm",
-    reason="plug and socket need a straight stretch, away from fillets, tips and pouches",
-    remedy="lengthen the branch named, or shorten fillets, lap or pouch",
-    check=check_sleeve_room,
-)
-PIECE_COUNT = Rule(
-    id="VF-J02",
-    title="the robot goes in as few pieces as allowed",
-    broken="the robot needs too many pieces",
-    reason="each joint is one more place to leak and some minutes of work",
-    remedy="allow more pieces, or change what makes branches overlap",
-    check=check_piece_count,
-)
-LAP = Rule(
-    id="VF-J03",
-    title="laps bear the working pressure",
-    broken="a lap is too weak or too short",
-    unit="N/mm",
-    limits={"safety_factor": 1.5},
-    reason="the pressure pulls a sleeve apart with P w / (2 pi) per millimetre of its rim; only "
-    "laps that failed in a test forbid, what they bore is a lower bound",
-    remedy="a lower working pressure or a narrower branch at the joint; burst lap coupons",
-    check=check_laps,
-)
-LAP_PACKING = Rule(
-    id="VF-J04",
-    title="folded film leaves room where laps double it",
-    broken="too much folded film and laps ride in a branch",
-    unit="%",
-    limits={"error": 60.0, "warning": 30.0, "packing": 0.1},
-    reason="the film of a lap is doubled and rides inside the body like all of it (uncalibrated)",
-    remedy="fewer laps in one branch, shorter laps, or a wider parent",
-    check=check_lap_packing,
-)
-PIECE_LABELS = Rule(
-    id="VF-J05",
-    title="every piece, plug and socket is labelled",
-    broken="labels of pieces or joints are missing",
-    reason="pieces look alike, and a mirrored branch joined the wrong way up cannot be undone",
-    remedy="more room next to the piece, or mark it by hand before it leaves the bed",
-    check=check_piece_labels,
-)
-EASE = Rule(
-    id="VF-J06",
-    title="sockets fit their plugs",
-    broken="sockets are too narrow or too wide for their plugs",
-    unit="mm",
-    limits={"films": 1.0, "rooms": 2.0},
-    reason="flat, a plug is as thick as all plies, and as much wider must a socket be; half the "
-    "ease is gathered on each side within the room that the lap leaves to its band, at 45 degrees "
-    "at most, or folds lead out of the lap (assumed)",
-    remedy="an ease between the film's thickness and the lap less the band's width",
-    check=check_ease,
-)

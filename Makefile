@@ -70,7 +70,7 @@ format: $(READY)
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[cluster,dev,docs,gis,studio,vision]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[cluster,dev,docs,evolution,gis,studies,studio,vision]'
 	touch $(READY)
 
 $(PAGE_READY): $(PAGE)/package.json $(PAGE)/package-lock.json

@@ -6,13 +6,16 @@ Within one process a test may have loaded before what a command has forgotten to
 import os
 import subprocess
 import sys
-from importlib.metadata import metadata
+import tomllib
 from itertools import chain
 from pathlib import Path
 
 import pytest
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+from vinefab.core.extras import EXTRAS
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
 RUN = """schema = "vinefab/run-1"
 [maps]
 count = 1
@@ -36,7 +39,12 @@ COMMANDS = {
         ("distributed", "cryptography"),
         ["optimize", "run.toml", "--out", "run", "--cluster", "local:1", "--workers", "0"],
     ),
+    "evolution": (("pymoo",), ["optimize", "front.toml", "--out", "run"]),
     "gis": (("pyogrio",), ["map", "import", EXAMPLES / "imports/survey.gpkg"]),
+    "studies": (
+        ("matplotlib",),
+        ["study", "reproduce", "transfer", "--quick", "--out", "study"],
+    ),
     "studio": (
         ("starlette", "tomlkit", "uvicorn", "watchfiles", "websockets"),
         ["studio", "plain_vine", "--snapshot", "page.html"],
@@ -71,6 +79,7 @@ def run_program(folder, arguments, absent=()):
     place.mkdir()
     (place / "sitecustomize.py").write_text(WITHOUT.replace("{absent!r}", repr(set(absent))))
     (folder / "run.toml").write_text(RUN)
+    (folder / "front.toml").write_text(RUN.replace('"cmaes"', '"nsga2"'))
     out = ["--out", folder / "map.geojson"] if arguments[0] == "map" else []
     return subprocess.run(
         [sys.executable, "-m", "vinefab", *map(str, [*arguments, *out])],
@@ -84,9 +93,11 @@ def run_program(folder, arguments, absent=()):
     )
 
 
-def test_every_extra_for_users_has_a_command_here():
-    extras = set(metadata("vinefab").get_all("Provides-Extra") or ())
-    assert extras - {"dev", "docs"} == set(COMMANDS)
+def test_every_extra_for_users_is_declared_once_and_has_a_command_here():
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    extras = set(declared["optional-dependencies"]) - {"dev", "docs"}
+    assert extras == set(COMMANDS) == set(EXTRAS)
+    assert {extra: modules for extra, (modules, _) in COMMANDS.items()} == EXTRAS
 
 
 @pytest.mark.parametrize("extra", COMMANDS)
@@ -98,13 +109,16 @@ def test_without_an_extra_the_command_names_it_in_one_line(extra, tmp_path):
         ended = run_program(folder, arguments, {absent})
         assert (ended.returncode, ended.stderr.count("\n")) == (2, 1), ended.stderr
         assert f"pip install 'vinefab[{extra}]'" in ended.stderr
-        assert {path.name for path in folder.iterdir()} == {"site", "run.toml"}
+        assert {path.name for path in folder.iterdir()} == {"site", "run.toml", "front.toml"}
 
 
 @pytest.mark.parametrize("extra", COMMANDS)
 def test_with_an_extra_its_command_works_in_a_fresh_process(extra, tmp_path):
     ended = run_program(tmp_path, COMMANDS[extra][1])
     assert ended.returncode == 0, ended.stderr
+    if extra == "studies":
+        page = (tmp_path / "study" / "reproduction.html").read_text("utf-8")
+        assert "data:image/svg+xml" in page
     if extra == "cluster":
         assert "handed out 2 of 2 batches" in ended.stdout
 

@@ -11,7 +11,7 @@ from scipy import ndimage
 from shapely import box
 
 from tests.photos.conftest import Floor, TrueCamera
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, MissingPackageError
 from vinefab.model.map import Map, corner_markers
 from vinefab.photos.found_markers import marker_points, marker_spread, measured_markers
 from vinefab.photos.photo import ControlPoints, Photo, fit_camera, projected, rectified
@@ -50,7 +50,7 @@ def test_a_number_seen_twice_is_refused(photo):
 
 def test_without_opencv_the_extra_is_named(monkeypatch, photo):
     monkeypatch.setitem(sys.modules, "cv2", None)
-    with pytest.raises(BadInputError, match=r"pip install 'vinefab\[vision\]'"):
+    with pytest.raises(MissingPackageError, match=r"pip install 'vinefab\[vision\]'"):
         measured_markers(photo)
 
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vinefab.core.errors import BadInputError, WorkersLostError
+from vinefab.core.errors import BadInputError, MissingPackageError, WorkersLostError
+from vinefab.core.extras import EXTRAS
 from vinefab.search import dask_cluster
 from vinefab.search import dask_cluster as module
 from vinefab.search.dask_cluster import (
@@ -585,14 +586,10 @@ def test_missing_and_wrong_tls_files_are_one_line(tls_files, tmp_path, contents,
     assert "\n" not in str(told.value)
 
 
-@pytest.mark.parametrize("needed", dask_cluster.NEEDED)
+@pytest.mark.parametrize("needed", EXTRAS["cluster"])
 def test_all_that_the_extra_installs_is_needed(monkeypatch, needed):
-    def without(name):
-        return None if name == needed else found(name)
-
-    found = dask_cluster.importlib.util.find_spec
-    monkeypatch.setattr(dask_cluster.importlib.util, "find_spec", without)
-    with pytest.raises(BadInputError, match=r"pip install 'vinefab\[cluster\]'"):
+    monkeypatch.setitem(sys.modules, needed, None)
+    with pytest.raises(MissingPackageError, match=r"pip install 'vinefab\[cluster\]'"):
         DaskEvaluator("local:2")
 
 

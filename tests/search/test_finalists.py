@@ -33,7 +33,8 @@ from vinefab.search.finalists import (
     repair_design,
     spread_out,
 )
-from vinefab.search.optimizers.evolution import NsgaConfig, ranking
+from vinefab.search.optimizers.evolution import ranking
+from vinefab.search.optimizers.evolution_settings import NsgaConfig
 from vinefab.search.optimizers.optimizer import FrontOptimizer, SearchAxes
 from vinefab.search.record.generations import RunIdentity
 from vinefab.search.record.store import RunStore

@@ -24,6 +24,7 @@ from vinefab.app.common import (
 )
 from vinefab.core.atomic import ensure_own_folder, ensure_writable
 from vinefab.core.errors import BadInputError, CannotWriteError, InterruptedRunError
+from vinefab.core.extras import ensure_extra
 from vinefab.core.plain_text import counted
 from vinefab.core.progress import Progress, heard_by
 from vinefab.core.verbs import (
@@ -576,6 +577,7 @@ def reproduce(
 
     if not names:
         raise BadInputError("NAME", None, f"{', '.join(EXPERIMENTS)}, or all")
+    ensure_extra("studies", "reproduce")
     folder, size = as_path("out", out), QUICK_SIZE if quick else PAPER_SIZE
     with told(progress):
         done = do_experiments(
@@ -688,9 +690,6 @@ def demo(
     )
 
 
-_STUDIO_PACKAGES = ("starlette", "tomlkit", "uvicorn", "watchfiles", "websockets")
-
-
 @verb
 def studio(
     design: Annotated[DesignLike, IN_PLACE] = "grid_explorer",
@@ -739,12 +738,7 @@ def studio(
 
     >>> studio("mine.toml", snapshot="state.html")  # doctest: +SKIP
     """
-    from importlib.util import find_spec
-
-    missing = [name for name in _STUDIO_PACKAGES if find_spec(name) is None]
-    if missing:
-        allowed = "together with the packages of the studio: pip install 'vinefab[studio]'"
-        raise BadInputError("vinefab studio", f"without {', '.join(missing)}", allowed)
+    ensure_extra("studio", "the studio")
     from vinefab.studio.server import LaunchOptions, serve
 
     page = page_path("snapshot", snapshot, force=force)

@@ -134,13 +134,15 @@ class CannotWriteError(VinefabError, OSError):
 class MissingPackageError(VinefabError, ImportError):
     """A package that vinefab needs for something is not installed."""
 
-    def __init__(self, package: str, needed_for: str) -> None:
+    def __init__(self, package: str, needed_for: str, extra: str = "") -> None:
         self.package = package
         self.needed_for = needed_for
-        super().__init__(package, needed_for)
+        self.extra = extra  # of vinefab, which brings the package
+        super().__init__(package, needed_for, extra)
 
     def __str__(self) -> str:
-        return f"{self.needed_for} needs {self.package}: pip install {self.package}"
+        brings = f"'vinefab[{self.extra}]'" if self.extra else self.package
+        return f"{self.needed_for} needs {self.package}: pip install {brings}"
 
 
 class NotCachedWarning(UserWarning):

@@ -19,13 +19,20 @@ from typing import Any
 from vinefab.core.errors import (
     BadInputError,
     BrokenPluginError,
+    MissingPackageError,
     UnknownNameError,
     UnreadableFileError,
 )
 
 _HOUSE = __name__.partition(".")[0]
-_ON_PURPOSE = (BadInputError, UnknownNameError, UnreadableFileError, BrokenPluginError)
-"""What a part may raise of its input: it names the value, or the file."""
+_ON_PURPOSE = (
+    BadInputError,
+    UnknownNameError,
+    UnreadableFileError,
+    BrokenPluginError,
+    MissingPackageError,
+)
+"""Errors that a part may raise: they name the value, the file or the package."""
 
 
 def is_own(part: object) -> bool:

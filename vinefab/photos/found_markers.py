@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.extras import ensure_extra
 from vinefab.core.validation import Floats
 from vinefab.model.map import MARKER_SIDE_CELLS, CornerMarker
 from vinefab.photos.photo import (
@@ -68,13 +69,12 @@ def measured_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int,
     Raises
     ------
     BadInputError
-        If a number is seen twice, or OpenCV is not installed.
+        If a number is seen twice.
+    MissingPackageError
+        If OpenCV is not installed.
     """
-    try:
-        cv2: Any = import_module("cv2")
-    except ImportError as error:
-        allowed = "together with OpenCV: pip install 'vinefab[vision]'"
-        raise BadInputError("markers", "asked for", allowed, photo.name) from error
+    ensure_extra("vision", f"{photo.name} with markers")
+    cv2: Any = import_module("cv2")
     stored = np.asarray(Image.fromarray(photo.pixels).convert("L"))
     # How much light fell on each pixel.
     light = np.round(255.0 * (np.arange(256) / 255.0) ** CAMERA_GAMMA).astype(np.uint8)

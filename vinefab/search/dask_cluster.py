@@ -9,7 +9,6 @@ the points are divided.
 cluster of ``examples/draw_cluster_scaling.py`` divides and places work with the same functions.
 """
 
-import importlib.util
 import json
 import math
 import pickle
@@ -26,6 +25,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from vinefab.core.errors import BadInputError, UnknownNameError, WorkersLostError
+from vinefab.core.extras import ensure_extra
 from vinefab.core.front_door import imported_later
 from vinefab.core.hashing import sha256_of
 from vinefab.core.interruption import stops_deferred
@@ -365,9 +365,6 @@ MOST_RETRIES = 20
 """Retries of work that killed several workers, before the run gives up."""
 
 
-NEEDED = ("distributed", "cryptography")
-"""What the extra installs: the cluster, and the maker of certificates for a local one."""
-
 TLS_FILES = {
     "DASK_DISTRIBUTED__COMM__TLS__CA_FILE": "tls_ca_file",
     "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT": "tls_client_cert",
@@ -433,9 +430,7 @@ class DaskEvaluator:
         self.notes: tuple[str, ...] = ()
         self._patience_s = patience_s
         self._restart: Callable[[], object] | None = None
-        if any(importlib.util.find_spec(name) is None for name in NEEDED):
-            allowed = "only with the extra: pip install 'vinefab[cluster]'"
-            raise BadInputError("--cluster", address, allowed)
+        ensure_extra("cluster", f"--cluster {address}")
 
     @contextmanager
     def started(self, evaluator: Evaluator, ledger: Ledger) -> Iterator[Begin]:

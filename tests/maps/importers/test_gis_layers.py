@@ -1,13 +1,18 @@
 """GeoPackage, Shapefile and FlatGeobuf: units, layers, heights, and what is refused."""
 
+import sys
 import warnings
 
 import numpy as np
 import pytest
 import shapely
 
-from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
-from vinefab.maps.importers import gis_layers
+from vinefab.core.errors import (
+    BadInputError,
+    MissingPackageError,
+    UnknownNameError,
+    UnreadableFileError,
+)
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
 
@@ -125,8 +130,8 @@ def test_what_is_missing_or_of_another_kind_is_one_line(tmp_path, monkeypatch):
     with pytest.raises(UnreadableFileError, match=r"is not a \.gpkg file"):
         import_map(virtual, ImportOptions())
     good = written(tmp_path / "cave.gpkg", [ROOM], "EPSG:32632")
-    monkeypatch.setattr(gis_layers, "pyogrio", None)
-    with pytest.raises(BadInputError, match=r"cave.gpkg.*pip install 'vinefab\[gis\]'"):
+    monkeypatch.setitem(sys.modules, "pyogrio", None)
+    with pytest.raises(MissingPackageError, match=r"cave.gpkg.*pip install 'vinefab\[gis\]'"):
         import_map(good, ImportOptions())
 
 

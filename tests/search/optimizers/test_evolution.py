@@ -1,6 +1,7 @@
 import numpy as np
 
-from vinefab.search.optimizers.evolution import Evolution, EvolutionConfig
+from vinefab.search.optimizers.evolution import Evolution
+from vinefab.search.optimizers.evolution_settings import EvolutionConfig
 from vinefab.search.optimizers.optimizer import SearchAxes
 
 MIXED = SearchAxes(choices=(3, 0, 3, 0), levels=(0, 0, 2, 3), depth=0, least_depth=1)

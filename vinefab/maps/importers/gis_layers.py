@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -15,6 +15,8 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError, located
+from vinefab.core.extras import ensure_extra
+from vinefab.core.front_door import imported_later
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.source_drawing import (
     PROJECT_ADVICE,
@@ -27,12 +29,10 @@ from vinefab.maps.importers.source_drawing import (
 from vinefab.model.files.shipped import existing_file
 from vinefab.model.map import Map
 
-try:
+if TYPE_CHECKING:
     import pyogrio
-    import pyogrio.errors
-    import pyogrio.raw
-except ImportError:
-    pyogrio = None
+else:
+    pyogrio = imported_later("pyogrio")
 
 _BEGINNINGS = {
     ".gpkg": b"SQLite format 3\0",
@@ -62,9 +62,7 @@ def import_gis(path: Path, options: ImportOptions) -> Map:
         raise UnreadableFileError(path, problem)
     with located(path), warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        if pyogrio is None:
-            allowed = "only with the extra: pip install 'vinefab[gis]'"
-            raise BadInputError("GeoPackage, Shapefile, FlatGeobuf", "not readable", allowed)
+        ensure_extra("gis", f"{path.name} (GeoPackage, Shapefile, FlatGeobuf)")
         drawing = _drawing(path.resolve(), options)
     if said:
         lines = sorted({" ".join(str(one.message).split())[:200] for one in said})

@@ -11,10 +11,9 @@ manufacturable rank below all others, by their fitness.
 """
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from annotated_types import Ge, Le
 from pymoo.core.duplicate import DefaultDuplicateElimination
 from pymoo.core.mixed import MixedVariableMating
 from pymoo.core.population import Population
@@ -26,37 +25,21 @@ from pymoo.operators.repair.rounding import RoundingRepair
 from pymoo.operators.selection.tournament import TournamentSelection
 from pymoo.operators.survival.rank_and_crowding.metrics import calc_crowding_distance
 from pymoo.util.nds.non_dominated_sorting import NonDominatedSorting
-from typing_extensions import Doc
 
 from vinefab.core.rng import child
-from vinefab.core.table import Table
 from vinefab.core.validation import Floats, Ints
-from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
+from vinefab.search.optimizers.optimizer import SearchAxes
 
 _STREAM = 1404
 
-
-Eta = Annotated[float, Ge(1), Le(1000)]
-"""Distribution index."""
-
-
-class EvolutionConfig(Table):
-    """Parameters of the evolutionary algorithm; the defaults are pymoo's."""
-
-    crossover_eta: Annotated[Eta, Doc("larger values keep children nearer to their parents")] = 15.0
-    mutation_eta: Annotated[Eta, Doc("larger values keep mutants nearer to their originals")] = 20.0
-
-    def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
-        """Return the algorithm before its first generation."""
-        return Evolution(self, axes, population, seed)
+Etas = tuple[float, float]
+"""Distribution indices of crossover and mutation."""
 
 
 class Evolution:
     """A population under crossover, mutation and selection."""
 
-    def __init__(
-        self, config: EvolutionConfig, axes: SearchAxes, population: int, seed: int
-    ) -> None:
+    def __init__(self, axes: SearchAxes, population: int, seed: int, *, etas: Etas) -> None:
         self._axes = axes
         self._population = population
         self._seed = seed
@@ -68,7 +51,7 @@ class Evolution:
             for axis, choices in enumerate(axes.choices)
         }
         self._problem = Problem(vars=variables, n_obj=1)
-        crossover, mutation = config.crossover_eta, config.mutation_eta
+        crossover, mutation = etas
         rounded = {"vtype": float, "repair": RoundingRepair()}
         self._mating = MixedVariableMating(
             crossover={
@@ -138,19 +121,11 @@ class Evolution:
         return points
 
 
-class NsgaConfig(EvolutionConfig):
-    """Parameters of NSGA-II, those of the evolutionary algorithm."""
-
-    def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
-        """Return the algorithm before its first generation, with fitness as its only objective."""
-        return Nsga(self, axes, population, seed)
-
-
 class Nsga(Evolution):
     """A population that approximates a front."""
 
-    def __init__(self, config: NsgaConfig, axes: SearchAxes, population: int, seed: int) -> None:
-        super().__init__(config, axes, population, seed)
+    def __init__(self, axes: SearchAxes, population: int, seed: int, *, etas: Etas) -> None:
+        super().__init__(axes, population, seed, etas=etas)
         self._costs = np.empty((0, 0))
         self._lowest = -np.inf
         self._mating.selection = TournamentSelection(

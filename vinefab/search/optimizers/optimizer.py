@@ -158,9 +158,9 @@ OPTIMIZERS: Registry[Callable[..., OptimizerConfig]] = Registry(
     "optimizer",
     {
         "cmaes": "vinefab.search.optimizers.cmaes:CmaConfig",
-        "evolution": "vinefab.search.optimizers.evolution:EvolutionConfig",
+        "evolution": "vinefab.search.optimizers.evolution_settings:EvolutionConfig",
         "islands": "vinefab.search.optimizers.islands:IslandsConfig",
-        "nsga2": "vinefab.search.optimizers.evolution:NsgaConfig",
+        "nsga2": "vinefab.search.optimizers.evolution_settings:NsgaConfig",
         "particleswarm": "vinefab.search.optimizers.swarms:AdaptiveSwarmConfig",
         "pso": "vinefab.search.optimizers.swarms:SwarmConfig",
         "random": "vinefab.search.optimizers.optimizer:RandomConfig",

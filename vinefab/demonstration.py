@@ -7,6 +7,7 @@ from pathlib import Path
 from vinefab.core.atomic import fill_folder
 from vinefab.core.compiling import precompile
 from vinefab.core.plain_text import counted, json_text
+from vinefab.core.statistics import MeanValue
 from vinefab.core.verbs import this_call
 from vinefab.core.view import Number, Rows, Section
 from vinefab.fabrication.package.prepare import package, zip_bytes
@@ -23,7 +24,7 @@ from vinefab.prediction.family_deployments import (
     origin_of,
     score_design_on_task,
 )
-from vinefab.prediction.measures import REACH, MeanValue
+from vinefab.prediction.measures import REACH
 from vinefab.prediction.predict import Predicted, predict
 from vinefab.rig.make import RigFiles, make_rig
 from vinefab.rig.part import RigOptions, read_printer

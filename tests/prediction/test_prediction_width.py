@@ -7,7 +7,7 @@ import pytest
 
 from vinefab.core.limits import rad
 from vinefab.core.rng import child
-from vinefab.core.statistics import PAIRED_TAILS, mean_interval
+from vinefab.core.statistics import PAIRED_TAILS, MeanValue, mean_interval
 from vinefab.core.view import document
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.model.design import Build, Design
@@ -27,7 +27,6 @@ from vinefab.prediction.measures import (
     REACH,
     SEEN,
     STUCK,
-    MeanValue,
 )
 from vinefab.prediction.prediction_width import (
     ANGLE_TOLERANCE_DEG,

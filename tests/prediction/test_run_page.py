@@ -1,6 +1,9 @@
 """The page of a run that has ended."""
 
 import re
+import shutil
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,9 +12,10 @@ from typing import cast
 import numpy as np
 import pytest
 
+import vinefab as vf
 from tests.search.conftest import followed
 from vinefab.core.atomic import is_ours
-from vinefab.core.errors import VinefabError
+from vinefab.core.errors import UnreadableFileError, VinefabError
 from vinefab.core.view import Section
 from vinefab.fabrication.pieces.partition import pieces_of
 from vinefab.inflation.pattern import pattern_of
@@ -134,6 +138,29 @@ def test_the_record_alone_gives_the_page_again(folder: Path, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
+    ("found", "put", "words"),
+    [
+        ('"mean": 0', '"mean": "0', "is damaged or no record"),
+        ('"note":', '"remark":', "(note: Field required)"),
+        ('"option": "emergence"', '"option": "weather"', "(rules[2].option: Input should be"),
+        ('"choices": ["pass", "stop"]', '"choices": ["pass"]', "1 choices, but [2, 2] means"),
+    ],
+)
+def test_a_record_with_another_prediction_is_damaged(
+    folder: Path, tmp_path: Path, found: str, put: str, words: str
+) -> None:
+    path = shutil.copy(folder / RECORD_FILE, tmp_path)
+    with closing(sqlite3.connect(path)) as connection, connection:
+        query = "SELECT value FROM run WHERE key = 'prediction'"
+        (text,) = connection.execute(query).fetchone()
+        assert found in text
+        changed = text.replace(found, put, 1)
+        connection.execute("UPDATE run SET value = ? WHERE key = 'prediction'", (changed,))
+    with pytest.raises(UnreadableFileError, match=re.escape(words)):
+        vf.RunResult.read(tmp_path)
+
+
+@pytest.mark.parametrize(
     ("tolerance_mm", "checked", "tone"),
     [(1e6, True, "good"), (0.0, True, "bad"), (1e6, False, "caution")],
 )
@@ -162,7 +189,7 @@ def test_the_outcome_in_one_line(folder: Path, few_unseen: int) -> None:
         result.answer.text,
     )
     assert f"{result.answer.text}" in (folder / "index.html").read_text()
-    bare = replace(result, prediction={}, checked=False).answer
+    bare = replace(result, prediction=None, checked=False).answer
     assert "on fresh poses on the training maps (simulated); " in bare.text
     assert (bare.tone, bare.text[-46:]) == (
         "caution", "branches on 2 levels; not checked whether it is manufacturable"[-46:]

@@ -11,7 +11,9 @@ import numpy as np
 import scipy  # its parts load at their first use
 from numpy.typing import ArrayLike
 
+from vinefab.core.codec import MaybeNan
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 
 LEVEL, SIGNIFICANT = 0.95, 0.05
@@ -86,6 +88,68 @@ def mean_interval(
         return (mean, mean) if known else (math.nan, math.nan)
     half = float(scipy.special.stdtrit(degrees_of(len(sample), tails), 0.5 + 0.5 * level)) * error
     return mean - half, mean + half
+
+
+def means_by_map(values: Floats, maps: Sequence[str]) -> Floats:
+    """Return the mean of each map, or the known values where there is one map.
+
+    Deployments on one map are alike; where there is one map, poses have to do.
+    """
+    return group_means(values, maps) if len(set(maps)) > 1 else values[np.isfinite(values)]
+
+
+def samples_text(count: int, maps: Sequence[str]) -> str:
+    """Return over how many independent samples an interval is, see `means_by_map`."""
+    return counted(count, "map" if len(set(maps)) > 1 or count == 1 else "pose")
+
+
+ANY_NUMBER = (-math.inf, math.inf)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeanValue:
+    """A mean with its interval."""
+
+    mean: float  # mean of the maps' means
+    # low, high: 95 % interval of it over maps (over poses where there is one map); NaN where there
+    # is none
+    low: MaybeNan
+    high: MaybeNan
+    over: str  # how many independent samples that is
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether the interval leaves out 0."""
+        return self.low > 0.0 or self.high < 0.0
+
+    @property
+    def has_interval(self) -> bool:
+        """Whether the samples differ, or are many enough to be alike."""
+        return math.isfinite(self.low) and math.isfinite(self.high)
+
+    @classmethod
+    def of(
+        cls,
+        values: Floats,
+        maps: Sequence[str],
+        ends: tuple[float, float] = ANY_NUMBER,
+        tails: float = LONG_TAILS,
+    ) -> "MeanValue":
+        """Return the mean of values, each under the name of its map; see `mean_interval`.
+
+        Parameters
+        ----------
+        ends
+            The least and the greatest value that can be: an interval has no others.
+        """
+        means = means_by_map(values, maps)
+        low, high = mean_interval(means, tails=tails)
+        return cls(
+            mean=float(means.mean()),
+            low=max(low, ends[0]),  # NaN stays
+            high=min(high, ends[1]),
+            over=samples_text(len(means), maps),
+        )
 
 
 def clopper_pearson(share: float, count: int, level: float = LEVEL) -> tuple[float, float]:

@@ -33,6 +33,9 @@ BranchContact = Literal["stop", "pass"]
 DEFAULT_BRANCH_CONTACT: BranchContact = "pass"
 """What a tip does at the body of another branch, where no option gives it [assumed]."""
 
+UnknownRule = Literal["branch_contact", "emergence"]
+"""Growth options that predictions are shown for each choice of."""
+
 BRANCH_CONTACTS: tuple[BranchContact, ...] = ("pass", "stop")
 """Both are shown together: real tubes climb over or jam, and no measurement tells which."""
 

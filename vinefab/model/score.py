@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import clopper_pearson, group_means
+from vinefab.core.statistics import clopper_pearson, means_by_map, samples_text
 from vinefab.core.validation import Floats
 from vinefab.core.view import Block, Data, Fact, Facts, Notes, Number, Result, Rows
 from vinefab.model.map import Pose
@@ -81,11 +81,10 @@ class Failures:
     def of(cls, failed: ArrayLike, maps: Sequence[str], what: str) -> "Failures":
         """Return the failures among deployments, each on one of some maps."""
         each = np.asarray(failed, dtype=np.float64)
-        means = group_means(each, maps) if len(set(maps)) > 1 else each
-        over = counted(len(means), "map" if len(set(maps)) > 1 or len(means) == 1 else "pose")
+        means = means_by_map(each, maps)
         return cls(
             failed=int(each.sum()), deployments=len(each), share=float(means.mean()),
-            samples=len(means), over=over, what=what,
+            samples=len(means), over=samples_text(len(means), maps), what=what,
         )  # fmt: skip
 
     @property

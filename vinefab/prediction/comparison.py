@@ -10,7 +10,15 @@ import numpy as np
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.plain_text import counted
 from vinefab.core.progress import each
-from vinefab.core.statistics import PAIRED_TAILS, SIGNIFICANT, mean_interval, mean_p
+from vinefab.core.statistics import (
+    PAIRED_TAILS,
+    SIGNIFICANT,
+    MeanValue,
+    mean_interval,
+    mean_p,
+    means_by_map,
+    samples_text,
+)
 from vinefab.core.view import (
     Answer,
     Block,
@@ -56,12 +64,9 @@ from vinefab.prediction.family_deployments import (
 from vinefab.prediction.measures import (
     COVERAGE,
     TOUCHED,
-    MeanValue,
     Measure,
     MeasureTable,
-    means_by_map,
     measures_with,
-    samples_text,
     spreads_content,
     task_content,
     task_measure,

@@ -9,8 +9,7 @@ from typing import Literal
 import numpy as np
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.plain_text import counted
-from vinefab.core.statistics import LONG_TAILS, group_means, mean_interval
+from vinefab.core.statistics import MeanValue
 from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import Number, bracketed
 from vinefab.growth.batch import GrowthBlock
@@ -81,9 +80,10 @@ class Measure:
         ends = (self.number(low), self.number(high)) if known else None
         return f"{self.number(mean)} {bracketed(ends, over)}"
 
-    def within(self, low: float, high: float) -> tuple[float, float]:
-        """Return the ends of an interval without what no value of this measure can be."""
-        return float(np.maximum(low, self.least)), float(np.minimum(high, self.most))
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the greatest value that can be."""
+        return self.least, self.most
 
     @property
     def label(self) -> str:
@@ -225,52 +225,6 @@ def measures_with(task: Task | None) -> tuple[Measure, ...]:
     return MEASURES if task is None else tuple(dict.fromkeys((task_measure(task), *MEASURES)))
 
 
-def samples_text(count: int, maps: Sequence[str]) -> str:
-    """Return over how many independent samples an interval is, see `means_by_map`."""
-    return counted(count, "map" if len(set(maps)) > 1 or count == 1 else "pose")
-
-
-def means_by_map(values: Floats, maps: Sequence[str]) -> Floats:
-    """Return the mean of each map, or the known values where there is one map.
-
-    Deployments on one map are alike; where there is one map, poses have to do.
-    """
-    return group_means(values, maps) if len(set(maps)) > 1 else values[np.isfinite(values)]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeanValue:
-    """A mean with its interval."""
-
-    mean: float  # mean of the maps' means
-    # low, high: 95 % interval of it over maps (over poses where there is one map); NaN where there
-    # is none
-    low: float
-    high: float
-    over: str  # how many independent samples that is
-
-    @property
-    def is_clear(self) -> bool:
-        """Whether the interval leaves out 0."""
-        return self.low > 0.0 or self.high < 0.0
-
-    @classmethod
-    def of(
-        cls,
-        values: Floats,
-        maps: Sequence[str],
-        measure: Measure | None = None,
-        tails: float = LONG_TAILS,
-    ) -> "MeanValue":
-        """Return the mean of values, each under the name of its map; see `mean_interval`."""
-        means = means_by_map(values, maps)
-        low, high = mean_interval(means, tails=tails)
-        if measure is not None:
-            low, high = measure.within(low, high)
-        over = samples_text(len(means), maps)
-        return cls(mean=float(means.mean()), low=low, high=high, over=over)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasureSpread(MeanValue):
     """How a measure is spread over deployments: its mean, and their distribution."""
@@ -288,11 +242,6 @@ class MeasureSpread(MeanValue):
     def shown(self, measure: Measure) -> Number:
         """Return the mean with its interval, as a measure is shown."""
         return measure.of(self.mean, self.low, self.high, over=self.over)
-
-    @property
-    def has_interval(self) -> bool:
-        """Whether the samples differ, or are many enough to be alike."""
-        return math.isfinite(self.low)
 
     NUMBERS = ("mean", "low", "high", "deviation", "p05", "median", "p95", "least", "greatest")
 
@@ -330,7 +279,7 @@ class MeasureTable:
             return None
         p05, median, p95 = np.percentile(known, [5.0, 50.0, 95.0]).tolist()
         return MeasureSpread(
-            **asdict(MeanValue.of(values, self.map_names, measure)),
+            **asdict(MeanValue.of(values, self.map_names, measure.ends)),
             count=len(known),
             deviation=float(known.std()),
             p05=p05,

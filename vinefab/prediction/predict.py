@@ -12,6 +12,7 @@ from vinefab.core.compiling import precompile
 from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted, rounded
 from vinefab.core.progress import phase
+from vinefab.core.statistics import means_by_map
 from vinefab.core.validation import Floats
 from vinefab.core.view import (
     Answer,
@@ -80,7 +81,6 @@ from vinefab.prediction.measures import (
     UNDEPLOYED,
     Measure,
     MeasureTable,
-    means_by_map,
     task_content,
     task_measure,
 )

@@ -17,11 +17,11 @@ from vinefab.core.limits import rad
 from vinefab.core.plain_text import counted
 from vinefab.core.progress import Phase, Progress, each
 from vinefab.core.rng import child
-from vinefab.core.statistics import PAIRED_TAILS
+from vinefab.core.statistics import ANY_NUMBER, PAIRED_TAILS, MeanValue
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.growth.batch import Batch, GrowthBlock, Launches, Workspace
-from vinefab.growth.options import BRANCH_CONTACTS, GrowthOptions
+from vinefab.growth.options import BRANCH_CONTACTS, BranchContact, GrowthOptions, UnknownRule
 from vinefab.growth.plan import Plan, Plans
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
@@ -55,7 +55,6 @@ from vinefab.prediction.measures import (
     SEEN,
     STUCK,
     TOUCHED,
-    MeanValue,
     Measure,
     MeasureTable,
     block_shares_percent,
@@ -114,9 +113,9 @@ class ContactRange:
 class RuleRange:
     """Measures of a design under each choice of one growth option, from the same poses."""
 
-    option: str  # name of the growth option
+    option: UnknownRule  # name of the growth option
     title: str  # what it is about
-    choices: tuple[str | float, ...]  # its values
+    choices: tuple[BranchContact | float, ...]  # its values
     headings: tuple[str, ...]  # what tables call them
     over: str  # the range in a few words
     standing: str  # ``assumed``, or ``measured`` and how
@@ -189,15 +188,21 @@ def range_over_contacts(
         return measured(choice)
 
     def means(
-        variants: Sequence[GrowthOptions], limits: Mapping[str, Measure]
+        variants: Sequence[GrowthOptions], limits: Mapping[str, tuple[float, float]]
     ) -> dict[str, tuple[MeanValue, ...]]:
         found = [tables(one) for one in variants]
         return {
-            key: tuple(MeanValue.of(table[key], names, limits.get(key)) for table in found)
+            key: tuple(
+                MeanValue.of(table[key], names, limits.get(key, ANY_NUMBER)) for table in found
+            )
             for key in found[0]
         }
 
-    def rule(option: str, choices: Sequence[str | float], **words: Any) -> RuleRange:  # noqa: ANN401
+    def rule(
+        option: UnknownRule,
+        choices: Sequence[BranchContact | float],
+        **words: Any,  # noqa: ANN401
+    ) -> RuleRange:
         values = means([options.changed(**{option: choice}) for choice in choices], {})
         return RuleRange(
             option=option, choices=tuple(choices), values=values, measures=measures, **words
@@ -227,7 +232,7 @@ def range_over_contacts(
     return ContactRange(
         label=prepared.label,
         deployments=len(names),
-        values=means(at_angles, {one.key: one for one in measures}),
+        values=means(at_angles, {one.key: one.ends for one in measures}),
         angles_deg=angles_deg,
         standing=options.contact_angles_standing,
         rules=rules,

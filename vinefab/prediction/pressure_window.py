@@ -1,7 +1,7 @@
 """Pressure over deployments: the window, and how far a robot gets at its working pressure."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 
 import numpy as np
@@ -38,6 +38,7 @@ from vinefab.physics.tube import (
 )
 from vinefab.prediction.family_deployments import PreparedFamily
 from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureTable
+from vinefab.search.record.winner import PressureRoom, WinnerPressure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,16 +123,23 @@ class PressureWindow:
         return f"and deployable at {room} with film stored loosely"
 
     @property
-    def content(self) -> dict[str, object]:
-        """The window as plain values, for JSON."""
-        return {
-            "is_open": self.is_open,
-            "needed_kpa": round(self.needed_kpa, 1),
-            "allowed_kpa": round(self.allowed_kpa, 1),
-            "working_kpa": self.working_kpa,
-            "safety_factor": self.safety_factor,
-            "standing": self.standing.value,
-        }
+    def room(self) -> PressureRoom:
+        """The window as results and records have it."""
+        return PressureRoom(
+            is_open=self.is_open,
+            needed_kpa=round(self.needed_kpa, 1),
+            allowed_kpa=round(self.allowed_kpa, 1),
+            working_kpa=self.working_kpa,
+            safety_factor=self.safety_factor,
+            standing=self.standing,
+        )
+
+    @property
+    def of_winner(self) -> WinnerPressure:
+        """The window as the record of a run has it."""
+        return WinnerPressure(
+            **asdict(self.room), holds_working=self.holds_working, words=self.words
+        )
 
     @property
     def highest_kpa(self) -> float:
@@ -229,7 +237,7 @@ def window_blocks(window: PressureWindow, basis: str) -> Iterator[Data | Section
     """Yield the pressure window as a chart and numbers; ``basis``: of burst pressures."""
     kpa = partial(Number, form=".1f", decimals=1)
     mm = partial(Number, form=".2f", decimals=2)
-    yield Data({"pressure_window": window.content})
+    yield Data({"pressure_window": window.room.content})
     words = (
         "A robot can be deployed where the pressure that growth to the worst tip needs lies below "
         "what its widest part may take. Narrow branches after many turns need most; wide tubes "

@@ -5,17 +5,17 @@ A winner is tried on unseen maps, over what contacts may be like, and placed off
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError, VinefabError
-from vinefab.core.plain_text import counted, rounded
+from vinefab.core.plain_text import counted
 from vinefab.core.progress import each, heard_by, phase
+from vinefab.core.statistics import MeanValue
 from vinefab.core.validation import Floats
 from vinefab.core.view import Answer, Block, Fact, Facts, Number, Picture, Rows, Section
 from vinefab.fabrication.checking import check_design
@@ -47,7 +47,7 @@ from vinefab.prediction.family_deployments import (
     stop_table,
     unseen_maps,
 )
-from vinefab.prediction.measures import MeanValue, worst_pressures_of
+from vinefab.prediction.measures import worst_pressures_of
 from vinefab.prediction.prediction_width import (
     COST_CAPTION,
     ContactRange,
@@ -66,9 +66,14 @@ from vinefab.search.record.result import (
     RECORD_FILE,
     RunArchive,
     RunResult,
-    angles_standing,
-    placed_off_range,
     resumed_limits,
+)
+from vinefab.search.record.winner import (
+    FamilyScores,
+    PlacedOff,
+    RuleScores,
+    WinnerPieces,
+    WinnerPrediction,
 )
 from vinefab.search.run import FRESH_MAPS, Search, chooses_on_fresh_maps, run_search, violations_of
 from vinefab.search.run_pages import PAGE_NAME, LivePage, run_facts, search_section
@@ -164,12 +169,12 @@ def run_in_folder(  # noqa: PLR0913  options by keyword
     """
     ended: EndedRun | None = None
 
-    def predict(run: Search, result: RunResult) -> dict[str, Any]:
+    def predict(run: Search, result: RunResult) -> WinnerPrediction:
         nonlocal ended
-        content, elsewhere = predicted(run, result)
+        found, elsewhere = predicted(run, result)
         prepared = first_starts(run.evaluator.maps), elsewhere
         ended = EndedRun(result=result, settings=run.settings, maps=run.maps, prepared=prepared)
-        return content
+        return found
 
     def search() -> EndedRun:
         result = run_search(
@@ -197,12 +202,12 @@ UNSEEN_DEPLOYMENTS = 50
 generated: the same maps for every run of an environment, so that runs can be compared."""
 
 
-def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
-    """Return the expected scores of a run's winner elsewhere, in plain values (simulated)."""
+def predict_winner(search: Search, result: RunResult) -> WinnerPrediction:
+    """Return the expected scores of a run's winner elsewhere (simulated)."""
     return predicted(search, result)[0]
 
 
-def predicted(search: Search, result: RunResult) -> tuple[dict[str, Any], PreparedFamily]:
+def predicted(search: Search, result: RunResult) -> tuple[WinnerPrediction, PreparedFamily]:
     """Return the prediction of `predict_winner`, and the maps elsewhere with their poses.
 
     A winner is scored by the task of its run, areas as in the search (within 0.001).
@@ -231,80 +236,68 @@ def predicted(search: Search, result: RunResult) -> tuple[dict[str, Any], Prepar
     tried = each("families of maps for the winner", families, lambda name: f"{name} maps")
     ranges = {name: range_of(families[name]) for name in tried}
 
-    def content_of(name: str) -> dict[str, Any]:
+    def scores_on(name: str) -> FamilyScores:
         family = families[name]
         found, names = scores(family, usual), family.launch_names
-        return {
-            "label": family.label,
-            "maps": len(family.maps),
-            "deployments": len(found),
-            "score": _value(MeanValue.of(found, names)),
-            "scores": [round(score, 4) for score in found.tolist()],
-            "failed": asdict(_failures(design, family, usual, task)),
-            "over_contacts": [_value(value) for value in ranges[name].values["score"]],
-        }
+        return FamilyScores(
+            label=family.label,
+            maps=len(family.maps),
+            deployments=len(found),
+            score=MeanValue.of(found, names),
+            scores=tuple(round(score, 4) for score in found.tolist()),
+            failed=_failures(design, family, usual, task),
+            over_contacts=ranges[name].values["score"],
+        )
 
-    standing = settings.growth.contact_angles_standing
-    # As records always were: nothing where the half-angles are assumed.
-    angles = {} if standing == "assumed" else {"head_on_half_angles_standing": standing}
-    content: dict[str, Any] = {
-        "task": settings.task.name,
-        "title": result.score.title_of_task,
-        "head_on_half_angles_deg": list(settings.growth.contact_angles_deg),
-        **angles,
-        "trained_half_angle_deg": settings.growth.half_angle_deg,
-        "unseen": content_of("unseen"),
-        "training": content_of("training"),
-        "rules": [
-            {
-                "option": rule.option,
-                "choices": [*rule.choices],
-                "standing": rule.standing,
-                "unseen": [_value(value) for value in rule.values["score"]],
-                "training": [_value(value) for value in trained.values["score"]],
-            }
-            for rule, trained in zip(ranges["unseen"].rules, ranges["training"].rules, strict=True)
-        ],
-        "placed_off": [
-            {
-                "knob": knob,
-                "step": step,
-                "unit": unit,
-                **_placed_off(design, unseen, usual, move, partial(scores, growth=usual)),
-            }
-            for knob, step, unit, move in each("places a little off", list(placings()))
-        ],
-        "note": note,
-    }
+    placed = []
+    for knob, step, unit, move in each("places a little off", list(placings())):
+        count, change = _placed_off(design, unseen, usual, move, partial(scores, growth=usual))
+        placed.append(
+            PlacedOff(
+                knob=knob,
+                step=step,
+                unit=unit,
+                deployments=count,
+                change=change.mean,
+                low=change.low,
+                high=change.high,
+                over=change.over,
+            )
+        )
+    rules = zip(ranges["unseen"].rules, ranges["training"].rules, strict=True)
+    found = WinnerPrediction(
+        task=settings.task.name,
+        title=result.score.title_of_task,
+        head_on_half_angles_deg=settings.growth.contact_angles_deg,
+        head_on_half_angles_standing=settings.growth.contact_angles_standing,
+        trained_half_angle_deg=settings.growth.half_angle_deg,
+        unseen=scores_on("unseen"),
+        training=scores_on("training"),
+        rules=tuple(
+            RuleScores(
+                option=rule.option,
+                choices=rule.choices,
+                standing=rule.standing,
+                unseen=rule.values["score"],
+                training=trained.values["score"],
+            )
+            for rule, trained in rules
+        ),
+        placed_off=tuple(placed),
+        note=note,
+    )
     if evaluator.penalty is not None and (window := window_on(design, unseen, settings)):
-        content["pressure_window"] = {
-            **window.content,
-            "holds_working": window.holds_working,
-            "words": window.words,
-        }
-    if design.build.pieces is not None:  # how many it is cut in (computed)
+        found = replace(found, pressure_window=window.of_winner)
+    if design.build.pieces is not None:
         profile = run_profile(settings.evaluation)
         with phase("flat pieces of the winner"):
             cut = pieces_of(pattern_of(design, profile), profile)
-        count = None if cut.unparted else len(cut.pieces)
-        proven = cut.proven_least and not cut.unparted
-        content["pieces"] = {"count": count, "proven_least": proven}
-    # The part that stands in the winner's design file.
-    found = content["unseen"]
-    score = found["score"]
-    interval = [score["low"], score["high"]]
-    over_contacts = [value["mean"] for value in found["over_contacts"]]
-    count = content.get("pieces", {}).get("count")
-    content["origin"] = {
-        "unseen": f"{found['label']}, {counted(found['deployments'], 'deployment')} (simulated)",
-        "unseen_score": round(score["mean"], 4),
-        **({} if None in interval else {"unseen_score_interval": rounded(interval, 4)}),
-        "unseen_half_angles_deg": content["head_on_half_angles_deg"],
-        "unseen_score_over_contacts": rounded(over_contacts, 4),
-        "unseen_score_placed_off": rounded(placed_off_range(content), 4),
-        **({"pieces": count} if count else {}),
-    }
-    return content, unseen
+        pieces = WinnerPieces(
+            count=None if cut.unparted else len(cut.pieces),
+            proven_least=cut.proven_least and not cut.unparted,
+        )
+        found = replace(found, pieces=pieces)
+    return found, unseen
 
 
 def window_on(
@@ -342,8 +335,8 @@ def _placed_off(
     growth: GrowthOptions,
     move: Callable[[Pose], Pose],
     scores: Callable[[PreparedFamily], Floats],
-) -> dict[str, Any]:
-    """Return the effect of placing the body elsewhere, from the same poses."""
+) -> tuple[int, MeanValue]:
+    """Return from how many poses the body is placed elsewhere, and the change; NaN without any."""
     # Not where the trunk has no room there, or had none before.
     poses = [
         [
@@ -358,25 +351,18 @@ def _placed_off(
     ]
     free = np.array([bool(pose) for row in poses for pose in row])
     if not free.any():
-        return {"deployments": 0, "change": None, "low": None, "high": None, "over": ""}
+        return 0, MeanValue(mean=math.nan, low=math.nan, high=math.nan, over="")
     kept = tuple(tuple(pose for pose in row if pose) for row in poses)
     exact = scores(family)
     values = np.full(len(exact), np.nan)
     values[free] = scores(family.with_poses(kept))
-    change = _value(MeanValue.of(values - exact, family.launch_names))
-    return {"deployments": int(free.sum()), "change": change.pop("mean"), **change}
+    return int(free.sum()), MeanValue.of(values - exact, family.launch_names)
 
 
 def first_starts(maps: tuple[PreparedMap, ...]) -> PreparedFamily:
     """Return training maps with their first starts."""
     poses = tuple((prepared.world.starts[0].pose,) for prepared in maps)
     return PreparedFamily(label="training maps", maps=maps, poses=poses)
-
-
-def _value(value: MeanValue) -> dict[str, Any]:
-    """Return a mean in plain values; no ends where there is no interval."""
-    low, high = (end if math.isfinite(end) else None for end in (value.low, value.high))
-    return {"mean": value.mean, "low": low, "high": high, "over": value.over}
 
 
 def unseen_family(settings: RunSettings, fresh: PreparedFamily) -> tuple[PreparedFamily, str]:
@@ -461,7 +447,7 @@ def run_blocks(run: EndedRun) -> Iterator[Block]:
     answers: list[Block] = [one for one in view if isinstance(one, Answer)]
     lead: list[Block] = [one for one in view if isinstance(one, Facts) and one.lead]
     yield from (*answers, *pictures, *lead)
-    if run.result.prediction:
+    if run.result.prediction is not None:
         yield _cost_picture(run.result.prediction)
     above = {id(one) for one in (*answers, *lead)}
     yield from (one for one in view if id(one) not in above)
@@ -474,7 +460,7 @@ def run_blocks(run: EndedRun) -> Iterator[Block]:
     yield Facts((*run_facts(run.settings), chosen))
     yield _sheet_section(run, checked)
     yield from sections
-    if run.result.prediction:
+    if run.result.prediction is not None:
         yield _width_section(run.result.prediction)
     yield _limit_section(run, checked, unseen.label, elsewhere)
     yield _found_section(run)
@@ -491,27 +477,20 @@ def run_blocks(run: EndedRun) -> Iterator[Block]:
     )
 
 
-def _cost_picture(found: Mapping[str, Any]) -> Picture:
+def _cost_picture(found: WinnerPrediction) -> Picture:
     """Return the cost of contacts to the winner's score, as one picture."""
-    unseen, name = found["unseen"], f"{found.get('title', found['task'])} score, simulated"
-    predicted = [unseen["score"][end] for end in ("mean", "low", "high")]
-
-    angles_deg, standing = found["head_on_half_angles_deg"], angles_standing(found)
+    score, standing = found.unseen.score, found.head_on_half_angles_standing
     ranges = [
-        ("", angles_deg, unseen["over_contacts"], standing),
-        *(
-            (rule["option"], rule["choices"], rule["unseen"], rule.get("standing", "assumed"))
-            for rule in found.get("rules", ())
-        ),
+        ("", found.head_on_half_angles_deg, found.unseen.over_contacts, standing),
+        *((rule.option, rule.choices, rule.unseen, rule.standing) for rule in found.rules),
     ]
     rows = [
-        cost_row(option, choices, [value["mean"] for value in values], known_by)
+        cost_row(option, choices, [value.mean for value in values], known_by)
         for option, choices, values, known_by in ranges
     ]
-    known = [value for value in predicted if value is not None]
-    return Picture(
-        image=page_svg(cost_chart(name, known, rows)), caption=COST_CAPTION, file="contacts"
-    )
+    known = [score.mean, *((score.low, score.high) if score.has_interval else ())]
+    chart = cost_chart(f"{found.title} score, simulated", known, rows)
+    return Picture(image=page_svg(chart), caption=COST_CAPTION, file="contacts")
 
 
 def _shown(
@@ -525,7 +504,8 @@ def _shown(
     grown = run.grown(training)
     places = unseen.launches().terrain.tolist()
     typical = [(0, "unseen_1", "the first pose")]
-    scores = run.result.prediction.get("unseen", {}).get("scores", [])
+    found = run.result.prediction
+    scores = () if found is None else found.unseen.scores
     if len(scores) == (count := len(places)):
         order = np.argsort(scores, kind="stable").tolist()
         chosen = {order[0]: "worst", order[len(order) // 2]: "median", order[-1]: "best"}
@@ -565,25 +545,22 @@ _KNOWN = {
 }
 
 
-def _width_section(found: Mapping[str, Any]) -> Section:
+def _width_section(found: WinnerPrediction) -> Section:
     """Return how wide a prediction is."""
-    standing = angles_standing(found)
+    standing = found.head_on_half_angles_standing
     signed = partial(Number, form="+.3f")
     placed = Rows(
-        caption=f"Change of the mean {found.get('title', found['task'])} score on "
-        f"{found['unseen']['label']} when the body is placed "
-        "elsewhere than meant, with its 95 % interval over maps (simulated)",
+        caption=f"Change of the mean {found.title} score on {found.unseen.label} when the body is "
+        "placed elsewhere than meant, with its 95 % interval over maps (simulated)",
         headings=("placed off by", "change", "95 % interval", "deployments"),
         rows=tuple(
             (
-                f"{row['knob']} {row['step']:+g} {row['unit']}",
-                signed(row["change"]),
-                "-"
-                if row["low"] is None
-                else f"{row['low']:+.3f} to {row['high']:+.3f}; {row.get('over', '')}",
-                row["deployments"],
+                f"{one.knob} {one.step:+g} {one.unit}",
+                signed(one.change),
+                f"{one.low:+.3f} to {one.high:+.3f}; {one.over}" if math.isfinite(one.low) else "-",
+                one.deployments,
             )
-            for row in found["placed_off"]
+            for one in found.placed_off
         ),
     )
     words = (

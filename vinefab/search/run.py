@@ -4,9 +4,9 @@ import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -68,6 +68,7 @@ from vinefab.search.record.result import (
     state_to_text,
 )
 from vinefab.search.record.store import Recorder, RunStore
+from vinefab.search.record.winner import WinnerPrediction
 from vinefab.search.settings import (
     MapSettings,
     PartSettings,
@@ -531,7 +532,7 @@ def run_search(  # noqa: PLR0913  options by keyword
     resume: bool = False,
     limits: Mapping[str, float] | None = None,
     workers: int | PointEvaluator = 1,
-    predict: Callable[[Search, RunResult], Mapping[str, Any]] | None = None,
+    predict: Callable[[Search, RunResult], WinnerPrediction] | None = None,
     source: Path | None = None,
     task: Task | None = None,
     optimizer: OptimizerConfig | None = None,
@@ -547,8 +548,8 @@ def run_search(  # noqa: PLR0913  options by keyword
     limits
         Limits to raise in it, by their names in `LIMIT_NAMES`.
     predict
-        Returns what is predicted of the winner elsewhere, in plain values; it is recorded, and
-        what it has under ``origin`` stands in the winner's origin.
+        Returns what is predicted of the winner elsewhere; it is recorded, and its ``origin``
+        stands in the winner's.
     source
         The run file, for error messages.
     workers, task, optimizer
@@ -581,15 +582,15 @@ def run_search(  # noqa: PLR0913  options by keyword
             folder, identity, maps=maps, resume=resume, raises_limits=limits is not None
         ) as store,
     ):
-        kept = store.kept("recipe")
-        recipe = RunRecipe(**kept) if kept else recipe_of(settings)
-        if recipe is not None and not kept:
-            store.keep("recipe", asdict(recipe))
+        kept = store.kept("recipe", RunRecipe)
+        recipe = kept or recipe_of(settings)
+        if recipe is not None and kept is None:
+            store.keep("recipe", recipe)
         result = search.run(store=store, workers=workers)
         if recipe is not None:
             result = result.with_recipe(recipe, folder)
-        prediction = store.kept("prediction")
-        if predict is not None and not prediction:
+        prediction = store.kept("prediction", WinnerPrediction)
+        if predict is not None and prediction is None:
             prediction = predict(search, result)
             store.keep("prediction", prediction)
     return result.with_prediction(prediction) if prediction else result

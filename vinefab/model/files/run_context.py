@@ -18,6 +18,7 @@ from typing_extensions import Doc
 
 from vinefab.core import __version__
 from vinefab.core.atomic import write_text
+from vinefab.core.codec import Record
 from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.hashing import fingerprint
 from vinefab.core.plain_text import counted
@@ -172,7 +173,7 @@ def recipe_digest(recipe: str | Path) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunRecipe:
+class RunRecipe(Record):
     """The recipe of a run with the texts of its files."""
 
     name: str

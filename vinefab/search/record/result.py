@@ -1,7 +1,6 @@
 """The result and the record of a run: read, and the serialized form of everything in it."""
 
 import base64
-import collections
 import json
 import os
 import sqlite3
@@ -10,13 +9,14 @@ from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import shapely
 from shapely.errors import ShapelyError
 
 from vinefab.core.atomic import write_text
+from vinefab.core.codec import Record
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError, VinefabError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted
@@ -33,18 +33,18 @@ from vinefab.core.view import (
     Result,
     Rows,
     Tone,
-    lines,
 )
 from vinefab.growth.options import growth_text, trained_growth
 from vinefab.model.design import Design, design_text
 from vinefab.model.files.run_context import RunContext, RunRecipe, shape_fingerprint
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose, Start
-from vinefab.model.score import Evaluation, Failures, Score, composite_fact, composite_text
+from vinefab.model.score import Evaluation, Score, composite_fact, composite_text
 from vinefab.model.start import start_of_record, start_record, start_text
 from vinefab.model.target import TargetsResult
 from vinefab.search.evaluator import TimeSplit, final_seed
 from vinefab.search.record.generations import Extension, Finalist, Generation, RunIdentity
+from vinefab.search.record.winner import WinnerPrediction, mean_number
 from vinefab.search.settings import (
     RunSettings,
     plain_settings,
@@ -52,168 +52,6 @@ from vinefab.search.settings import (
 )
 from vinefab.search.space import Space
 from vinefab.tasks.evaluate import composite
-
-PLACED_OFF = 10.0
-"""A body is placed this well [assumed]: mm to either side, and degrees of its heading."""
-
-
-def read_prediction(text: str) -> dict[str, Any]:
-    """Return the record of a winner elsewhere, where all of it can be shown.
-
-    Text that was damaged raises what decoding and showing it raise, such as KeyError.
-    """
-    content = dict(json.loads(text))
-    if content:
-        tables = (contacts_table(content), *rule_tables(content))
-        collections.deque(
-            lines((Facts((*elsewhere_facts(content), *lead_facts(content))), *tables)), maxlen=0
-        )
-    return content
-
-
-def placed_off_range(content: Mapping[str, Any]) -> tuple[float, float]:
-    """Return the least and the greatest mean score of a body placed off by up to `PLACED_OFF`."""
-    score = content["unseen"]["score"]["mean"]
-    changes = [
-        row["change"]
-        for row in content["placed_off"]
-        if abs(row["step"]) <= PLACED_OFF and row["change"] is not None
-    ]
-    return score + min([0.0, *changes]), score + max([0.0, *changes])
-
-
-def contact_ends(content: Mapping[str, Any], family: str = "unseen") -> tuple[float, float]:
-    """Return the least and the greatest mean score over contacts."""
-    means = [value["mean"] for value in content[family]["over_contacts"]]
-    return min(means), max(means)
-
-
-def mean_score(score: Mapping[str, Any]) -> Number:
-    """Return a mean score with its 95 % interval, where it has one."""
-    low, high = score["low"], score["high"]
-    interval = None if low is None or high is None else (low, high)
-    return Number(score["mean"], form=".3f", interval=interval, over=score.get("over", ""))
-
-
-def lead_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
-    """Return the facts that lead a page: the score elsewhere, failures, and placed off."""
-    score, *_, placed = elsewhere_facts(content)
-    number = mean_score(content["unseen"]["score"])
-    score = replace(
-        score,
-        value=replace(number, interval=None),
-        detail=f"{number.bracket}, {score.detail}".removeprefix(", "),
-    )
-    return score, Failures(**content["unseen"]["failed"]).fact, placed
-
-
-def window_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
-    """Return the pressures at which a winner deploys, where they are known."""
-    window = content.get("pressure_window")
-    if window is None:
-        return ()
-    room = f"{window['needed_kpa']:g} to {window['allowed_kpa']:g} kPa"
-    detail = f"works at {window['working_kpa']:g} kPa" + (
-        "" if window["holds_working"] else ", outside this window"
-    )
-    return (
-        Fact(
-            "pressure window",
-            room if window["is_open"] else f"none: {window['words']}",
-            detail=detail,
-            tone="plain" if window["holds_working"] else "caution",
-            standing=f"simulated, {window['standing']}",
-        ),
-    )
-
-
-def elsewhere_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
-    """Return the expected score of a winner elsewhere, and its certainty."""
-    task, unseen = content.get("title", content["task"]), content["unseen"]
-    angles, standing = content["head_on_half_angles_deg"], angles_standing(content)
-    (least, most), (low, high) = contact_ends(content), placed_off_range(content)
-    return (
-        Fact(
-            f"{task} on {unseen['label']}",
-            mean_score(unseen["score"]),
-            detail=f"mean over {counted(unseen['deployments'], 'deployment')}",
-            standing="simulated",
-        ),
-        Fact(
-            f"{task} over contacts",
-            f"{least:.3f} to {most:.3f}",
-            detail=f"mean at head-on half-angles of {angles[0]:g} to {angles[-1]:g} deg",
-            standing=f"simulated, {standing.partition(':')[0]}",
-        ),
-        *(  # under each choice of a rule
-            Fact(
-                f"{task} {_RULES[rule['option']][0]}",
-                ", ".join(
-                    f"{choice}: {value['mean']:.3f}"
-                    for choice, value in zip(_choices(rule), rule["unseen"], strict=True)
-                ),
-                detail=f"mean where {_RULES[rule['option']][1]} (growth.{rule['option']})",
-                standing=f"simulated, {rule['standing'].partition(':')[0]}",
-            )
-            for rule in content.get("rules", ())
-        ),
-        Fact(
-            f"{task} placed off",
-            f"{low:.3f} to {high:.3f}",
-            detail=f"mean with the body up to {PLACED_OFF:g} mm or {PLACED_OFF:g} deg off",
-            standing="simulated, assumed",
-        ),
-    )
-
-
-_RULES = {
-    "branch_contact": ("at branches", "at the body of another branch a tip passes or stops"),
-    "emergence": ("over emergence", "a child comes out with a probability of"),
-}
-"""What facts and tables call a rule of growth that is not known."""
-
-
-def _choices(rule: Mapping[str, Any]) -> list[str]:
-    return [one if isinstance(one, str) else f"{one:.3g}" for one in rule["choices"]]
-
-
-def rule_tables(content: Mapping[str, Any]) -> tuple[Rows, ...]:
-    """Return the mean scores under each choice of the rules, on unseen and on training maps."""
-    return tuple(
-        Rows(
-            caption=f"mean {content.get('title', content['task'])} score where "
-            f"{_RULES[rule['option']][1]} ({rule['standing'].partition(':')[0]}), with 95 % "
-            "intervals over maps, from the same poses (simulated)",
-            headings=("where", *_choices(rule)),
-            rows=tuple(
-                (content[key]["label"], *map(mean_score, rule[key]))
-                for key in ("unseen", "training")
-            ),
-            folded=True,
-        )
-        for rule in content.get("rules", ())
-    )
-
-
-def angles_standing(content: Mapping[str, Any]) -> str:
-    """Return where the half-angles come from that a winner was tried with."""
-    standing: str = content.get("head_on_half_angles_standing", "assumed")
-    return standing
-
-
-def contacts_table(content: Mapping[str, Any]) -> Rows:
-    """Return the mean scores over the head-on half-angle, on unseen and on training maps."""
-    return Rows(
-        caption=f"mean {content.get('title', content['task'])} score over the head-on half-angle "
-        f"({angles_standing(content)}), with 95 % intervals over maps, from the same poses "
-        "(simulated)",
-        headings=("where", *(f"{angle:g} deg" for angle in content["head_on_half_angles_deg"])),
-        rows=tuple(
-            (content[key]["label"], *map(mean_score, content[key]["over_contacts"]))
-            for key in ("unseen", "training")
-        ),
-        folded=True,
-    )
 
 
 def design_of_finalist(
@@ -286,7 +124,7 @@ class RunResult(Result):
     extensions
         Each time that its limits were raised.
     prediction
-        What is predicted of the winner elsewhere, in plain values (`prediction.run_winner`).
+        What the winner is expected to do elsewhere; None where that was not asked.
     recipe
         The recipe by which designs were judged; None where none was asked for.
     violations
@@ -308,7 +146,7 @@ class RunResult(Result):
     notes: tuple[str, ...] = ()
     drift: tuple[str, ...] = ()
     extensions: tuple[Extension, ...] = ()
-    prediction: Mapping[str, Any] = field(default_factory=dict)
+    prediction: WinnerPrediction | None = None
     recipe: RunRecipe | None = None
     violations: str = ""
     front: Rows | None = None
@@ -352,7 +190,7 @@ class RunResult(Result):
         pieces = Fact("cut in", self.pieces_words, standing="computed")
         yield Facts(
             (
-                *(lead_facts(found) if found else [scores.pop("mean")]),
+                *(found.lead_facts if found else [scores.pop("mean")]),
                 Fact(
                     "by the rules",
                     self.made,
@@ -360,7 +198,7 @@ class RunResult(Result):
                     tone="bad" if self.violations else "plain",
                     data=self.fabricable,
                 ),
-                *window_facts(found),
+                *([found.pressure_window.fact] if found and found.pressure_window else []),
                 *([pieces] if self.pieces_words else []),
             ),
             lead=True,
@@ -370,7 +208,7 @@ class RunResult(Result):
             (
                 *scores.values(),
                 Fact("winner", best.name, "winner", detail=size_words(best)),
-                *(elsewhere_facts(found)[1:-1] if found else ()),
+                *(found.width_facts if found else ()),
                 *([Fact("limits", str(best.origin["limits"]), detail="planned")]
                   if "limits" in best.origin else []),
                 Fact("growth", growth_text(growth, [best]), "growth", data=growth.content),
@@ -384,8 +222,7 @@ class RunResult(Result):
         if self.front is not None:
             yield self.front
         if found:
-            yield contacts_table(found)
-            yield from rule_tables(found)
+            yield from found.tables
         yield Rows(
             caption="finalists on the same fresh poses, the winner first (simulated)",
             headings=("fitness", "mean score", "penalty", "branches", "levels"),
@@ -402,7 +239,7 @@ class RunResult(Result):
         drift = "; ".join(self.drift)
         yield Notes(
             (
-                *([found["note"]] if found and found["note"] else []),
+                *([found.note] if found and found.note else []),
                 *(extension.text for extension in self.extensions),
                 *([f"repair: {self.repair}"] if self.repair else []),
                 *([f"resumed with other package versions, so the last digits may differ: {drift}"]
@@ -417,7 +254,7 @@ class RunResult(Result):
                 "notes": [*self.notes],
                 "repair": self.repair,
                 "extensions": [asdict(extension) for extension in self.extensions],
-                "prediction": {k: v for k, v in self.prediction.items() if k != "origin"} or None,
+                "prediction": None if found is None else found.content,
                 "generations": [
                     {
                         "best": g.best,
@@ -448,16 +285,16 @@ class RunResult(Result):
             asked = "robot within the limits" if beyond else "manufacturable robot"
             return Answer(f"found no {asked}: the winner violates {self.violations}", "bad")
         mean = f"{self.score.composite['mean']:.3f} on fresh poses on the training maps"
-        if self.prediction:
-            unseen = self.prediction["unseen"]
-            mean = f"{mean_score(unseen['score'])} on {unseen['label']}"
+        window = None
+        if self.prediction is not None:
+            unseen, window = self.prediction.unseen, self.prediction.pressure_window
+            mean = f"{mean_number(unseen.score)} on {unseen.label}"
         size = "; ".join(filter(None, (size_words(self.best), self.pieces_words)))
         made = self.made if self.checked else "not checked whether it is manufacturable"
-        window = self.prediction.get("pressure_window")
         tone: Tone = "plain" if self.checked and self.fabricable else "caution"
-        if window and not window["holds_working"]:
-            tone = "caution" if window["is_open"] else "bad"
-        made += f", {window['words']}" if window and self.fabricable else ""
+        if window and not window.holds_working:
+            tone = "caution" if window.is_open else "bad"
+        made += f", {window.words}" if window and self.fabricable else ""
         return Answer(
             f"found {self.best.name}: {self.score.title_of_task} {mean} (simulated); {size}; "
             f"{made}",
@@ -506,9 +343,9 @@ class RunResult(Result):
         """The winner's score on fresh poses on the training maps."""
         return self.finalists[0].score
 
-    def with_prediction(self, prediction: Mapping[str, Any]) -> "RunResult":
+    def with_prediction(self, prediction: WinnerPrediction) -> "RunResult":
         """Return the result with the winner's prediction, also in the winner's origin."""
-        best = self.best.changed(origin={**self.best.origin, **prediction.get("origin", {})})
+        best = self.best.changed(origin={**self.best.origin, **prediction.origin})
         return replace(self, best=best, prediction=prediction)
 
     def with_recipe(self, recipe: RunRecipe, folder: Path | None = None) -> "RunResult":
@@ -525,13 +362,8 @@ class RunResult(Result):
     @property
     def pieces_words(self) -> str:
         """In how many pieces the winner is cut; empty where it must be one or that is not known."""
-        found = self.prediction.get("pieces")
-        if found is None:
-            return ""
-        if found["count"] is None:
-            return "cannot be cut in flat pieces"
-        least = "no fewer possible" if found["proven_least"] else "fewer may be possible"
-        return f"{found['count']} piece{'s' * (found['count'] > 1)}, {least}"
+        pieces = self.prediction and self.prediction.pieces
+        return pieces.words if pieces else ""
 
     @property
     def fabricable(self) -> bool:
@@ -657,7 +489,7 @@ def map_from_text(text: str) -> Map:
 
 
 RECORD_FILE = "run.sqlite"
-RECORD_SCHEMA = "vinefab/run-store-2"
+RECORD_SCHEMA = "vinefab/run-store-3"
 
 
 def recorded_identity(entries: Mapping[str, str], path: Path) -> RunIdentity:
@@ -671,6 +503,14 @@ def recorded_identity(entries: Mapping[str, str], path: Path) -> RunIdentity:
         maps=tuple(json.loads(entries["maps"])),
         versions=json.loads(entries["versions"]),
     )
+
+
+R = TypeVar("R", bound=Record)
+
+
+def recorded_entry(entries: Mapping[str, str], key: str, kind: type[R]) -> R | None:
+    """Return the value that a record has under a key; None without one."""
+    return kind.of_text(entries[key]) if key in entries else None
 
 
 EXTENSION_TABLE = "CREATE TABLE IF NOT EXISTS extension (number INTEGER PRIMARY KEY, content TEXT)"
@@ -920,7 +760,7 @@ class RunArchive:
     repair: str = ""  # message on the feasibility repair
     notes: tuple[str, ...] = ()  # why no design may win, or why the winner misses targets
     extensions: tuple[Extension, ...] = ()  # each time that its limits were raised
-    prediction: Mapping[str, Any] = field(default_factory=dict)  # as in `RunResult`
+    prediction: WinnerPrediction | None = None  # as in `RunResult`
     recipe: RunRecipe | None = None  # as in `RunResult`
 
     @classmethod
@@ -960,8 +800,8 @@ class RunArchive:
                 repair=entries.get("repair", ""),
                 notes=tuple(json.loads(entries.get("notes", "[]"))),
                 extensions=read_extensions(connection),
-                prediction=read_prediction(entries.get("prediction", "{}")),
-                recipe=RunRecipe(**json.loads(entries["recipe"])) if "recipe" in entries else None,
+                prediction=recorded_entry(entries, "prediction", WinnerPrediction),
+                recipe=recorded_entry(entries, "recipe", RunRecipe),
             )
 
     def result(self) -> RunResult:
@@ -1109,7 +949,7 @@ def _device(folder: Path) -> int | None:
 
 def plain_summary(archive: RunArchive) -> dict[str, Any]:
     """Return the summary of a record as plain values."""
-    settings, history = archive.settings, archive.history
+    settings, history, prediction = archive.settings, archive.history, archive.prediction
     winner = archive.finalists[0] if archive.finalists else None
     checked = settings.evaluation.fabricable
     return {
@@ -1127,7 +967,7 @@ def plain_summary(archive: RunArchive) -> dict[str, Any]:
         "best_fitness": max((one.best for one in history), default=None),
         "stopped": archive.stopped or None,
         "winner_score": None if winner is None else dict(winner.score.composite),
-        "unseen_score": archive.prediction.get("unseen", {}).get("score"),
+        "unseen_score": None if prediction is None else prediction.content["unseen"]["score"],
         "extensions": [asdict(extension) for extension in archive.extensions],
         "winner_fitness": None if winner is None else winner.fitness,
         "manufacturable": None if winner is None or not checked else winner.penalty == 0.0,

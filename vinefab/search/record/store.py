@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vinefab.core.atomic import folder_to_fill, lock_folder
+from vinefab.core.codec import Record
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.core.plain_text import GENERATOR
 from vinefab.core.progress import announce, is_heard
@@ -34,6 +35,7 @@ from vinefab.search.record.result import (
     EXTENSION_TABLE,
     RECORD_FILE,
     RECORD_SCHEMA,
+    R,
     chained_digest,
     damage_errors,
     ensure_recorded,
@@ -43,7 +45,7 @@ from vinefab.search.record.result import (
     read_extensions,
     read_finalists,
     read_generations,
-    read_prediction,
+    recorded_entry,
     recorded_identity,
     score_from_text,
     score_to_text,
@@ -219,19 +221,18 @@ class RunStore:
             row = self._connection.execute(query).fetchone()
         return "" if row is None else str(row[0])
 
-    def kept(self, key: str) -> Mapping[str, Any]:
-        """Return the values that `keep` recorded under a key; empty without a record."""
+    def kept(self, key: str, kind: type[R]) -> R | None:
+        """Return the value that `keep` recorded under a key; None without one."""
         with damage_errors(self.path):
-            query = "SELECT value FROM run WHERE key = ?"
-            row = self._connection.execute(query, (key,)).fetchone()
-            read = read_prediction if key == "prediction" else json.loads
-            return {} if row is None else dict(read(row[0]))
+            query = "SELECT key, value FROM run WHERE key = ?"
+            return recorded_entry(
+                dict(self._connection.execute(query, (key,)).fetchall()), key, kind
+            )
 
-    def keep(self, key: str, content: Mapping[str, Any]) -> None:
-        """Record plain values: the ``recipe``, or the ``prediction`` of the winner."""
-        row = (key, json.dumps(content, allow_nan=False))
+    def keep(self, key: str, value: Record) -> None:
+        """Record a value: the ``recipe``, or the ``prediction`` of the winner."""
         with self._transaction() as connection:
-            connection.execute("INSERT OR REPLACE INTO run VALUES (?, ?)", row)
+            connection.execute("INSERT OR REPLACE INTO run VALUES (?, ?)", (key, value.text))
 
     def close(self) -> None:
         """Close the file."""

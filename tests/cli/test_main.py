@@ -64,18 +64,31 @@ def test_letters_that_a_terminal_cannot_show_are_escaped(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no locale C")
-@pytest.mark.parametrize(("words", "code"), [(("new", "design"), 0), (("check",), 2)])
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (("new", "design", "{}.toml"), 0),
+        (("new", "map", "{}.geojson"), 0),
+        (("new", "recipe", "{}.toml"), 2),
+        (("check", "{}.toml"), 2),
+        (("check", "{}"), 2),
+        (("check", "three_level_tree", "--out", "{}/c"), 2),
+        (("score", "three_level_tree", "--environment", "{}"), 2),
+        (("{}",), 2),
+    ],
+)
 def test_names_with_umlauts_work_in_the_locale_c(tmp_path, words, code):
-    path = tmp_path / "r\N{LATIN SMALL LETTER O WITH DIAERESIS}hre.toml"
+    name = "r\N{LATIN SMALL LETTER O WITH DIAERESIS}hre"
     done = subprocess.run(
-        [sys.executable, "-m", "vinefab", *words, os.fsencode(path)],
+        [sys.executable, "-m", "vinefab", *(os.fsencode(word.format(name)) for word in words)],
         env=os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
         capture_output=True,
         check=False,
+        cwd=tmp_path,
     )
     assert done.returncode == code, done.stderr
-    assert b"udc" not in done.stdout + done.stderr  # half a letter
-    assert path.is_file() == (code == 0)
+    assert rb"r\xf6hre" in (done.stderr if code else done.stdout)  # one letter, not two halves
+    assert [path.stem for path in tmp_path.iterdir()] == ([] if code else [name])
 
 
 def test_a_log_that_cannot_be_written_is_said(monkeypatch, capsys, tmp_path):

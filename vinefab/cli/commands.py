@@ -16,7 +16,7 @@ from typing import Annotated, Any, TextIO, get_args
 from vinefab.app.verbs import GROUPS, HELP, PER_NAME, SHORT, VERBS, loaded
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.errors import ExportRefusedError, VinefabError, shortened
-from vinefab.core.plain_text import visible
+from vinefab.core.plain_text import quoted, visible
 from vinefab.core.progress import (
     SHOWN_AFTER_S,
     Listener,
@@ -498,10 +498,10 @@ def top_commands() -> list[str]:
 def _unknown_command(typed: str, known: Sequence[str]) -> str:
     meant = difflib.get_close_matches(typed.lower(), known, cutoff=_ALIKE)
     if meant:
-        hint = f"did you mean {' or '.join(repr(name) for name in meant)}?"
+        hint = f"did you mean {' or '.join(map(quoted, meant))}?"
     else:
         hint = f"there are: {', '.join(known)}"
-    return f"there is no command {shortened(typed, 80)!r}; {hint}"
+    return f"there is no command {quoted(shortened(typed, 80))}; {hint}"
 
 
 def each_named(arguments: Sequence[str]) -> list[str]:
@@ -598,7 +598,7 @@ def shell_name() -> str:
 def script_for(shell: str) -> str:
     """Return the script by which a shell asks."""
     if shell not in SCRIPTS:
-        raise UsageError(f"no completion for {shell!r}; there are: {', '.join(SCRIPTS)}")
+        raise UsageError(f"no completion for {quoted(shell)}; there are: {', '.join(SCRIPTS)}")
     return SCRIPTS[shell]
 
 

@@ -11,6 +11,8 @@ from difflib import get_close_matches
 from pathlib import Path
 from reprlib import Repr
 
+from vinefab.core.plain_text import quoted, readable
+
 
 class VinefabError(Exception):
     """Root of every error that vinefab raises on purpose."""
@@ -79,7 +81,7 @@ class UnknownNameError(VinefabError, KeyError):
     def __str__(self) -> str:
         where = f"{self.source}: " if self.source else ""
         there = f"there are: {', '.join(self.known)}" if self.known else "there are none"
-        name = shortened(repr(self.name))
+        name = shortened(quoted(self.name))
         if self.problem:
             return f"{where}{self.kind} {name} does not load ({self.problem}); {there}"
         hint = nearest(self.name, self.known)
@@ -266,7 +268,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     "; did you mean 'length'?"
     """
     matches = get_close_matches(name, list(known), n=1, cutoff=0.6)
-    return f"; did you mean {matches[0]!r}?" if matches else ""
+    return f"; did you mean {quoted(matches[0])}?" if matches else ""
 
 
 class _Beginning(Repr):
@@ -278,6 +280,9 @@ class _Beginning(Repr):
         self.maxlist = self.maxtuple = self.maxdict = self.maxset = self.maxfrozenset = 24
         self.maxstring = 200
         self.maxother = 1 << 16
+
+    def repr_str(self, x: str, level: int) -> str:
+        return super().repr_str(readable(x), level)
 
     def repr_int(self, x: int, level: int) -> str:  # noqa: ARG002  reprlib passes it
         if abs(x) < _MOST_PRINTED:

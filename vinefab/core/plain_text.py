@@ -34,12 +34,21 @@ def readable(text: str) -> str:
     return data.decode("utf-8", "backslashreplace")
 
 
+def quoted(text: str) -> str:
+    r"""Return a text in quotation marks, escaped as Python does but for letters in file names.
+
+    >>> print(quoted("r\udcc3\udcb6hre"))
+    'röhre'
+    """
+    return repr(readable(text))
+
+
 _HIGH = re.compile("[\ud800-\udc7f\udd00-\udfff]")  # surrogates that stand for no byte
 
 
 def one_line(text: str) -> str:
     """Return a text without line breaks and control characters, which end a DXF or XML string."""
-    printable = (letter if letter.isprintable() else " " for letter in text)
+    printable = (letter if letter.isprintable() else " " for letter in readable(text))
     return " ".join("".join(printable).split())
 
 

@@ -17,6 +17,7 @@ from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.limits import SMALLEST
+from vinefab.core.plain_text import quoted, visible
 from vinefab.core.table import Table, validated
 from vinefab.model.files.shipped import file_named, is_inside, locate, names, user_names
 from vinefab.model.files.toml import read_toml
@@ -824,7 +825,7 @@ def _read(kind: type[P], path: Path) -> P:
 
 def _named_as_its_file(kind: type[P], document: Mapping[str, Any], path: Path) -> P:
     found = validated(kind, document, path)
-    if found.name != path.stem:
+    if found.name != visible(path.stem):
         # Other files refer to a profile by its file name: two names would be a trap.
-        raise BadInputError("name", found.name, f"{path.stem!r}, the name of the file", path)
+        raise BadInputError("name", found.name, f"{quoted(path.stem)}, the name of the file", path)
     return found

@@ -21,7 +21,7 @@ from vinefab.core.errors import BadInputError, UnreadableFileError, inside, loca
 from vinefab.core.front_door import ABOVE
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import DEFAULT_MARKER_MM, deg
-from vinefab.core.plain_text import GENERATOR, counted, plain
+from vinefab.core.plain_text import GENERATOR, counted, plain, visible
 from vinefab.core.table import Table, TablePart, declared_keys, validated
 from vinefab.core.validation import LARGEST_MM, Floats, check_plain, frozen_floats, number, positive
 from vinefab.model.files.shipped import path_given, read_text
@@ -479,7 +479,7 @@ def read_map(path: Path) -> Map:
                 read = validated(_About, member)
                 about = {key: value for key, value in read if value is not None}
                 check_plain(about)
-        return _map_of(features, about, path.stem)
+        return _map_of(features, about, visible(path.stem))
 
 
 def _map_of(features: list[dict[str, Any]], about: Mapping[str, Any], stem: str) -> Map:

@@ -17,7 +17,7 @@ from typing_extensions import Doc
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import DEFAULT_MARKER_MM, SMALLEST
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import counted, visible
 from vinefab.core.table import Table, declared_keys, validated
 from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints, positive
 from vinefab.model.files.shipped import locate
@@ -108,7 +108,7 @@ def read_printer(name_or_path: str | Path) -> Printer:
     form = validated(PrinterForm, read_toml(path), path)
     with located(path):
         values = {name: held.value for name, held in form if isinstance(held, Quantity)}
-        return Printer(name=path.stem, **values)
+        return Printer(name=visible(path.stem), **values)
 
 
 class RigOptions(Table):

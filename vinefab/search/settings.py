@@ -17,7 +17,7 @@ from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, located, nearest, values_hidden
 from vinefab.core.limits import MOST_FIRST_SEED
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import counted, visible
 from vinefab.core.registry import with_parameters
 from vinefab.core.table import Table, validated
 from vinefab.core.validation import SMALLEST
@@ -383,7 +383,7 @@ def read_run(name_or_path: str | PathLike[str]) -> RunSettings:
         _read_files_in(content, path.parent)
     file = validated(RunFile, content, path)
     with located(path):
-        name = file.name if "name" in file.model_fields_set else path.stem
+        name = file.name if "name" in file.model_fields_set else visible(path.stem)
         if not name or name.startswith(".") or not all(c.isalnum() or c in "_-." for c in name):
             raise BadInputError("name", name, "letters, digits, '_', '-' and '.'")
         if len(name) > _MOST_LETTERS:

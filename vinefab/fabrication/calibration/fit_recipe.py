@@ -21,7 +21,7 @@ import scipy  # its parts load at their first use
 import tomli_w
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.plain_text import GENERATOR, counted
+from vinefab.core.plain_text import GENERATOR, counted, visible
 from vinefab.core.validation import number as checked_number
 from vinefab.core.view import Block, Data, Notes, WrittenResult
 from vinefab.fabrication.calibration.coupons import SQUARE_MM, Reading, Results, joint_designs
@@ -743,7 +743,7 @@ def calibrated_recipe(
         raise BadInputError("--out", str(out), "a file that ends in .toml")
     document = read_toml(locate("recipe", recipe))
     before = document["name"]
-    document["name"] = out.stem
+    document["name"] = visible(out.stem)
     document["status"] = str(calibration.status)
     document["source"] = f"{before}, calibrated with {results.name}; before: {document['source']}"
     for place, estimate in calibration.fitted.items():

@@ -21,7 +21,7 @@ from vinefab.core.atomic import write_text
 from vinefab.core.codec import Record
 from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.hashing import fingerprint
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import counted, visible
 from vinefab.core.table import Table, validated
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import DEFAULT_RECIPE, file_named, locate, path_inside, read_text
@@ -185,7 +185,7 @@ class RunRecipe(Record):
         """Return a recipe, given by its path or name, with its files."""
         paths = profile_files(recipe)
         return cls(
-            name=paths["recipe"].stem,
+            name=visible(paths["recipe"].stem),
             digest=recipe_digest(recipe),
             files={
                 f"{COPY_FOLDER}/{kind}s/{path.name}": read_text(path)

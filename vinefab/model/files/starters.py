@@ -10,7 +10,7 @@ import shapely
 from vinefab.core.atomic import ensure_writable, write_files, write_text
 from vinefab.core.errors import BadInputError, ForeignFileError, UnknownNameError, nearest
 from vinefab.core.limits import rad
-from vinefab.core.plain_text import one_line
+from vinefab.core.plain_text import one_line, readable
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, read_text, shipped_root
 from vinefab.model.files.toml import LARGEST_TOML_BYTES
 from vinefab.model.map import Map, Pose, Start, map_text
@@ -51,10 +51,11 @@ def write_starter(
     suffix = ".geojson" if kind == "map" else ".toml"
     if out.suffix.lower() != suffix:
         raise BadInputError("file", str(out), f"a file name ending in {suffix}")
-    if kind in CALLED_AS_FILES and _plain(out.stem) != out.stem:
+    stem = readable(out.stem)
+    if kind in CALLED_AS_FILES and _plain(stem) != stem:
         allowed = f"for a {kind} a file name of letters, digits, '_', '-' and '.'"
         raise BadInputError("file", str(out), allowed)
-    name = (one_line(out.stem) if kind == "map" else _plain(out.stem)) or kind
+    name = (one_line(stem) if kind == "map" else _plain(stem)) or kind
     if kind == "map":
         text = map_text(starter_map(name))
     else:

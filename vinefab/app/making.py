@@ -326,16 +326,15 @@ def fabricate(
     context = context_of(design, recipe=recipe)
     with told(progress):
         prepared = prepare(context.robots[0], context.recipe, sheet=sheet, r12=r12)
-    reports = (prepared.report, *prepared.beside)
-    lines = [line for report in reports for line in report.summary]
-    lines += broken_formats()
-    if why := prepared.refusal(allow_uncalibrated=allow_uncalibrated):
-        is_older = (folder / PACKAGE_MARK).is_file()
-        older = f"; {folder} still holds an earlier package, not this design" if is_older else ""
-        raise ExportRefusedError(
-            prepared.design.name, why + older, prepared.report, summary=tuple(lines)
-        )
-    with told(progress):
+        reports = (prepared.report, *prepared.beside)
+        lines = [line for report in reports for line in report.summary]
+        lines += broken_formats()
+        if why := prepared.refusal(allow_uncalibrated=allow_uncalibrated):
+            holds = f"; {folder} still holds an earlier package, not this design"
+            older = holds if (folder / PACKAGE_MARK).is_file() else ""
+            raise ExportRefusedError(
+                prepared.design.name, why + older, prepared.report, summary=tuple(lines)
+            )
         files = package(prepared)
     write_folder(folder, files, PACKAGE_MARK, force=force)
     if make_zip:
@@ -407,10 +406,10 @@ def coupon(
     folder = folder_to_write("out", out, COUPON_MARK, force=force)
     with told(progress):
         made = make_coupons(as_recipe(recipe))
-    if made.report.blocking:
-        raise _refused("coupons", made.report)
-    with told(progress):
-        files, kept = coupon_files(made), list[str]()
+        if made.report.blocking:
+            raise _refused("coupons", made.report)
+        files = coupon_files(made)
+    kept = list[str]()
     if is_filled_in(folder / RESULTS_NAME, files, force=force):
         kept = [f"{folder} is as this call writes it; {RESULTS_NAME}, filled in, is kept"]
     else:

@@ -207,17 +207,23 @@ def _code_cache(dispatcher: Any) -> Any:  # noqa: ANN401  numba's, both
         def cache_path(self) -> str:
             return str(_own_code().folder)
 
-        def places(self, types: tuple[Any, ...]) -> Iterator[tuple[KeptFiles, str]]:
+        own_only = False
+        """Whether code that the package brings is passed over."""
+
+        def places(
+            self, types: tuple[Any, ...], *, own_only: bool = False
+        ) -> Iterator[tuple[KeptFiles, str]]:
             """Yield where code for some types may be: of this processor, of every processor."""
             _, *processor = dispatcher.targetctx.codegen().magic_tuple()
-            if source is not None:
-                yield _own_code(), _code_name(function, source, types, processor)
+            if source is None:
+                return
+            yield _own_code(), _code_name(function, source, types, processor)
+            if not own_only:
                 yield _brought_code(), _code_name(function, source, types, _ANY_PROCESSOR)
 
         def load_overload(self, types: tuple[Any, ...], target: Any) -> Any:  # noqa: ANN401
             target.refresh()
-            places = list(self.places(types))
-            for kept, name in places if _BROUGHT_COUNTS else places[:1]:
+            for kept, name in self.places(types, own_only=self.own_only):
                 code = kept.read(name)
                 if code is not None:
                     with suppress(*_UNREADABLE):
@@ -509,13 +515,7 @@ _UNKNOWN_S = 1.0
 
 def all_compiled() -> tuple[str, ...]:
     """Return the names of all functions that can be compiled beforehand."""
-    return tuple(
-        f"{module}.{name}"
-        for path in sorted(_PACKAGE.rglob("*kernel.py"))
-        for module in [".".join(path.relative_to(_PACKAGE).with_suffix("").parts)]
-        for name, function in vars(importlib.import_module(f"vinefab.{module}")).items()
-        if _TAKES in vars(getattr(function, "py_func", object))
-    )
+    return tuple(name for name, function in _dispatchers() if _TAKES in vars(function.py_func))
 
 
 def lacking(functions: Iterable[str]) -> tuple[str, ...]:
@@ -613,15 +613,13 @@ def _is_brought(name: str) -> bool:
 
 def _tune(names: Iterable[str]) -> None:
     """Compile functions for this processor, although code for others is there: in a process."""
-    global _BROUGHT_COUNTS  # noqa: PLW0603  of a process that does nothing else
-    _BROUGHT_COUNTS = False
+    for _, function in _dispatchers():  # they call each other
+        function._cache.own_only = True
     if hasattr(os, "nice"):
         os.nice(10)
     for name in sorted(names, key=_seconds, reverse=True):
         _compile(name)
 
-
-_BROUGHT_COUNTS = True
 
 _WORTH_S = 4.0
 """Less to compile is done sooner by one process than a second one has loaded numba."""
@@ -693,6 +691,15 @@ def _processors() -> int:
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def _dispatchers() -> Iterator[tuple[str, Any]]:
+    """Yield every compiled function after its name."""
+    for path in sorted(_PACKAGE.rglob("*kernel.py")):
+        module = ".".join(path.relative_to(_PACKAGE).with_suffix("").parts)
+        for name, function in vars(importlib.import_module(f"vinefab.{module}")).items():
+            if hasattr(function, "py_func"):
+                yield f"{module}.{name}", function
 
 
 def _function(name: str) -> Any:  # noqa: ANN401  a numba dispatcher

@@ -552,24 +552,13 @@ def _connected(path: Path) -> sqlite3.Connection:
     return sqlite3.connect(f"{Path(os.path.realpath(path)).as_uri()}?mode=rw", uri=True)
 
 
-DIGEST_TABLE = (
-    "CREATE TABLE IF NOT EXISTS digest (part TEXT NOT NULL, number INTEGER NOT NULL, "
-    "value TEXT NOT NULL, PRIMARY KEY (part, number))"
-)
-"""By part: of every generation, chained with the one before; of the optimizer's state and of the
-finalists, number 0, chained with the last generation."""
-
-
 def chained_digest(before: str, row: Sequence[object], *more: object) -> str:
     """Return the digest of a row of a record, and of its terms, after an earlier digest."""
     return sha256_of(repr((before, tuple(row), *more)).encode())
 
 
 def recorded_digests(connection: sqlite3.Connection, part: str, first: int = 0) -> dict[int, str]:
-    """Return the digests of a part by number, from a number on; none in a record without any."""
-    named = "SELECT 1 FROM sqlite_master WHERE name = 'digest'"
-    if connection.execute(named).fetchone() is None:
-        return {}
+    """Return the digests of a part by number, from a number on."""
     query = "SELECT number, value FROM digest WHERE part = ? AND number >= ?"
     return dict(connection.execute(query, (part, first)).fetchall())
 
@@ -586,19 +575,17 @@ _CHANGED = "is not as it was recorded: restore the file, or begin again in anoth
 
 def ensure_recorded(connection: sqlite3.Connection, part: str, row: Sequence[object]) -> None:
     """Raise `ValueError` where the optimizer's state or the finalists were changed."""
-    for value in recorded_digests(connection, part).values():
-        if value != chained_digest(last_digest(connection), row):
-            raise ValueError(f"its part {part} {_CHANGED}")
+    found = recorded_digests(connection, part).get(0)
+    is_there = bool(row) or found is not None
+    if is_there and found != chained_digest(last_digest(connection), row):
+        raise ValueError(f"its part {part} {_CHANGED}")
 
 
 def _ensure_generations(
     digests: Mapping[int, str], first: int, rows: Sequence[tuple[Sequence[Any], Sequence[Any]]]
 ) -> None:
     """Raise `ValueError` that names the first generation that was changed or taken away."""
-    least = min((number for number in digests if number >= first), default=None)
-    if least is None:  # of an earlier vinefab, or nothing yet
-        return
-    for number in range(least, 1 + max(*digests, first + len(rows) - 1)):
+    for number in range(first, max([first + len(rows), *(1 + known for known in digests)])):
         row, terms = rows[number - first] if number - first < len(rows) else ((None,), ())
         value = chained_digest(digests.get(number - 1, ""), row, terms)
         if row[0] != number or value != digests.get(number):

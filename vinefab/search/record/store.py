@@ -31,7 +31,6 @@ from vinefab.search.record.generations import (
 )
 from vinefab.search.record.result import (
     BUSY,
-    DIGEST_TABLE,
     EXTENSION_TABLE,
     RECORD_FILE,
     RECORD_SCHEMA,
@@ -39,7 +38,6 @@ from vinefab.search.record.result import (
     chained_digest,
     damage_errors,
     ensure_recorded,
-    generation_rows,
     last_digest,
     map_to_text,
     read_extensions,
@@ -70,7 +68,10 @@ _TABLES = (
     "CREATE TABLE optimizer (only INTEGER PRIMARY KEY CHECK (only = 1), state TEXT NOT NULL)",
     "CREATE TABLE finalist (place INTEGER PRIMARY KEY, x BLOB NOT NULL, penalty REAL NOT NULL, "
     "fitness REAL NOT NULL, score TEXT NOT NULL)",
-    DIGEST_TABLE,
+    # By part: of every generation, chained with the one before; of the optimizer's state and of the
+    # finalists, number 0, chained with the last generation.
+    "CREATE TABLE digest (part TEXT NOT NULL, number INTEGER NOT NULL, value TEXT NOT NULL, "
+    "PRIMARY KEY (part, number))",
 )
 
 
@@ -302,24 +303,11 @@ class RunStore:
         row = (datetime.now(UTC).isoformat(), json.dumps(dict(self.identity.versions)), "{}")
         if names:
             self._compare(raises_limits=raises_limits)
-            if ("digest",) not in names:
-                self._add_digests()
         with self._transaction() as connection:
             session = connection.execute(
                 "INSERT INTO session (began_utc, versions, seconds) VALUES (?, ?, ?)", row
             )
             self._session = session.lastrowid or 0
-
-    def _add_digests(self) -> None:
-        """Add digests to a record that an earlier vinefab began: from here on they hold."""
-        with damage_errors(self.path), self._transaction() as connection:
-            connection.execute(DIGEST_TABLE)
-            self._record_digests(generation_rows(connection))
-            for row in connection.execute("SELECT state FROM optimizer").fetchall():
-                self._record_digest("optimizer", row)
-            query = "SELECT place, x, penalty, fitness, score FROM finalist ORDER BY place"
-            if rows := connection.execute(query).fetchall():
-                self._record_digest("finalists", rows)
 
     def _identity_texts(self) -> dict[str, str]:
         identity = self.identity
@@ -372,7 +360,6 @@ class RunStore:
             ended = "('stopped', 'repair', 'notes', 'prediction')"
             connection.execute(f"DELETE FROM run WHERE key IN {ended}")  # noqa: S608  constants
             connection.execute("DELETE FROM finalist")
-            connection.execute(DIGEST_TABLE)
             connection.execute("DELETE FROM digest WHERE part = 'finalists'")
 
     @contextmanager

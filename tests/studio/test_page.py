@@ -185,6 +185,30 @@ def test_a_dragged_angle_shows_what_must_be_cut_and_how_sensitive_it_is(tab):
     assert slider.get_attribute("aria-describedby") == "note-level-0-angle_deg"
 
 
+MOVES = """(selector) => {
+  const [slider, ask, asked] = [document.querySelector(selector), studio.ask, []];
+  studio.ask = (panel, ...more) => { asked.push(panel); return ask(panel, ...more); };
+  for (let step = 0; step < 20; step++) {
+    slider.stepUp();
+    slider.dispatchEvent(new Event("input", {bubbles: true}));
+  }
+  studio.ask = ask;
+  return asked.concat(document.querySelector(".stale-notes") ? ["stale"] : []);
+}"""
+"""Twenty steps of a slider at once, and what the page has asked meanwhile."""
+
+
+def test_the_sheet_leaves_a_moving_hand_alone_and_follows_one_that_rests(tab, grid):
+    slider = f'input[type=range][data-key="{LENGTH}"]'
+    tab.drag(slider, (4, 0), drop=False)
+    before = shows(tab, grid).levels[0].length_mm
+    asked = tab.page.evaluate(MOVES, slider)
+    assert "cut" not in asked
+    assert "stale" in asked  # the notes on angles
+    assert shows(tab, grid).levels[0].length_mm > before  # the hand still holds the slider
+    tab.until("() => !document.querySelector('.stale-notes')")
+
+
 def test_the_sheet_shows_the_inflated_body_until_the_design_changes(tab):
     toggle = tab.page.locator("#deployed-toggle")
     toggle.click()

@@ -325,11 +325,12 @@ export function mount(root, app) {
   // ---- what must be cut for an angle: from the table at once, from the rules exactly
 
   let notes = /** @type {Record<string, CutNote>} */ ({});
+  let notesOf = "";
   let exact = { of: "", notes };
 
-  /** Show the notes on values, by key: below the slider of each. @param {Record<string, CutNote>} found */
-  function showNotes(found) {
-    notes = found;
+  /** Show the notes on values, by key: below the slider of each. @param {Record<string, CutNote>} found @param {string} of the pattern */
+  function showNotes(found, of) {
+    [notes, notesOf] = [found, of];
     for (const slider of body.querySelectorAll("input[type=range]")) {
       const key = slider.getAttribute("data-key") ?? "";
       const line = slider.parentElement;
@@ -340,12 +341,20 @@ export function mount(root, app) {
       line?.append(box);
       slider.setAttribute("aria-describedby", box.id);
     }
+    markStale();
   }
 
-  app.onAnswer("cut", (found, state) => showNotes(exact.of === patternOf(state) ? exact.notes : found.cut));
+  function markStale() {
+    body.classList.toggle("stale-notes", app.live && notesOf !== patternOf(app.shown()));
+  }
+
+  app.onAnswer("cut", (found, state) => {
+    const of = patternOf(state);
+    showNotes(exact.of === of ? exact.notes : found.cut, of);
+  });
   app.onAnswer("rules", (found, state) => {
     exact = { of: patternOf(state), notes: found.cut };
-    if (exact.of === patternOf(app.shown())) showNotes(exact.notes);
+    if (exact.of === patternOf(app.shown())) showNotes(exact.notes, exact.of);
   });
 
   /** @param {StudioState} state */
@@ -354,8 +363,9 @@ export function mount(root, app) {
     if (wanted !== built) {
       built = wanted;
       build(state.design);
-      showNotes(notes);
+      showNotes(notes, notesOf);
     }
+    markStale();
     for (const part of parts) part.show(state);
     if (document.activeElement !== name) name.value = state.design.name;
     name.disabled = !app.live;

@@ -7,7 +7,6 @@ import { createView } from "studio/view.js";
 
 const STILL_MS = 150;
 const HELD_MS = 1000; // a hand that rests so long waits for the rules
-const CUT_REST = 3; // while a hand moves, the flat outline leaves the robot so much more time than it takes
 const ZOOM = 1.4;
 const STEP_PX = 40;
 const NEAR_MM = 60; // no less is looked at
@@ -329,7 +328,6 @@ export function mount(root, app) {
   let timer = 0;
   let cut = /** @type {Answers["cut"] | null} */ (null);
   let cutAsked = "";
-  let cutFrom = 0; // the moment from which a moving hand may ask again
   let cutTimer = 0;
   let present = /** @type {Answers["cut"] | null} */ (null);
   let selected = /** @type {string | null} */ (null); // fingerprint
@@ -358,34 +356,25 @@ export function mount(root, app) {
     });
   }
 
-  /** Ask for the flat outline and angles: they follow the hand, and the robot has the way before them. */
+  /** Ask for the flat outline and angles. */
   async function askCut() {
-    clearTimeout(cutTimer);
     const state = app.shown();
     const wanted = patternOf(state);
     if (!app.live || wanted === cutAsked) return;
-    const wait = isHeld() ? cutFrom - performance.now() : 0;
-    if (wait > 0) {
-      cutTimer = setTimeout(askCut, Math.min(wait, HELD_MS));
-      return;
-    }
     cutAsked = wanted;
-    cutFrom = Infinity; // until it is answered
-    const begun = performance.now();
     try {
       await app.ask("cut", {}, { state });
     } catch (error) {
       if (cutAsked === wanted) cutAsked = "";
       app.fail(error);
     }
-    const now = performance.now();
-    cutFrom = now + CUT_REST * (now - begun);
-    if (isHeld()) askCut();
   }
 
-  /** Ask when the state has been still for a while. */
+  /** Ask when the state has been still for a while: a robot that is dragged has the processor to itself. */
   function follow() {
-    askCut();
+    clearTimeout(cutTimer);
+    if (isHeld()) cutTimer = setTimeout(askCut, STILL_MS);
+    else askCut();
     deployed.follow();
     showFreshness();
     if (!app.live || isFresh()) return;

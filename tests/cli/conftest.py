@@ -1,8 +1,10 @@
 """Commands run as a user runs them, in this process."""
 
 import json
+import tomllib
 
 import pytest
+import tomlkit
 
 from vinefab.cli.main import main
 
@@ -23,6 +25,17 @@ generations = 2
 finalists = 2
 final_poses_per_map = 1
 """
+SMALL_GRID = {"size_mm": 250.0, "columns": 3, "rows": 3}
+QUICK = {"fabricable": False, "finalists": 1, "finalists_by": "training"}
+"""Of a run whose winner does not matter."""
+
+
+def run_with(**tables):
+    """Return the text of the small run with other values in its tables."""
+    content = tomllib.loads(RUN)
+    for name, values in tables.items():
+        content[name] = content.get(name, {}) | values
+    return tomlkit.dumps(content)
 
 
 @pytest.fixture(autouse=True)

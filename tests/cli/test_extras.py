@@ -12,27 +12,16 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.conftest import QUICK, SMALL_GRID, run_with
 from vinefab.core.extras import EXTRAS
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
-RUN = """schema = "vinefab/run-1"
-[maps]
-count = 1
-options = { size_mm = 250.0, columns = 3, rows = 3 }
-[space]
-levels = [2, 2]
-branches = [2, 2]
-[optimizer]
-name = "cmaes"
-population = 4
-generations = 1
-[evaluation]
-fabricable = false
-finalists = 1
-finalists_by = "training"
-final_poses_per_map = 1
-"""
+RUN = run_with(
+    maps={"options": SMALL_GRID},
+    optimizer={"name": "cmaes", "generations": 1},
+    evaluation=QUICK,
+)
 MARKED = {"--marker-mm": 30, "--height-mm": 30, "--obstacles": "50,84,176,75"}
 COMMANDS = {
     "cluster": (

@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from tests.cli.conftest import QUICK, SMALL_GRID, run_with
 from vinefab.fabrication.formats.laser_formats import LASER_FORMATS
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -83,26 +84,12 @@ MY-F01 = their_parts:FEW
 [vinefab.laser_formats]
 theirs = their_parts:THEIRS
 """
-RUN = """schema = "vinefab/run-1"
-[maps]
-environment = "yard"
-count = 1
-options = { size_mm = 250.0, columns = 3, rows = 3 }
-[task]
-name = "depth"
-[space]
-levels = [2, 2]
-branches = [2, 2]
-[optimizer]
-name = "dice"
-population = 4
-generations = 2
-[evaluation]
-fabricable = false
-finalists = 1
-finalists_by = "training"
-final_poses_per_map = 1
-"""
+RUN = run_with(
+    maps={"environment": "yard", "options": SMALL_GRID},
+    task={"name": "depth"},
+    optimizer={"name": "dice"},
+    evaluation=QUICK,
+)
 RAISES = (
     "1 / 0",
     "raise SystemExit(0)",

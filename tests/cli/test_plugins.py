@@ -8,6 +8,7 @@ import sys
 import pytest
 
 import vinefab as vf
+from tests.cli.conftest import SMALL_GRID, run_with
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import design_content
@@ -66,26 +67,12 @@ MY-F02 = their_depth:FEW
 MY-F03 = their_depth:YARD
 MY-F04 = their_missing:RULE
 """
-RUN = """schema = "vinefab/run-1"
-[maps]
-environment = "yard"
-count = 1
-options = { size_mm = 250.0, columns = 3, rows = 3 }
-[task]
-name = "depth"
-[space]
-levels = [2, 2]
-branches = [2, 4]
-[build]
-trunk_width_mm = 20.0
-[optimizer]
-name = "dice"
-population = 6
-generations = 2
-[evaluation]
-finalists = 2
-final_poses_per_map = 1
-"""
+RUN = run_with(
+    maps={"environment": "yard", "options": SMALL_GRID},
+    task={"name": "depth"},
+    space={"branches": [2, 4]},
+    optimizer={"name": "dice", "population": 6},
+)
 
 
 @pytest.fixture

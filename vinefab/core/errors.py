@@ -48,16 +48,20 @@ class BadInputError(VinefabError, ValueError):
         return type(self)(self.key, self.value, self.allowed, source)
 
 
-class UnreadableFileError(VinefabError, OSError):
+class _FileError(VinefabError):
+    """A file has a problem."""
+
+    def __init__(self, path: str | Path, problem: str) -> None:
+        self.path = str(path)
+        self.problem = problem
+        super().__init__(path, problem)
+
+
+class UnreadableFileError(_FileError, OSError):
     """A file is missing, not readable, or not of the kind it should be."""
 
-    def __init__(self, source: str | Path, problem: str) -> None:
-        self.source = str(source)
-        self.problem = problem
-        super().__init__(source, problem)
-
     def __str__(self) -> str:
-        return f"{self.source}: {shortened(self.problem, _MOST_LETTERS)}"
+        return f"{self.path}: {shortened(self.problem, _MOST_LETTERS)}"
 
 
 class UnknownNameError(VinefabError, KeyError):
@@ -107,27 +111,20 @@ class BrokenPluginError(VinefabError, ImportError):
         return f"plug-in {self.plugin} breaks down ({problem}); repair or uninstall its package"
 
 
-class ForeignFileError(VinefabError, FileExistsError):
+class ForeignFileError(_FileError, FileExistsError):
     """The path to write to holds something that vinefab did not write."""
 
     def __init__(
         self, path: str | Path, problem: str = "exists and was not written by vinefab"
     ) -> None:
-        self.path = str(path)
-        self.problem = problem
         super().__init__(path, problem)
 
     def __str__(self) -> str:
         return f"{self.path}: {self.problem}; --force overwrites it (force=True in Python)"
 
 
-class CannotWriteError(VinefabError, OSError):
+class CannotWriteError(_FileError, OSError):
     """The system refused to write; existing files are unchanged."""
-
-    def __init__(self, path: str | Path, problem: str) -> None:
-        self.path = str(path)
-        self.problem = problem
-        super().__init__(path, problem)
 
     def __str__(self) -> str:
         return f"{self.path}: cannot be written: {self.problem}"
@@ -206,13 +203,8 @@ class ExportRefusedError(VinefabError, ValueError):
         return f"{self.name}: nothing written: {self.reason}"
 
 
-class ReadBackError(VinefabError, ValueError):
+class ReadBackError(_FileError, ValueError):
     """A file just written differs from its content when read back."""
-
-    def __init__(self, path: str | Path, problem: str) -> None:
-        self.path = str(path)
-        self.problem = problem
-        super().__init__(path, problem)
 
     def __str__(self) -> str:
         return f"{self.path}: read back wrong: {self.problem}"

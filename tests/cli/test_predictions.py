@@ -83,6 +83,21 @@ def test_a_design_of_no_run_is_compared_as_the_other_was_trained(vinefab, grid, 
     assert "plain minus plain_vine" in words
 
 
+def test_winners_of_one_name_are_told_apart_by_the_folders_of_their_runs(vinefab, grid, plain):
+    paths = []
+    for run in ("first", "second"):
+        folder = plain.parent / "runs" / run
+        folder.mkdir(parents=True)
+        paths.append(folder / "best.toml")
+        paths[-1].write_bytes(plain.read_bytes())
+    code, words, _ = vinefab("compare", *paths, "--map", grid, "--poses", 2)
+    assert code == 0
+    assert "plain (first) minus plain (second)" in words
+    code, words, _ = vinefab("compare", paths[0], paths[0], "--map", grid, "--poses", 2)
+    assert code == 0
+    assert "plain (1) minus plain (2)" in words
+
+
 def test_the_repeat_line_gives_the_same_options():
     given = {"head_on_half_angle_deg": [1, 15], "pressure_stop": False, "storage_kpa": 8.32}
     (option,) = [one for one in options_of(grow) if one.name == "growth"]

@@ -146,6 +146,19 @@ def test_lines_are_labelled_and_give_a_pose_to_type(found):
         assert words in text
 
 
+def test_the_headline_answers_for_as_many_robots_as_were_asked_for(found):
+    """Every base stands in it; the best of one robot comes after it."""
+    headline = found.summary[0]
+    bases = "; ".join(pose.text for pose in found.poses)
+    assert len(found.poses) == PLAN.robots
+    assert headline.startswith(
+        f"Best found for {PLAN.robots} robots tree together: bases at {bases}: "
+    )
+    share = found.first.team.fresh.mean(axis=1)[-1]
+    assert f"of a body {100.0 * share:.1f} [" in headline.split(bases)[1]
+    assert f"The best of one robot: put the base of tree at {found.pose.text}: " in headline
+
+
 def test_json_holds_the_map_of_scores_and_no_nan(found):
     content = json.loads(replace(found, origin=ORIGIN).json_text())
     assert content["schema"] == "vinefab/aim-1"

@@ -6,13 +6,16 @@ from xml.etree import ElementTree as Tree
 
 import numpy as np
 import pytest
-from shapely import Polygon, box
+from shapely import MultiPolygon, Polygon, box
+from shapely.affinity import translate
 
 from vinefab.core.errors import BadInputError
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose, Start
+from vinefab.pages.panel import Shape
 from vinefab.rig import build
 from vinefab.rig import make as module
+from vinefab.rig.fixtures import with_fixtures
 from vinefab.rig.make import RigRequest, make_rig
 from vinefab.rig.part import Printer, RigOptions
 from vinefab.rig.rig_plan import plan_of
@@ -136,6 +139,33 @@ def test_pictures_drawing_and_page_come_with_the_files():
     assert "Beds (estimate)" in page
     again = make_rig(world, PRINTER, RigOptions(style="plate", scale=1.5))
     assert again.files == made.files
+
+
+def test_the_plan_shows_the_holder_and_the_markers_around_the_rig():
+    world = _map(box(30, 60, 60, 90))
+    rig = build.build_rig(world, PRINTER, RigOptions(style="plate", scale=1.5))
+    rig, fixtures = with_fixtures(rig, world, Design.read("plain_vine"))
+    assert len(fixtures.pads) == 4
+    (panel,) = module.assembly_plan(rig, world, fixtures, {}).panels
+    shift = -np.array(rig.on_plan(rig.plate).bounds[:2])
+
+    def drawn(primitive):
+        return MultiPolygon([Polygon(ring) for ring in primitive.chains])
+
+    def wanted(shape):
+        return translate(shape, *shift)
+
+    holder = drawn(panel.legend["holder of the base"])
+    assert holder.symmetric_difference(wanted(fixtures.base.outline)).area < 1e-6
+    filled = [one for one in panel.primitives if isinstance(one, Shape) and one.ink.fill]
+    black = [drawn(one) for one in filled if one.ink.fill == "#000000"]
+    assert len(black) == len(fixtures.pads)
+    for pad, cells in zip(fixtures.pads, black, strict=True):
+        square = wanted(pad.outline)
+        assert square.buffer(1e-6).contains(cells)
+        assert cells.area > 0.3 * square.area  # black cells of a marker
+        assert box(*panel.box).contains(square)
+    assert box(*panel.box).contains(holder)
 
 
 def test_loose_rigs_come_with_their_sheets():

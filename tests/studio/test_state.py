@@ -15,7 +15,7 @@ from vinefab.model.design import Design, design_content
 from vinefab.model.map import map_text
 from vinefab.studio.executors import PANELS, answer_of
 from vinefab.studio.file_store import FileStore
-from vinefab.studio.state import StudioState, design_form, world_of
+from vinefab.studio.state import PAGE, StudioState, design_form, world_of
 
 GRID = {"source": {"environment": "grid", "seed": 3}, "edits": []}
 
@@ -79,6 +79,19 @@ def test_a_map_file_is_read_anew_when_it_changes(tmp_path):
 def test_what_cannot_be_used_is_named(changes, words):
     with pytest.raises(VinefabError, match=words.replace(".", r"\.")):
         StudioState.of(state(**changes))
+
+
+@pytest.mark.parametrize(
+    ("edits", "words"),
+    [
+        ([["remove", 0]] * 10_001, "'10001 edits'; allowed: at most 10000"),
+        ({"remove": 0}, "{'remove': 0}; allowed: a list of edits"),
+    ],
+)
+def test_edits_that_are_too_many_or_no_list_are_refused_in_one_sentence(edits, words):
+    with pytest.raises(BadInputError) as caught:
+        StudioState.of(state(map={**GRID, "edits": edits}))
+    assert str(caught.value) == f"{PAGE}: map.edits is {words}"
 
 
 ODD = (

@@ -45,7 +45,6 @@ HEAVY = {
     "matplotlib",
     "pydantic",
     "rich",
-    "cyclopts",
     "pymoo",
 }
 

@@ -7,7 +7,7 @@ import pytest
 
 from vinefab.app.files import _NEXT_STEPS as NEXT_STEPS
 from vinefab.app.verbs import SHORT, VERBS
-from vinefab.cli.commands import each_named
+from vinefab.cli.commands import Command, UsageError
 from vinefab.cli.main import main
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.design import Design
@@ -154,20 +154,61 @@ def test_short_names_of_studies_work_and_are_not_listed(capsys):
 
 
 @pytest.mark.parametrize(
-    ("given", "named"),
+    ("command", "given", "named"),
     [
-        ("--maps a.json b.geojson -q", "--maps a.json --maps b.geojson -q"),
-        ("--maps a.geojson --maps b.geojson", "--maps a.geojson --maps b.geojson"),
-        ("--maps a.geojson robot.toml", "--maps a.geojson robot.toml"),
-        ("--out x.json y.json", "--out x.json y.json"),
-        ("g.toml --targets 10,20 B=-3,4+-5 -q", "g.toml --targets 10,20 --targets B=-3,4+-5 -q"),
-        ("--target A=1,2 -3,4 mine", "--target A=1,2 --target -3,4 mine"),
-        ("--target 1,2 --maps a.json 3,4", "--target 1,2 --maps a.json 3,4"),
-        ("a.json --map b.json c.json d.json", "a.json --map b.json --map c.json --map d.json"),
+        ("score", "x --maps a.json b.geojson -q", "x --maps a.json --maps b.geojson -q"),
+        ("score", "--maps a.json b.geojson robot.toml", "robot.toml --maps=a.json --map b.geojson"),
+        (
+            "score",
+            "m.json --target 1,2 B=-3,4+-5 -q",
+            "m.json --target 1,2 --target B=-3,4+-5 -q",
+        ),
+        ("score", "--target A=1,2 -3,4 m.json", "m.json --target A=1,2 --target=-3,4"),
+        (
+            "check",
+            "a.toml --map b.json c.json d.json",
+            "--map=b.json --map=c.json --map=d.json a.toml",
+        ),
+        ("studio", "--map a.json b.json", "b.json --map a.json"),
     ],
 )
-def test_maps_as_a_shell_expands_them(given, named):
-    assert each_named(given.split()) == named.split()
+def test_maps_as_a_shell_expands_them(command, given, named):
+    understood = Command.named(command).understood
+    assert understood(given.split()) == understood(named.split())
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        ("x.toml --json --out y.svg", "--json is without a value; for example: vinefab check "),
+        ("x.toml --out", "--out is without a value; "),
+        ("x.toml --out -- y.svg", "--out is without a value; "),
+        ("x.toml --out -", "--out is without a value; "),
+        ("x.toml -q --quiet", "--quiet is given twice; allowed: once"),
+        ("x.toml --force=maybe", "--force is 'maybe'; allowed: true or false; "),
+        ("x.toml y.toml", "one argument too many: y.toml; "),
+        ("x.toml -- --map", "one argument too many: --map; "),
+        ("x.toml --recip y", "there is no option --recip; did you mean --recipe?"),
+        ("x.toml -xq", "there is no option -xq; vinefab check --help lists them"),
+        ("--out y.svg", "DESIGN is missing; for example: vinefab check "),
+    ],
+)
+def test_a_command_line_that_is_not_understood_is_one_line(given, complaint):
+    with pytest.raises(UsageError) as caught:
+        Command.named("check").understood(given.split())
+    assert str(caught.value).startswith(complaint)
+
+
+@pytest.mark.parametrize(
+    ("given", "understood"),
+    [
+        ("-- -odd.toml", {"design": "-odd.toml"}),
+        ("x.toml -qv --force=false", {"design": "x.toml", "quiet": True, "verbose": True}),
+        ("--json - --design x.toml", {"design": "x.toml", "json": "-"}),
+    ],
+)
+def test_a_command_line_that_is_understood(given, understood):
+    assert Command.named("check").understood(given.split()) == {"force": False, **understood}
 
 
 @pytest.mark.parametrize(

@@ -1,17 +1,17 @@
 """Commands from verbs: which one is meant, its typed values, its result; and shell completion."""
 
 import difflib
-import inspect
 import os
 import re
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import copy_context
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, TextIO, get_args
+from typing import Any, TextIO, get_args
 
 from vinefab.app.verbs import GROUPS, HELP, PER_NAME, SHORT, VERBS, loaded
 from vinefab.core.atomic import ensure_writable, write_text
@@ -152,6 +152,8 @@ _SEVERAL = {
 }
 """Options that take several values, and how a value looks."""
 
+_LIKE_OPTION = re.compile(r"--?[a-zA-Z]")
+
 _ALIKE = 0.75
 """So alike are two names at least of which one may be meant for the other, 0 to 1."""
 
@@ -271,7 +273,11 @@ class Command:
 
     def understood(self, typed: Sequence[str]) -> dict[str, Any]:
         """Return the values that were typed, by parameter."""
-        texts = self._parsed(each_named(typed))
+        texts = self._parsed(typed)
+        missing = [one for one in self.options if one.required and one.name not in texts]
+        if missing:
+            shown = missing[0].metavar if missing[0].positional else missing[0].flag
+            raise self._misused(f"{shown} is missing")
         given = dict[str, Any]()
         for option in all_options(self):
             if option.name not in texts:
@@ -287,64 +293,70 @@ class Command:
         return given
 
     def _parsed(self, typed: Sequence[str]) -> dict[str, Any]:
-        """Return the texts that were typed for each option, as cyclopts binds them."""
-        import cyclopts
+        """Return the texts that were typed for each option, or whether it was, by parameter."""
+        options = all_options(self)
+        named = {flag: one for one in options for flag in flags_of(one)}
+        words, loose, found = deque(typed), list[str](), dict[str, Any]()
+        while words:
+            word = words.popleft()
+            if word == "--":
+                loose += words
+                break
+            if re.fullmatch(r"-[a-z]{2,}", word) and all(f"-{one}" in named for one in word[1:]):
+                words.extendleft(f"-{one}" for one in reversed(word[1:]))
+                continue
+            flag, equals, text = word.partition("=")
+            option = named.get(flag)
+            if option is None and _LIKE_OPTION.match(word):
+                raise UsageError(self._unknown(flag, [*named, *HELP]))
+            if option is None:
+                loose.append(word)
+                continue
+            if option.name in found and not option.kind.several:
+                raise UsageError(f"{flag} is given twice; allowed: once")
+            if option.base is bool:
+                if equals and text not in ("true", "false"):
+                    raise self._misused(f"{flag} is {shortened(text)!r}; allowed: true or false")
+                found[option.name] = (text == "false") != (flag in option.flags)
+                continue
+            if not equals and (not words or not _may_follow(option, words[0])):
+                raise self._misused(f"{flag} is without a value")
+            texts = found.setdefault(option.name, [])
+            texts.append(text if equals else words.popleft())
+            # A shell makes ``--maps a.geojson b.geojson`` of ``--maps *.geojson``.
+            more = _SEVERAL.get(flag) if option.kind.several else None
+            while more and words and re.fullmatch(more, words[0]):
+                texts.append(words.popleft())
+        return found | self._placed(loose, found)
 
-        app = cyclopts.App(
-            name="vinefab",
-            help_flags=(),
-            version_flags=(),
-            result_action="return_value",
-            suppress_keyboard_interrupt=False,
-        )
-        app.default(_texts_function(self.options))
-        try:
-            _, bound, _ = app.parse_args(
-                list(typed), exit_on_error=False, print_error=False, verbose=False
-            )
-        except cyclopts.CycloptsError as error:
-            raise UsageError(self._usage_line(error, typed)) from error
-        texts = {name: value for name, value in bound.arguments.items() if value is not None}
-        missing = [one for one in self.options if one.required and one.name not in texts]
-        if missing:
-            shown = missing[0].metavar if missing[0].positional else missing[0].flag
-            raise UsageError(self._with_example(f"{shown} is missing"))
-        return {
-            name: value if isinstance(value, bool) else [value] if isinstance(value, str)
-            else list(value)
-            for name, value in texts.items()
-        }  # fmt: skip
+    def _placed(self, texts: Sequence[str], named: Container[str]) -> dict[str, list[str]]:
+        """Return the texts that stand without a name, by the parameters that none names."""
+        found, loose = dict[str, list[str]](), deque(texts)
+        for option in self.options:
+            if option.positional and option.name not in named and loose:
+                many = len(loose) if option.starred or option.kind.several else 1
+                found[option.name] = [loose.popleft() for _ in range(many)]
+        if loose:
+            raise self._misused(f"one argument too many: {shortened(' '.join(loose))}")
+        return found
 
-    def _with_example(self, line: str) -> str:
+    def _misused(self, line: str) -> UsageError:
+        """Return the error of a command line, with one that works."""
         examples = self.examples()
-        return f"{line}; for example: {examples[0]}" if examples else line
+        return UsageError(f"{line}; for example: {examples[0]}" if examples else line)
 
-    def _usage_line(self, error: Any, typed: Sequence[str]) -> str:  # noqa: ANN401  of cyclopts
-        """Return the fault of a command line, and one that works."""
-        import cyclopts
+    def _unknown(self, flag: str, flags: Sequence[str]) -> str:
+        known = [one for one in flags if one.startswith("--")]
+        begun = [one for one in known if len(flag) > 3 and one.startswith(flag)]
+        if alike := begun or difflib.get_close_matches(flag, known, cutoff=_ALIKE):
+            return f"there is no option {flag}; did you mean {' or '.join(alike)}?"
+        return f"there is no option {shortened(flag, 80)}; vinefab {self.name} --help lists them"
 
-        flags = [flag for one in all_options(self) for flag in flags_of(one)] + list(HELP)
-        names = flags_in(typed)
-        unknown = next((name for name in names if name not in flags), "")
-        match error:
-            case cyclopts.UnknownOptionError() | cyclopts.UnusedCliTokensError() if unknown:
-                known = [flag for flag in flags if flag.startswith("--")]
-                begun = [flag for flag in known if len(unknown) > 3 and flag.startswith(unknown)]
-                if alike := begun or difflib.get_close_matches(unknown, known, cutoff=_ALIKE):
-                    return f"there is no option {unknown}; did you mean {' or '.join(alike)}?"
-                shown = shortened(unknown, 80)
-                return f"there is no option {shown}; vinefab {self.name} --help lists them"
-            case cyclopts.RepeatArgumentError(token=token) if token is not None:
-                return f"{token.keyword} is given twice; allowed: once"
-            case cyclopts.UnusedCliTokensError():
-                words = " ".join(error.unused_tokens or [])
-                line = f"one argument too many: {shortened(words)}"
-            case cyclopts.MissingArgumentError(argument=argument) if argument is not None:
-                shown = next((word for word in typed if word in argument.names), argument.name)
-                line = f"{shown} is without a value"
-            case _:
-                line = " ".join(str(error).split()).rstrip(".")
-        return self._with_example(line)
+
+def _may_follow(option: Option, word: str) -> bool:
+    """Return whether a word may be the value of the option before it."""
+    is_option = word == "--" or _LIKE_OPTION.match(word)
+    return not is_option and (option.hyphen or not word.startswith("-"))
 
 
 def _common(options: Sequence[Option]) -> tuple[Option, ...]:
@@ -364,7 +376,7 @@ def all_options(command: Command) -> tuple[Option, ...]:
 
 def flags_in(typed: Sequence[str]) -> list[str]:
     """Return the names of options in a command line, as they were typed."""
-    return [word.partition("=")[0] for word in typed if re.match(r"--?[a-zA-Z]", word)]
+    return [word.partition("=")[0] for word in typed if _LIKE_OPTION.match(word)]
 
 
 def flags_of(option: Option) -> tuple[str, ...]:
@@ -390,46 +402,6 @@ def _shell_options(options: Sequence[Option]) -> tuple[Option, ...]:
         taken |= set(flags)
         found.append(replace(option, flags=tuple(flags)))
     return tuple(found)
-
-
-def _texts_function(options: Sequence[Option]) -> Callable[..., None]:
-    """Return a function of texts: cyclopts binds words to names, and `Option` reads them."""
-    from cyclopts import Parameter
-
-    def texts(*_: object, **__: object) -> None: ...
-
-    parameters = list[inspect.Parameter]()
-    star = False
-    for option in (*options, *_common(options)):
-        kind: Any = inspect.Parameter.KEYWORD_ONLY
-        hint: Any = str | None
-        default: Any = None
-        more: dict[str, Any] = {"negative": (), "allow_leading_hyphen": option.hyphen}
-        many = option.kind.several
-        if option.base is bool:
-            hint = bool | None
-            no = [flag for flag in flags_of(option) if flag.startswith("--no-")]
-            more = {"negative": tuple(no)}
-        elif option.positional and (option.starred or many):
-            kind, hint, default, star = inspect.Parameter.VAR_POSITIONAL, str, ..., True
-        elif many:
-            hint = list[str] | None
-        elif option.positional and not star:
-            kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
-        if kind is not inspect.Parameter.VAR_POSITIONAL:
-            more["name"] = option.flags
-        parameters.append(
-            inspect.Parameter(
-                option.name,
-                kind,
-                annotation=Annotated[hint, Parameter(show=False, **more)],
-                **({} if default is ... else {"default": default}),
-            )
-        )
-    parameters.sort(key=lambda one: one.kind)
-    texts.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    texts.__annotations__ = {one.name: one.annotation for one in parameters}
-    return texts
 
 
 def names_in(group: str) -> Iterator[str]:
@@ -502,27 +474,6 @@ def _unknown_command(typed: str, known: Sequence[str]) -> str:
     else:
         hint = f"there are: {', '.join(known)}"
     return f"there is no command {quoted(shortened(typed, 80))}; {hint}"
-
-
-def each_named(arguments: Sequence[str]) -> list[str]:
-    """Return arguments with the option before each of several map files or targets.
-
-    A shell makes ``--maps a.geojson b.geojson`` of ``--maps *.geojson``. A library's list option
-    would swallow a design behind them.
-
-    >>> each_named(["score", "vine", "--maps", "a.geojson", "b.geojson", "-q"])
-    ['score', 'vine', '--maps', 'a.geojson', '--maps', 'b.geojson', '-q']
-    """
-    named: list[str] = []
-    option = ""
-    for argument in arguments:
-        is_value = option and named[-1] != option and re.fullmatch(_SEVERAL[option], argument)
-        if is_value:
-            named.append(option)
-        elif argument.startswith("-") or (named and named[-1] != option):
-            option = argument if argument in _SEVERAL else ""
-        named.append(argument)
-    return named
 
 
 SCRIPTS = {

@@ -486,9 +486,9 @@ def test_a_run_is_read_again_listed_and_seeded(tmp_path):
     assert f">{again.finalists[0].fitness:.4f}</td>" in again._repr_html_()
     assert "unseen pegs maps" in again._repr_html_()
     listing = vf.runs(tmp_path)
-    assert [row["seed"] for row in listing.rows] == [7]
+    assert [row.seed for row in listing.rows] == [7]
     assert listing.summary[-1] in repr(listing)
-    assert listing.rows[0]["folder"] in listing._repr_html_()
+    assert listing.rows[0].folder in listing._repr_html_()
     with pytest.raises(OSError, match=r"none/run\.sqlite: there is no such file"):
         vf.RunResult.read(tmp_path / "none")
 

@@ -21,9 +21,10 @@ from vinefab.model.laser import read_profile
 from vinefab.model.map import Map
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.plan import map_plan
+from vinefab.search.front import write_front
 from vinefab.search.record.result import RunArchive
 from vinefab.search.run import run_search, training_maps
-from vinefab.search.run_pages import rebuild, write_front
+from vinefab.search.run_pages import rebuild
 from vinefab.search.settings import PartSettings, read_run, run_task
 from vinefab.search.space import Space
 

@@ -175,7 +175,7 @@ def test_starts_without_spread_leave_one_deployment_and_no_interval(tmp_path: Pa
     assert found.unseen.deployments == 1
     assert np.isnan(found.unseen.score.low)
     assert found.content["unseen"]["score"]["low"] is None
-    assert WinnerPrediction.of_text(found.text) == found
+    assert WinnerPrediction.of_json(found.as_json) == found
     assert np.isfinite(found.placed_off_ends).all()
     assert found.lead_facts[0].detail == "mean over 1 deployment"
 

@@ -347,7 +347,7 @@ def test_every_part_counts_once():
     parts = ("loading", "evaluating", "optimizer", "store", "other")
     assert sum(split.shares[part] for part in parts) == pytest.approx(1.0)
     assert split.shares["busy"] == pytest.approx(0.03 / (2 * split.evaluating_s))
-    assert TimeSplit.from_plain(split.plain()) == split
+    assert TimeSplit.of_json(split.as_json) == split
 
 
 @pytest.fixture

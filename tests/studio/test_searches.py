@@ -15,10 +15,10 @@ from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError
 from vinefab.model.design import Design, design_content, design_of, design_text
 from vinefab.model.files.shipped import locate
+from vinefab.search.front import FrontFile, front_of
 from vinefab.search.record.generations import Generation
 from vinefab.search.record.result import RunArchive
 from vinefab.search.run import run_search
-from vinefab.search.run_pages import front_json, front_of
 from vinefab.search.settings import MapSettings, RunSettings, SearchSettings, read_run
 from vinefab.search.space import COSTS, Bounds, Space, SpaceSettings
 from vinefab.studio.run_request import RUN_FILE, run_files, run_proposal
@@ -93,7 +93,7 @@ def front_run(tmp_path):
     result = run_search(settings, folder)
     (folder / "front").mkdir()
     members = front_of(result, settings)
-    (folder / "front.json").write_text(front_json(members, result, settings))
+    (folder / "front.json").write_text(FrontFile.of(members, result, settings).json_text())
     for member in members:
         (folder / "front" / f"{member.design.name}.toml").write_text(design_text(member.design))
     return folder, members
@@ -260,16 +260,16 @@ def test_the_front_so_far_is_that_of_all_designs_and_its_points_are_loaded(searc
     folder, _ = front_run
     record = FollowedRecord(folder / "run.sqlite")
     record.look()
-    points = record.front.plain()["points"]
-    values = [point["values"] for point in points]
+    points = record.front.shown.points
+    values = [point.values for point in points]
     for fitness, film_mm in values:  # none dominates another
         assert not any(f >= fitness and mm < film_mm for f, mm in values)
-    best = max(points, key=lambda point: point["values"][0])
-    assert best["values"][0] == record.best
-    found = searches.load({"folder": "two", "point": best["point"]})["design"]
+    best = max(points, key=lambda point: point.values[0])
+    assert best.values[0] == record.best
+    found = searches.load({"folder": "two", "point": best.point})["design"]
     assert found["trunk"] == record.best_content()["trunk"]
     (folder / "front.json").unlink()
-    assert searches.front({"folder": "two"})["front"] == record.front.plain()
+    assert searches.front({"folder": "two"})["front"] == record.front.shown.content
 
 
 def test_a_front_of_three_aims_stays_bounded():
@@ -291,8 +291,8 @@ def test_a_front_of_three_aims_stays_bounded():
                 seconds=0.1,
             )
         )
-        assert len(front.plain()["points"]) <= 120
-    values = [point["values"][1] for point in front.plain()["points"]]
+        assert len(front.shown.points) <= 120
+    values = [point.values[1] for point in front.shown.points]
     assert values == sorted(values)
     assert len(values) > 60
 

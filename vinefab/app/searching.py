@@ -243,7 +243,7 @@ def optimize(
         with _resumable(again), _recorded(again):
             result.write_winner(folder, force=force)
             if settings.objectives:
-                from vinefab.search.run_pages import front_table, write_front
+                from vinefab.search.front import front_table, write_front
 
                 members = write_front(result, settings, folder, force=force)
                 result = replace(result, front=front_table(members, settings))

@@ -3,11 +3,14 @@
 import json
 import math
 from functools import cache
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import AllowInfNan, BeforeValidator, ConfigDict, PlainSerializer, TypeAdapter
+from pydantic import AllowInfNan, BeforeValidator, ConfigDict, Field, PlainSerializer, TypeAdapter
 from pydantic import ValidationError as _ValidationError
 
+from vinefab.core.errors import UnreadableFileError, VinefabError
+from vinefab.core.plain_text import json_text
 from vinefab.core.table import dotted
 
 MaybeNan = Annotated[
@@ -18,12 +21,20 @@ MaybeNan = Annotated[
 ]
 """A number that may be missing: NaN, which JSON has as null."""
 
+IF_KNOWN = Field(exclude_if=lambda value: value is None)
+"""In the annotation of a field: JSON leaves it out where it is None."""
+
 
 class Record:
     """Base of frozen dataclasses that are written as JSON, whole or as a part, and read again.
 
-    Values of other dataclasses and tables may be fields. A field with a default is left out where
-    it has it. What is read has exactly the types of the fields: no number as a text, no other keys.
+    Values of other dataclasses and tables may be fields. What is read has exactly the types of the
+    fields: no number as a text, no other keys; one with a default may miss.
+
+    Attributes
+    ----------
+    schema
+        Kind and version of the file that one is written to, if it is.
 
     Examples
     --------
@@ -32,14 +43,15 @@ class Record:
     ... class Seen(Record):
     ...     poses: int
     ...     where: str = "grid"
-    >>> Seen(poses=3).text, Seen.of_text('{"poses": 3}')
-    ('{"poses": 3}', Seen(poses=3, where='grid'))
-    >>> Seen.of_text('{"poses": "3"}')
+    >>> Seen(poses=3).as_json, Seen.of_json('{"poses": 3}')
+    ('{"poses": 3, "where": "grid"}', Seen(poses=3, where='grid'))
+    >>> Seen.of_json('{"poses": "3"}')
     Traceback (most recent call last):
     ValueError: poses: Input should be a valid integer
     """
 
     __slots__ = ()
+    schema: ClassVar[str] = ""
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(
         strict=True, extra="forbid", allow_inf_nan=False
     )
@@ -49,18 +61,18 @@ class Record:
         """The fields as JSON has them."""
         kind: Any = type(self)
         plain: dict[str, Any] = _codec(kind).dump_python(
-            self, mode="json", by_alias=True, exclude_defaults=True, warnings=False
+            self, mode="json", by_alias=True, warnings=False
         )
         return plain
 
     @property
-    def text(self) -> str:
+    def as_json(self) -> str:
         """The fields as JSON; numbers read back the same."""
         return json.dumps(self.content, allow_nan=False)
 
     @classmethod
-    def of_text(cls, text: str | bytes) -> Self:
-        """Return the value of `text`.
+    def of_json(cls, text: str | bytes) -> Self:
+        """Return the value of `as_json`.
 
         Raises
         ------
@@ -75,6 +87,34 @@ class Record:
             where = dotted(first["loc"])
             raise ValueError(": ".join(filter(None, (where, first["msg"])))) from error
         return found
+
+    def json_text(self) -> str:
+        """Return the document of a file."""
+        return json_text(self.schema, self.content)
+
+    @classmethod
+    def read(cls, path: Path, most_bytes: int = 1 << 30) -> Self:
+        """Return the value of `json_text` from a file.
+
+        Raises
+        ------
+        UnreadableFileError
+            For a file that cannot be read, or of another kind.
+        """
+        try:
+            if path.stat().st_size > most_bytes:
+                raise UnreadableFileError(path, f"is larger than {most_bytes >> 20} MiB")
+            document = json.loads(path.read_text(encoding="utf-8"))
+            if not isinstance(document, dict) or document.pop("schema", None) != cls.schema:
+                raise UnreadableFileError(path, f"is not a file of schema {cls.schema}")
+            document.pop("generator", None)
+            return cls.of_json(json.dumps(document))
+        except VinefabError:
+            raise
+        except OSError as error:
+            raise UnreadableFileError(path, error.strerror or "is not readable") from error
+        except (ValueError, RecursionError) as error:
+            raise UnreadableFileError(path, f"is damaged ({error})") from error
 
 
 @cache

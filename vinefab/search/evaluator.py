@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from itertools import accumulate, pairwise, product
 from numbers import Real
@@ -18,6 +18,7 @@ from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
+from vinefab.core.codec import Record
 from vinefab.core.errors import BadInputError
 from vinefab.core.foreign import broken, calling, is_own
 from vinefab.core.plain_text import counted
@@ -62,7 +63,7 @@ from vinefab.tasks.task import (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Work:
+class Work(Record):
     """Processor time that some evaluations took, of all workers together, s."""
 
     making_s: float = 0.0  # building designs and computing their penalties
@@ -128,12 +129,6 @@ class TimeSplit(Work):
             "useful": (self.growth_s + self.scoring_s) / max(self.processor_s, self.worked_s, 1e-9),
         }
 
-    @classmethod
-    def from_plain(cls, values: dict[str, float]) -> "TimeSplit":
-        """Return the split of `plain`; missing parts are 0."""
-        known = {field.name for field in fields(cls)}
-        return cls(**{key: value for key, value in values.items() if key in known})  # type: ignore[arg-type]
-
     @property
     def summary(self) -> str:
         """The split as one line for the user."""
@@ -146,10 +141,6 @@ class TimeSplit(Work):
             f"evaluating: growth {shares['growth']}, scoring {shares['scoring']}, penalties "
             f"{shares['making']}"
         )
-
-    def plain(self) -> dict[str, float]:
-        """Return the seconds by name."""
-        return asdict(self)
 
 
 class Ledger:

@@ -1,19 +1,17 @@
 """Runs on pages: the live page, the listing of records, a report's section, and the front."""
 
 import os
-import re
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vinefab.core.atomic import write_bytes, write_files, write_text
+from vinefab.core.atomic import write_files, write_text
 from vinefab.core.errors import (
     BadInputError,
     CannotWriteError,
@@ -21,7 +19,7 @@ from vinefab.core.errors import (
     InterruptedRunError,
     UnreadableFileError,
 )
-from vinefab.core.plain_text import counted, json_text
+from vinefab.core.plain_text import counted
 from vinefab.core.progress import Progress
 from vinefab.core.validation import Floats
 from vinefab.core.view import (
@@ -44,41 +42,34 @@ from vinefab.core.view import (
 from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design, design_text
-from vinefab.model.files.run_context import RunContext
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map
 from vinefab.pages.html import Live, page
-from vinefab.pages.page_files import page_png, page_svg
+from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (
-    INK,
     LEVEL_COLOURS,
-    SOFT,
     Ink,
     Page,
     Panel,
-    Primitive,
     ends_of,
     page_of,
-    page_of_rows,
-    plan_panel,
 )
-from vinefab.pages.plan import deployment_plan, draw_deployment, draw_map, draw_targets, map_plan
+from vinefab.pages.plan import deployment_plan, map_plan
 from vinefab.search.evaluator import INVALID_FITNESS
-from vinefab.search.finalists import LEAST_BEND, feasible_points, knee, minimized, non_dominated
 from vinefab.search.manufacturability import ManufacturabilityPenalty, run_profile
-from vinefab.search.record.generations import Finalist, Generation, SearchProgress, curve_of
+from vinefab.search.record.generations import Generation, SearchProgress, curve_of
 from vinefab.search.record.result import (
     RECORD_FILE,
     RunArchive,
     RunResult,
+    RunSummary,
     damage_errors,
-    plain_summary,
     records_in,
     size_words,
 )
-from vinefab.search.run import first_map, training_maps
+from vinefab.search.run import first_map
 from vinefab.search.settings import RunSettings, run_task
-from vinefab.search.space import COSTS, Space
+from vinefab.search.space import Space
 from vinefab.tasks.reach import task_targets, touched_targets
 
 
@@ -89,14 +80,14 @@ class RunListing(Result):
     Parameters
     ----------
     rows
-        The summary of each, in plain values: ``folder``, ``name``, ``seed``, ``winner_score``, ...
+        The summary of each: its ``folder``, ``name``, ``seed``, ``winner_score`` and others.
     broken
         One line for each that is unreadable.
     whole
         Whether all runs have ended whose best winner was written.
     """
 
-    rows: tuple[dict[str, Any], ...]
+    rows: tuple[RunSummary, ...]
     broken: tuple[str, ...]
     whole: bool = True
 
@@ -109,12 +100,12 @@ class RunListing(Result):
             headings=("folder", "run", "generations", "best fitness", "winner on fresh poses", ""),
             rows=tuple(
                 (
-                    row["folder"],
-                    f"{row['name']} ({row['optimizer']}, seed {row['seed']}, run {row['run']})",
-                    f"{row['generations']}/{row['most_generations']}",
-                    Number(row["best_fitness"], form=".4f"),
-                    Number((row["winner_score"] or {}).get("mean"), form=".4f"),
-                    f"stopped by {row['stopped']}" if row["stopped"] else "can be resumed",
+                    row.folder,
+                    f"{row.name} ({row.optimizer}, seed {row.seed}, run {row.run})",
+                    f"{row.generations}/{row.most_generations}",
+                    Number(row.best_fitness, form=".4f"),
+                    Number(row.winner_mean, form=".4f"),
+                    f"stopped by {row.stopped}" if row.stopped else "can be resumed",
                 )
                 for row in self.rows
             ),
@@ -130,9 +121,17 @@ class RunListing(Result):
             key="seeds",
             keys=("name", "optimizer", "", "mean", "deviation", "lowest", "highest",
                   "manufacturable", "", ""),
-            data=tuple(summary.content for summary in self.seeds),
+            data=tuple(
+                {
+                    "seeds": sorted(row.seed for row in summary.ended),
+                    "unended": summary.unended,
+                    "best": summary.best and summary.best.folder,
+                    "best_seed": summary.best and summary.best.seed,
+                }
+                for summary in self.seeds
+            ),
         )  # fmt: skip
-        yield Data({"runs": list(self.rows), "broken": list(self.broken)})
+        yield Data({"runs": [row.content for row in self.rows], "broken": list(self.broken)})
 
     @property
     def exit_code(self) -> int:
@@ -142,9 +141,9 @@ class RunListing(Result):
     @property
     def seeds(self) -> tuple["SeedSummary", ...]:
         """The runs that differ in their seed alone, of which there are several, together."""
-        alike: dict[str, list[dict[str, Any]]] = {}
+        alike: dict[str, list[RunSummary]] = {}
         for row in self.rows:
-            alike.setdefault(row["seedless_run"], []).append(row)
+            alike.setdefault(row.seedless_run, []).append(row)
         return tuple(SeedSummary.of(rows) for rows in alike.values() if len(rows) > 1)
 
 
@@ -156,25 +155,25 @@ class SeedSummary:
     optimizer: str
     unended: tuple[str, ...]  # folders of runs that have not ended
     # of the runs that have ended, one per seed, best winner first, as in `RunListing.rows`
-    ended: tuple[dict[str, Any], ...]
+    ended: tuple[RunSummary, ...]
 
     @classmethod
-    def of(cls, rows: Sequence[dict[str, Any]]) -> "SeedSummary":
+    def of(cls, rows: Sequence[RunSummary]) -> "SeedSummary":
         """Return the summary of some runs, at least one."""
         # A run that lies in two folders is one run.
-        ended = {row["seed"]: row for row in rows if row["winner_fitness"] is not None}
+        ended = {row.seed: row for row in rows if row.winner_fitness is not None}
         by_seed = [ended[seed] for seed in sorted(ended)]
         return cls(
-            name=rows[0]["name"],
-            optimizer=rows[0]["optimizer"],
-            unended=tuple(r["folder"] for r in rows if r["seed"] not in ended),
-            ended=tuple(sorted(by_seed, key=lambda row: -row["winner_fitness"])),
+            name=rows[0].name,
+            optimizer=rows[0].optimizer,
+            unended=tuple(r.folder for r in rows if r.seed not in ended),
+            ended=tuple(sorted(by_seed, key=lambda row: row.rank, reverse=True)),
         )
 
     @property
     def scores(self) -> Floats:
         """Mean score of each winner on its fresh poses, best winner first."""
-        return np.array([row["winner_score"]["mean"] for row in self.ended])
+        return np.array([row.winner_mean for row in self.ended], dtype=np.float64)
 
     @property
     def deviation(self) -> float | None:
@@ -184,14 +183,14 @@ class SeedSummary:
     @property
     def manufacturable(self) -> int | None:
         """Number of manufacturable winners; None where none was asked for."""
-        known = [row["manufacturable"] for row in self.ended]
-        return None if None in known else sum(known)
+        known = [row.manufacturable for row in self.ended]
+        return None if None in known else sum(map(bool, known))
 
     @property
     def cells(self) -> tuple[Value, ...]:
         """The summary as a row: names, seeds, scores, how many manufacturable, the best."""
         ended, waiting = len(self.ended), len(self.unended)
-        scores, best = self.scores, self.ended[0] if ended else None
+        scores, best = self.scores, self.best
         ends = (scores.mean(), scores.min(), scores.max()) if ended else (None, None, None)
         mean, lowest, highest = (
             Number(None if value is None else float(value), form=".4f") for value in ends
@@ -205,20 +204,14 @@ class SeedSummary:
             lowest,
             highest,
             Number(self.manufacturable, form="d"),
-            "-" if best is None else f"seed {best['seed']}",
-            "-" if best is None else best["folder"],
+            "-" if best is None else f"seed {best.seed}",
+            "-" if best is None else best.folder,
         )
 
     @property
-    def content(self) -> dict[str, Any]:
-        """The values in JSON that the row does not have."""
-        best = self.ended[0] if self.ended else {"folder": None, "seed": None}
-        return {
-            "seeds": sorted(row["seed"] for row in self.ended),
-            "unended": list(self.unended),
-            "best": best["folder"],
-            "best_seed": best["seed"],
-        }
+    def best(self) -> RunSummary | None:
+        """The run with the best winner."""
+        return self.ended[0] if self.ended else None
 
 
 def list_runs(folders: Sequence[Path]) -> RunListing:
@@ -234,8 +227,8 @@ def list_runs(folders: Sequence[Path]) -> RunListing:
     for path in paths.values():
         try:
             with damage_errors(path):
-                row = plain_summary(RunArchive.read(path))
-                json_text("vinefab/runs-1", row)  # raises ValueError if a number is not finite
+                row = RunArchive.read(path).summary
+                _ = row.as_json  # raises ValueError if a number is not finite
             rows.append(row)
         except UnreadableFileError as error:
             broken.append(str(error))
@@ -244,14 +237,14 @@ def list_runs(folders: Sequence[Path]) -> RunListing:
 
 def write_best(listing: RunListing, path: Path, *, force: bool = False) -> bool:
     """Write the best winner of runs that differ in their seed alone; return whether all ended."""
-    kinds = {row["seedless_run"] for row in listing.rows}
+    kinds = {row.seedless_run for row in listing.rows}
     if len(kinds) != 1:
         allowed = "with folders whose runs differ in their seed alone"
         raise BadInputError("--best", f"{counted(len(kinds), 'kind')} of runs", allowed)
     summary = SeedSummary.of(listing.rows)
     if not summary.ended:
         raise BadInputError("--best", "no run that has ended", "once a run has ended")
-    archive = RunArchive.read(Path(summary.ended[0]["folder"]) / RECORD_FILE)
+    archive = RunArchive.read(Path(summary.ended[0].folder) / RECORD_FILE)
     write_text(path, design_text(archive.result().best), force=force)
     if archive.recipe is not None:
         archive.recipe.write(path.parent)
@@ -523,210 +516,6 @@ def run_facts(settings: RunSettings) -> tuple[Fact, ...]:
         Fact("manufacturability", made),
         *([Fact("pieces", f"at most {pieces.most}, joined by sleeves{charged}")] if pieces else []),
     )
-
-
-FRONT_SCHEMA = "vinefab/front-1"
-MOST_ROBOTS = 4
-"""Most designs of the front that are drawn, the knee among them if there is one."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FrontMember(Finalist):
-    """One design of a front, named after the run, with its place on the front."""
-
-    further: tuple[float, ...]  # values of the run's further objectives, in their order
-    is_knee: bool  # against the run's `front_axis`; a front may have no knee
-
-
-def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...]:
-    """Return the finalists that are non-dominated on fresh poses, the cheapest first.
-
-    In a run without costs the one with the best score in the first other task is the first.
-    """
-    finalists = result.finalists
-    fitness = np.array([finalist.fitness for finalist in finalists])
-    space, names = Space(settings.space, settings.build), settings.further_objectives
-    scores = {
-        other.name: np.array([f.score.composite[other.name] for f in finalists])
-        for other in settings.other_tasks
-    }
-    costs = minimized(np.array([f.x for f in finalists]), scores, space, names)
-    signs = np.array([1.0 if name in COSTS else -1.0 for name in names])
-    along = costs[:, names.index(settings.front_axis)]
-    rows = np.flatnonzero(non_dominated(fitness, costs))
-    rows = rows[np.argsort(along[rows], kind="stable")]
-    bend, kept = knee(fitness[rows], along[rows]), RunContext.of(result.best).kept
-    return tuple(
-        FrontMember(
-            x=finalists[row].x,
-            design=finalists[row].design.changed(
-                name=f"{settings.name}_{place + 1:02}", origin={**kept, "front": place + 1}
-            ),
-            score=finalists[row].score,
-            fitness=float(fitness[row]),
-            penalty=finalists[row].penalty,
-            further=tuple((signs * costs[row]).tolist()),
-            is_knee=place == bend,
-        )
-        for place, row in enumerate(rows.tolist())
-    )
-
-
-def front_json(members: Sequence[FrontMember], result: RunResult, settings: RunSettings) -> str:
-    """Return a front as JSON: ``vinefab/front-1``."""
-    content = {
-        "run": result.run_id,
-        "knee": next((member.design.name for member in members if member.is_knee), None),
-        "objectives": [
-            {
-                "name": name,
-                "better": "smaller" if name in COSTS else "larger",
-                "unit": COSTS[name].unit if name in COSTS else "",
-            }
-            for name in settings.objectives
-        ],
-        "designs": [
-            {
-                "design": member.design.name,
-                settings.task.name: member.fitness,
-                **dict(zip(settings.further_objectives, member.further, strict=True)),
-                "composite": dict(member.score.composite),
-                "evaluations": len(member.score.evaluations),
-                "penalty": member.penalty,
-                "knee": member.is_knee,
-            }
-            for member in members
-        ],
-    }
-    return json_text(FRONT_SCHEMA, content)
-
-
-def write_front(
-    result: RunResult, settings: RunSettings, out: Path, *, force: bool = False
-) -> tuple[FrontMember, ...]:
-    """Write the designs of a front, ``front.json`` and its picture; return the designs."""
-    members = front_of(result, settings)
-    if result.recipe is not None:
-        result.recipe.write(out / "front")
-    for member in members:
-        path = out / "front" / f"{member.design.name}.toml"
-        write_text(path, design_text(member.design), force=force)
-    write_text(out / "front.json", front_json(members, result, settings), force=force)
-    figure = front_picture(members, result, settings, training_maps(settings)[0])
-    write_bytes(out / "front.svg", page_svg(figure), force=force)
-    write_bytes(out / "front.png", page_png(figure), force=force)
-    return members
-
-
-def front_table(members: Sequence[FrontMember], settings: RunSettings) -> Rows:
-    """Return a front, a row per design, the cheapest first."""
-    further = settings.further_objectives
-    units = (COSTS[name].unit if name in COSTS else "" for name in further)
-    broken = "not manufacturable" if settings.evaluation.fabricable else "beyond the limits"
-    knee = ""
-    if not any(member.is_knee for member in members):
-        low = f"no point lies {LEAST_BEND:.0%} above the line between the ends"
-        why = "fewer than three designs" if len(members) < 3 else low
-        knee = f"; no knee against {settings.front_axis}: {why}"
-    return Rows(
-        caption=f"front of {counted(len(members), 'design')} (simulated){knee}",
-        headings=("design", settings.task.name,
-                  *(f"{name}, {unit}" if unit else name
-                    for name, unit in zip(further, units, strict=True)), ""),
-        rows=tuple(
-            (
-                member.design.name,
-                Number(member.fitness, form=".4f"),
-                *(Number(value, form=".0f" if name in COSTS else ".4f")
-                  for name, value in zip(further, member.further, strict=True)),
-                ", ".join(["knee"] * member.is_knee + [broken] * (member.penalty != 0.0)),
-            )
-            for member in members
-        ),
-    )  # fmt: skip
-
-
-def front_picture(
-    members: Sequence[FrontMember], result: RunResult, settings: RunSettings, world: Map
-) -> Page:
-    """Return the front as a chart, with a few of its robots on a training map.
-
-    The robots are spread over the front, the knee included; their numbers stand at their points.
-    """
-    places = np.linspace(0, len(members) - 1, min(MOST_ROBOTS, len(members))).round().astype(int)
-    bends = [place for place, member in enumerate(members) if member.is_knee]
-    chosen = sorted({*places.tolist(), *bends})
-    if len(chosen) > MOST_ROBOTS:
-        inner = [place for place in chosen[1:-1] if place not in bends]
-        chosen.remove(min(inner, key=lambda place: abs(place - bends[0])))
-    terrain, options = Terrain.of(world), settings.growth.at_one_angle
-    targets, side_pt = task_targets(run_task(settings), world), 165.0
-    plans, explained = list[Panel](), dict[str, Primitive]()
-    for place in chosen:
-        design = members[place].design
-        deployment = grow_on(design, terrain, world.starts[0].pose, options)
-        plan = plan_panel(world.bounds.bounds, side_pt)
-        draw_map(plan, world)
-        draw_deployment(plan, deployment, options.drawn_widths_mm(design.build.widths_mm))
-        draw_targets(plan, targets)
-        plan.x_name = plan.y_name = ""
-        plan.x_ticks = plan.y_ticks = ()
-        plan.title = f"{place + 1}: {design.name}{' (knee)' if members[place].is_knee else ''}"
-        # Once for all plans, what the symbols on them mean, without the counts of each.
-        for words, symbol in plan.legend.items():
-            explained.setdefault(re.sub(r" \(.*\)$", "", words), symbol)
-        plan.legend_shown = False
-        plans.append(plan)
-    width_pt = max(2, len(chosen)) * (side_pt + 14.0) - 60.0
-    chart = _front_chart(members, result, settings, chosen, width_pt)
-    levels_first = sorted(explained.items(), key=lambda entry: (entry[0][:5] != "level", entry[0]))
-    return page_of_rows([[chart], plans], dict(levels_first))
-
-
-def _front_chart(
-    members: Sequence[FrontMember],
-    result: RunResult,
-    settings: RunSettings,
-    chosen: Sequence[int],
-    width_pt: float,
-) -> Panel:
-    """Return fitness over the first further objective: in the search, and of the front."""
-    lowest = min(finalist.fitness for finalist in result.finalists)
-    space, axis = Space(settings.space, settings.build), settings.front_axis
-    _, fitness, costs = feasible_points(result.history, min(-1e3, lowest), space, [axis])
-    cost = costs[:, 0] if axis in COSTS else -costs[:, 0]
-    penalty = np.concatenate([generation.penalty for generation in result.history])
-    valid = np.isfinite(cost)
-    if len(penalty) == len(cost):
-        valid &= penalty == 0.0
-    evaluated = np.column_stack([cost[valid], fitness[valid]])
-    place = settings.further_objectives.index(axis)
-    front = np.array([(member.further[place], member.fitness) for member in members])
-    every = np.vstack([evaluated, front])
-    (x0, x1), (y0, y1) = ends_of(every[:, 0]), ends_of(every[:, 1])
-    known = COSTS.get(axis)
-    unit = " score (simulated)" if known is None else f" ({known.unit})" if known.unit else ""
-    chart = Panel(
-        box=(x0, y0, x1, y1),
-        width_pt=width_pt,
-        height_pt=190.0,
-        x_name=axis.replace("_", " ") + unit,
-        y_name=f"{settings.task.name} score (simulated)",
-        title="Scores of one kind compare with each other only.",
-        frame=True,
-    )
-    cross = Ink(line=SOFT, width_pt=0.7, line_alpha=0.45)
-    chart.marks(evaluated, "x", 3.0, cross, label="in the search, on training poses")
-    lines = list[Floats]()
-    if len(settings.objectives) == 2:  # without a third objective the front is a line
-        steps = np.repeat(front, 2, axis=0)
-        lines = [np.column_stack([steps[1:, 0], steps[:-1, 1]])]
-        chart.line(lines[0], Ink(line=LEVEL_COLOURS[0], width_pt=1.5))
-    label = "the front, scored again on fresh poses"
-    chart.marks(front, "o", 5.5, Ink(fill=LEVEL_COLOURS[0]), label=label)
-    numbers, inks = [str(place + 1) for place in chosen], [INK] * len(chosen)
-    chart.write_labels(front[list(chosen)], numbers, inks, size_pt=11.0, mark_pt=4.0, lines=lines)
-    return chart
 
 
 MOST_POINTS = 400

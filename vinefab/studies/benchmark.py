@@ -425,7 +425,7 @@ class BenchmarkResult:
         for name in ("threads", "batches", "memory"):
             content[name] = {str(key): value for key, value in content[name].items()}
         content["searches"] = {
-            name: {**split.plain(), "shares": split.shares} for name, split in self.searches.items()
+            name: {**split.content, "shares": split.shares} for name, split in self.searches.items()
         }
         return json_text(_SCHEMA, content)
 

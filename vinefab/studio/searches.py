@@ -6,7 +6,6 @@ server is killed: it notices that the pipe to it has closed (`vinefab.core.inter
 """
 
 import asyncio
-import json
 import os
 import shlex
 import subprocess
@@ -22,6 +21,7 @@ from typing import IO, Any
 import numpy as np
 
 from vinefab.core.atomic import folder_to_fill, write_text
+from vinefab.core.codec import Record
 from vinefab.core.errors import (
     BadInputError,
     CannotWriteError,
@@ -39,6 +39,7 @@ from vinefab.model.files.shipped import path_inside
 from vinefab.model.score import Score
 from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.finalists import minimized, non_dominated, spread_out
+from vinefab.search.front import FRONT_FILE, FrontFile, FrontObjective
 from vinefab.search.manufacturability import with_build_for_film
 from vinefab.search.record.generations import Generation, first_difference, touched_text
 from vinefab.search.record.result import RECORD_FILE, RecordTail, RunArchive, records_below
@@ -134,6 +135,32 @@ class FollowedRecord:
         return [points[place] for place in chosen.tolist()]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownObjective(FrontObjective):
+    """An objective as charts name it."""
+
+    kind: str  # ``planned`` or ``simulated``
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrontPoint:
+    """A design of a front on the page."""
+
+    point: str  # by which the page asks for it
+    label: str
+    values: tuple[float, ...]  # by objective
+    breaks: bool = False  # whether it has a penalty
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownFront(Record):
+    """A front as the page shows it."""
+
+    objectives: tuple[ShownObjective, ...]  # the task first
+    points: tuple[FrontPoint, ...]
+    is_final: bool  # whether the run has ended with it
+
+
 class LiveFront:
     """The designs of a run with several objectives that no other dominates so far."""
 
@@ -158,40 +185,37 @@ class LiveFront:
         self._at = [at[place] for place in kept.tolist()]
         self._fitness, self._costs = fitness[kept], costs[kept]
 
-    def plain(self) -> dict[str, Any]:
-        """Return the front for the page, its points in the order of the first further objective."""
+    @property
+    def shown(self) -> ShownFront:
+        """The front for the page, its points in the order of the first further objective."""
         settings = self._settings
         signs = [1.0 if name in COSTS else -1.0 for name in settings.further_objectives]
-        points = [
-            {
-                "point": "{}:{}".format(*self._at[place]),
-                "label": f"generation {self._at[place][0] + 1}",
-                "values": [
+        points = (
+            FrontPoint(
+                point="{}:{}".format(*self._at[place]),
+                label=f"generation {self._at[place][0] + 1}",
+                values=(
                     float(self._fitness[place]),
                     *(s * float(c) for s, c in zip(signs, self._costs[place], strict=True)),
-                ],
-                "breaks": False,
-            }
+                ),
+            )
             for place in spread_out(self._costs, MOST_FRONT_POINTS)
-        ]
-        names = (settings.task.name, *settings.further_objectives)
-        return {
-            "objectives": [_objective(name) for name in names],
-            "points": points,
-            "is_final": False,
-        }
+        )
+        return ShownFront(objectives=_objectives(settings), points=tuple(points), is_final=False)
 
 
-def _objective(name: str) -> dict[str, str]:
-    """Return an objective as charts name it."""
-    is_cost = name in COSTS
-    return {
-        "name": name.replace("_", " ") if is_cost else f"{name} score",
-        "unit": COSTS[name].unit if is_cost else "",
-        "better": "smaller" if is_cost else "larger",
-        # A cost follows from the design alone.
-        "kind": "planned" if is_cost else _SIMULATED,
-    }
+def _objectives(settings: RunSettings) -> tuple[ShownObjective, ...]:
+    """Return the objectives of a run, the task first."""
+    return tuple(
+        ShownObjective(
+            name=one.name.replace("_", " ") if one.name in COSTS else f"{one.name} score",
+            better=one.better,
+            unit=one.unit,
+            # A cost follows from the design alone.
+            kind="planned" if one.name in COSTS else _SIMULATED,
+        )
+        for one in map(FrontObjective.named, (settings.task.name, *settings.further_objectives))
+    )
 
 
 def best_words(record: FollowedRecord) -> str:
@@ -214,35 +238,27 @@ def winner_words(score: Score) -> str:
 _MOST_FRONT_BYTES = 1 << 24
 
 
-def final_front(folder: Path, record: FollowedRecord) -> dict[str, Any] | None:
+def final_front(folder: Path, record: FollowedRecord) -> ShownFront | None:
     """Return the front that a run ended with, from its ``front.json``; None without one."""
-    path, settings = folder / "front.json", record.settings
-    if settings is None or not settings.objectives or not record.stopped:
+    path, settings = folder / FRONT_FILE, record.settings
+    if settings is None or not settings.objectives or not record.stopped or not path.exists():
         return None
-    # The task first, as in the live front.
-    names = [settings.task.name, *settings.further_objectives]
-    try:
-        if path.stat().st_size > _MOST_FRONT_BYTES:
-            raise UnreadableFileError(path, "is too large for a front")
-        content = json.loads(path.read_text(encoding="utf-8"))
-        points = [
-            {
-                "point": str(entry["design"]),
-                "label": f"{entry['design']}{', knee' if entry['knee'] else ''}",
-                "values": [float(entry[objective]) for objective in names],
-                "breaks": entry["penalty"] > 0.0,
-            }
-            for entry in content["designs"]
-        ]
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        if isinstance(error, VinefabError):
-            raise
-        raise UnreadableFileError(path, f"is not a front of a run ({error})") from error
-    if any("/" in point["point"] or "\\" in point["point"] for point in points):
+    found = FrontFile.read(path, _MOST_FRONT_BYTES)
+    if {one.name for one in found.objectives} != {*settings.objectives}:
+        raise UnreadableFileError(path, "has other objectives than its run")
+    if any("/" in one.design or "\\" in one.design for one in found.designs):
         raise UnreadableFileError(path, "is not a front of a run (it names a design by a path)")
-    return {"objectives": [_objective(n) for n in names], "points": points, "is_final": True}
+    names = (settings.task.name, *settings.further_objectives)
+    points = (
+        FrontPoint(
+            point=one.design,
+            label=f"{one.design}{', knee' if one.knee else ''}",
+            values=tuple(one.values[name] for name in names),
+            breaks=one.penalty > 0.0,
+        )
+        for one in found.designs
+    )
+    return ShownFront(objectives=_objectives(settings), points=tuple(points), is_final=True)
 
 
 _PAUSE_S = 0.35
@@ -445,13 +461,13 @@ class SearchManager:
             content = best
         else:
             record.look()
-            front = final_front(folder, record) or {"points": []}
-            known = {entry["point"]: entry["values"] for entry in front["points"]}
+            front = final_front(folder, record)
+            known = {one.point: one.values for one in front.points} if front else {}
             if point not in known:
                 allowed = f"one of {', '.join(known) or 'none'}"
                 raise BadInputError("point", point, allowed, folder)
             words = f"score {known[point][0]:.4f} on fresh poses ({_SIMULATED})"
-            path = path_inside("design", f"front/{point}.toml", (folder,), folder / "front.json")
+            path = path_inside("design", f"front/{point}.toml", (folder,), folder / FRONT_FILE)
             content = design_content(Design.read(path))
         return {"design": content, "folder": self._shown(folder), "point": point, "words": words}
 
@@ -462,8 +478,8 @@ class SearchManager:
         record.look()
         if record.front is None:
             raise BadInputError("folder", ask["folder"], "a run with several objectives", PAGE)
-        final = final_front(folder, record)
-        return {"folder": self._shown(folder), "front": final or record.front.plain()}
+        front = final_front(folder, record) or record.front.shown
+        return {"folder": self._shown(folder), "front": front.content}
 
     def poll(self) -> dict[str, Any] | None:
         """Return the event of the running search; None if it is that of the last call."""
@@ -559,7 +575,7 @@ class SearchManager:
             "best_score": record.best if record.best_at is not None else None,
             "best_touched": record.best_touched,
             "best_words": best_words(record),
-            "front": record.front.plain() if record.front else None,
+            "front": record.front.shown.content if record.front else None,
             "line": problem or _line(state, record, asked=running.was_asked_to_stop),
             "command": running.command,
         }
@@ -577,7 +593,7 @@ class SearchManager:
             "best_score": result.score.composite["mean"],
             "best_touched": result.targets.headline if result.targets else "",
             "best_words": f"{winner_words(result.score)}{_BREAKS if breaks else ''}",
-            **({"front": front} if front else {}),
+            **({"front": front.content} if front else {}),
         }
 
     def _arguments(self, run_file: Path, folder: Path) -> list[str]:

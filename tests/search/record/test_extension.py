@@ -5,7 +5,7 @@ import pytest
 from tests.search.conftest import followed
 from tests.search.kill import content
 from vinefab.core.errors import BadInputError
-from vinefab.search.record.result import RECORD_FILE, RunArchive, plain_summary
+from vinefab.search.record.result import RECORD_FILE, RunArchive
 from vinefab.search.run import run_search
 from vinefab.search.settings import MapSettings, PartSettings
 
@@ -48,7 +48,7 @@ def test_an_extension_is_recorded_and_holds_for_all_later_sessions(tmp_path, sma
     archive = RunArchive.read(tmp_path / RECORD_FILE)
     assert archive.settings.search.generations == 3
     assert archive.result().extensions == second.extensions
-    assert plain_summary(archive)["extensions"][0]["after"]["generations"] == 3
+    assert archive.summary.extensions[0].after["generations"] == 3
 
 
 def test_an_extension_that_is_interrupted_goes_on(tmp_path, small):

@@ -22,7 +22,6 @@ from vinefab.search.record.result import (
     damage_errors,
     map_from_text,
     map_to_text,
-    plain_summary,
     records_in,
 )
 from vinefab.search.record.store import RunStore
@@ -58,11 +57,11 @@ def test_a_record_gives_the_result_of_its_run(tmp_path, small, maps):
     assert archive.settings == small
     assert [map_fingerprint(m) for m in archive.maps] == [map_fingerprint(m) for m in maps]
     (session,) = archive.sessions
-    assert session.times.total_s > 0.0
-    assert session.times.evaluating_s == pytest.approx(result.times.evaluating_s, rel=0.5)
-    summary = plain_summary(archive)
-    assert summary["evaluations"] == 30
-    assert summary["winner_score"] == result.score.composite
+    assert session.total_s > 0.0
+    assert session.evaluating_s == pytest.approx(result.times.evaluating_s, rel=0.5)
+    summary = archive.summary
+    assert summary.evaluations == 30
+    assert summary.winner_score == result.score.composite
 
 
 def test_a_record_without_its_session_is_damaged(tmp_path, small, maps):
@@ -129,7 +128,7 @@ def test_maps_read_back_to_the_last_bit(maps):
 def test_a_run_that_has_not_ended_has_no_result(tmp_path, small, maps):
     with RunStore.open(tmp_path, RunIdentity.of(small, maps), maps=maps):
         archive = RunArchive.read(tmp_path / RECORD_FILE)  # while open for writing
-    assert plain_summary(archive)["best_fitness"] is None
+    assert archive.summary.best_fitness is None
     with pytest.raises(BadInputError, match="has not ended"):
         archive.result()
 

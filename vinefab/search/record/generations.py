@@ -6,6 +6,7 @@ from typing import Any, Self, cast
 
 import numpy as np
 
+from vinefab.core.codec import Record
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.plain_text import counted
@@ -150,7 +151,7 @@ class Finalist:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Extension:
+class Extension(Record):
     """One time that limits of a run were raised after it had begun."""
 
     utc: str  # when, ISO 8601

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import math
 import os
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,6 +21,7 @@ from vinefab.core.codec import Record
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError, VinefabError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted
+from vinefab.core.statistics import MeanValue
 from vinefab.core.validation import Floats
 from vinefab.core.view import (
     Answer,
@@ -253,7 +255,7 @@ class RunResult(Result):
             {
                 "notes": [*self.notes],
                 "repair": self.repair,
-                "extensions": [asdict(extension) for extension in self.extensions],
+                "extensions": [extension.content for extension in self.extensions],
                 "prediction": None if found is None else found.content,
                 "generations": [
                     {
@@ -265,7 +267,7 @@ class RunResult(Result):
                     }
                     for g in self.history
                 ],
-                "times": {**self.times.plain(), "shares": self.times.shares},
+                "times": {**self.times.content, "shares": self.times.shares},
             }
         )
 
@@ -510,7 +512,7 @@ R = TypeVar("R", bound=Record)
 
 def recorded_entry(entries: Mapping[str, str], key: str, kind: type[R]) -> R | None:
     """Return the value that a record has under a key; None without one."""
-    return kind.of_text(entries[key]) if key in entries else None
+    return kind.of_json(entries[key]) if key in entries else None
 
 
 EXTENSION_TABLE = "CREATE TABLE IF NOT EXISTS extension (number INTEGER PRIMARY KEY, content TEXT)"
@@ -522,7 +524,7 @@ def read_extensions(connection: sqlite3.Connection) -> tuple[Extension, ...]:
     if connection.execute(named).fetchone() is None:
         return ()
     rows = connection.execute("SELECT content FROM extension ORDER BY number").fetchall()
-    return tuple(Extension(**json.loads(text)) for (text,) in rows)
+    return tuple(Extension.of_json(text) for (text,) in rows)
 
 
 def resumed_limits(folder: Path, settings: RunSettings) -> RunSettings:
@@ -720,11 +722,46 @@ def damage_errors(path: Path) -> Iterator[None]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Session:
+class Session(TimeSplit):
     """One session of a run."""
 
     began_utc: str  # ISO 8601
-    times: TimeSplit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSummary(Record):
+    """A record in numbers."""
+
+    folder: str
+    run: str  # its id
+    seedless_run: str  # id of all runs that differ from it in their seed alone
+    name: str
+    task: str
+    optimizer: str
+    seed: int
+    generations: int  # done
+    most_generations: int
+    evaluations: int
+    seconds: float  # of all generations
+    best_fitness: float | None
+    stopped: str | None  # why; None before it has
+    winner_score: Mapping[str, float] | None  # composites on fresh poses
+    unseen_score: MeanValue | None  # of the winner
+    extensions: tuple[Extension, ...]
+    winner_fitness: float | None
+    manufacturable: bool | None  # None where that was not asked
+    sessions: tuple[Session, ...]
+    versions: Mapping[str, str]
+
+    @property
+    def winner_mean(self) -> float | None:
+        """The winner's mean score on fresh poses."""
+        return None if self.winner_score is None else self.winner_score["mean"]
+
+    @property
+    def rank(self) -> float:
+        """The winner's fitness: runs without one come last."""
+        return -math.inf if self.winner_fitness is None else self.winner_fitness
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -781,7 +818,7 @@ class RunArchive:
                 finalists=read_finalists(connection, space),
                 stopped=entries.get("stopped", ""),
                 sessions=tuple(
-                    Session(began_utc=began_utc, times=TimeSplit.from_plain(json.loads(seconds)))
+                    Session(began_utc=began_utc, **asdict(TimeSplit.of_json(seconds)))
                     for began_utc, seconds in sessions
                 ),
                 repair=entries.get("repair", ""),
@@ -790,6 +827,35 @@ class RunArchive:
                 prediction=recorded_entry(entries, "prediction", WinnerPrediction),
                 recipe=recorded_entry(entries, "recipe", RunRecipe),
             )
+
+    @property
+    def summary(self) -> RunSummary:
+        """The record in numbers."""
+        settings, history = self.settings, self.history
+        winner = self.finalists[0] if self.finalists else None
+        checked = settings.evaluation.fabricable
+        return RunSummary(
+            folder=str(self.path.parent),
+            run=self.identity.run_id,
+            seedless_run=self.identity.seedless_id,
+            name=settings.name,
+            task=settings.task.name,
+            optimizer=settings.optimizer.name,
+            seed=settings.search.seed,
+            generations=len(history),
+            most_generations=settings.search.generations,
+            evaluations=sum(len(generation.fitness) for generation in history),
+            seconds=sum(generation.seconds for generation in history),
+            best_fitness=max((one.best for one in history), default=None),
+            stopped=self.stopped or None,
+            winner_score=None if winner is None else winner.score.composite,
+            unseen_score=None if self.prediction is None else self.prediction.unseen.score,
+            extensions=self.extensions,
+            winner_fitness=None if winner is None else winner.fitness,
+            manufacturable=None if winner is None or not checked else winner.penalty == 0.0,
+            sessions=self.sessions,
+            versions=self.identity.versions,
+        )
 
     def result(self) -> RunResult:
         """Return the result of a run that has ended."""
@@ -806,7 +872,7 @@ class RunArchive:
             finalists=self.finalists,
             history=self.history,
             stopped=self.stopped,
-            times=self.sessions[-1].times,
+            times=self.sessions[-1],
             checked=self.settings.evaluation.fabricable,
             repair=self.repair,
             notes=self.notes,
@@ -932,32 +998,3 @@ def _device(folder: Path) -> int | None:
         return folder.stat().st_dev
     except OSError:
         return None
-
-
-def plain_summary(archive: RunArchive) -> dict[str, Any]:
-    """Return the summary of a record as plain values."""
-    settings, history, prediction = archive.settings, archive.history, archive.prediction
-    winner = archive.finalists[0] if archive.finalists else None
-    checked = settings.evaluation.fabricable
-    return {
-        "folder": str(archive.path.parent),
-        "run": archive.identity.run_id,
-        "seedless_run": archive.identity.seedless_id,
-        "name": settings.name,
-        "task": settings.task.name,
-        "optimizer": settings.optimizer.name,
-        "seed": settings.search.seed,
-        "generations": len(history),
-        "most_generations": settings.search.generations,
-        "evaluations": sum(len(generation.fitness) for generation in history),
-        "seconds": sum(generation.seconds for generation in history),
-        "best_fitness": max((one.best for one in history), default=None),
-        "stopped": archive.stopped or None,
-        "winner_score": None if winner is None else dict(winner.score.composite),
-        "unseen_score": None if prediction is None else prediction.content["unseen"]["score"],
-        "extensions": [asdict(extension) for extension in archive.extensions],
-        "winner_fitness": None if winner is None else winner.fitness,
-        "manufacturable": None if winner is None or not checked else winner.penalty == 0.0,
-        "sessions": [{"began_utc": s.began_utc, **s.times.plain()} for s in archive.sessions],
-        "versions": dict(archive.identity.versions),
-    }

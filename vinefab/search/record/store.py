@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
-from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -233,7 +232,7 @@ class RunStore:
     def keep(self, key: str, value: Record) -> None:
         """Record a value: the ``recipe``, or the ``prediction`` of the winner."""
         with self._transaction() as connection:
-            connection.execute("INSERT OR REPLACE INTO run VALUES (?, ?)", (key, value.text))
+            connection.execute("INSERT OR REPLACE INTO run VALUES (?, ?)", (key, value.as_json))
 
     def close(self) -> None:
         """Close the file."""
@@ -274,7 +273,7 @@ class RunStore:
         if times is not None:
             self._connection.execute(
                 "UPDATE session SET seconds = ? WHERE number = ?",
-                (json.dumps(times.plain()), self._session),
+                (times.as_json, self._session),
             )
 
     def _begin(self, maps: Sequence[Map], *, raises_limits: bool) -> None:
@@ -353,8 +352,7 @@ class RunStore:
         settings, run_id = self._identity_texts()["settings"], self.identity.run_id
         with self._transaction() as connection:
             connection.execute(EXTENSION_TABLE)
-            content = json.dumps(asdict(extension))
-            connection.execute("INSERT INTO extension (content) VALUES (?)", (content,))
+            connection.execute("INSERT INTO extension (content) VALUES (?)", (extension.as_json,))
             rows = [("settings", settings), ("run_id", run_id)]
             connection.executemany("INSERT OR REPLACE INTO run VALUES (?, ?)", rows)
             ended = "('stopped', 'repair', 'notes', 'prediction')"

@@ -1,15 +1,20 @@
 """What a run's winner is expected to do elsewhere (simulated): the prediction that is recorded."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
-from vinefab.core.codec import MaybeNan, Record
+from pydantic import Field
+
+from vinefab.core.codec import IF_KNOWN, MaybeNan, Record
 from vinefab.core.plain_text import counted, rounded
 from vinefab.core.statistics import MeanValue
 from vinefab.core.view import Fact, Number, Rows
 from vinefab.growth.options import BranchContact, UnknownRule
 from vinefab.model.laser import Standing
 from vinefab.model.score import Failures
+
+KnownBy = Annotated[str, Field(exclude_if="assumed".__eq__)]
+"""Where a number comes from; JSON says nothing where it is assumed."""
 
 PLACED_OFF = 10.0
 """A body is placed this well [assumed]: mm to either side, and degrees of its heading."""
@@ -132,15 +137,15 @@ class WinnerPrediction(Record):
     task: str  # its name
     title: str  # the same, and whether it is only the ideal case
     head_on_half_angles_deg: tuple[float, ...]  # that it was tried with
-    head_on_half_angles_standing: str = "assumed"  # or ``measured`` and how
+    head_on_half_angles_standing: KnownBy = "assumed"  # or ``measured`` and how
     trained_half_angle_deg: float | list[float]  # or its range
     unseen: FamilyScores  # on unseen maps, or from other poses
     training: FamilyScores  # on the training maps
     rules: tuple[RuleScores, ...]
     placed_off: tuple[PlacedOff, ...]  # on unseen maps
     note: str  # why there are no unseen maps; empty where there are
-    pressure_window: WinnerPressure | None = None  # None where it is not known
-    pieces: WinnerPieces | None = None  # None where it must be one
+    pressure_window: Annotated[WinnerPressure | None, IF_KNOWN] = None  # None where it is not known
+    pieces: Annotated[WinnerPieces | None, IF_KNOWN] = None  # None where it must be one
 
     def __post_init__(self) -> None:
         angles = self.head_on_half_angles_deg

@@ -95,6 +95,35 @@ def test_each_sheet_is_drawn_on_its_own_axes_in_its_own_order(job):
         assert panel.box[2] < 1.2 * sheet.sheet_width_mm  # no bed beside another
 
 
+def test_sheets_are_shown_beside_each_other_and_run_one_after_the_other(job, profile):
+    several = replace(job, sheet_width_mm=4 * job.sheet_width_mm, sheets=(job,) * 4)
+    root = ET.fromstring(job_animation(several, profile))  # noqa: S314
+    beds = [{key: float(rect.get(key)) for key in ("x", "y", "width", "height")}
+            for rect in root.iter(f"{SVG}rect")]  # fmt: skip
+    corners = [(bed["x"], bed["y"]) for bed in beds]
+    assert [len({place[axis] for place in corners}) for axis in (0, 1)] == [3, 2]  # rows of three
+    assert len(set(corners)) == 4
+    assert {(bed["width"], bed["height"]) for bed in beds} == {
+        (job.sheet_width_mm, job.sheet_height_mm)
+    }
+    assert [text.text for text in root.iter(f"{SVG}text")] == [
+        f"sheet {k} of 4" for k in (1, 2, 3, 4)
+    ]
+    lines = list(root.iter(f"{SVG}polyline"))
+    each, last = len(lines) // 4, 0.0
+    assert 4 * each == len(lines) == 4 * len(schedule(job, profile))
+    for number, bed in enumerate(beds):
+        for line in lines[number * each : (number + 1) * each]:
+            x, y = np.array([pair.split(",") for pair in line.get("points").split()], float).T
+            assert bed["x"] - 0.01 <= x.min() <= x.max() <= bed["x"] + bed["width"] + 0.01
+            assert bed["y"] - 0.01 <= y.min() <= y.max() <= bed["y"] + bed["height"] + 0.01
+            begins = float(line[0].get("keyTimes").split(";")[1])
+            assert begins >= last
+            last = begins
+    total_s = machine_time(several, profile).total_s
+    assert f"{total_s:.0f} s on the machine" in root.find(f"{SVG}title").text
+
+
 def test_a_robot_in_tiles_lies_on_film_and_not_on_a_bed():
     line = Contour.polyline(np.array([[5.0, 5.0], [395.0, 5.0]]), closed=False)
     path = LaserPath(operation=Operation.WELDCUT, contour=line)

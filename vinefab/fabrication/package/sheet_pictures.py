@@ -273,36 +273,99 @@ _FLATTEN_MM = 0.1
 _PAUSE = 0.06
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Bed:
+    """A sheet of a job in its animation: the machine runs one after the other."""
+
+    runs: tuple[PathPass, ...]  # in seconds of the whole job
+    begins_s: float
+    height_mm: float
+    left_mm: float  # upper left corner in the picture, y down
+    top_mm: float
+    title: str  # empty for a job on one sheet
+
+    @property
+    def ends_s(self) -> float:
+        return self.runs[-1].ends_s if self.runs else self.begins_s
+
+    def placed(self, points: Floats) -> Floats:
+        """Return places on the bed, y up, as places in the picture."""
+        return np.column_stack(
+            [self.left_mm + points[:, 0], self.top_mm + self.height_mm - points[:, 1]]
+        )
+
+
+def _beds_in_rows(job: Job, profile: LaserProfile) -> tuple[_Bed, ...]:
+    sheets = job.sheets or (job,)
+    room_mm = _title_room_mm(sheets[0])
+    beds, now = list[_Bed](), 0.0
+    for place, sheet in enumerate(sheets):
+        row, column = divmod(place, SHEETS_IN_ROW)
+        several = len(sheets) > 1
+        beds.append(
+            _Bed(
+                runs=tuple(
+                    replace(run, begins_s=now + run.begins_s) for run in schedule(sheet, profile)
+                ),
+                begins_s=now,
+                height_mm=sheet.sheet_height_mm,
+                left_mm=column * (sheet.sheet_width_mm + room_mm),
+                top_mm=row * sheet.sheet_height_mm + (row + 1) * room_mm * several,
+                title=f"sheet {place + 1} of {len(sheets)}" if several else "",
+            )
+        )
+        now = beds[-1].ends_s
+    return tuple(beds)
+
+
+def _title_room_mm(sheet: Job) -> float:
+    """Return the room above a bed and between two."""
+    return 0.06 * max(sheet.sheet_width_mm, sheet.sheet_height_mm)
+
+
 def job_animation(job: Job, profile: LaserProfile) -> bytes:
     """Return an animation, SVG: every path is drawn as the beam runs along it, in true proportion.
 
-    Viewers without animation show the finished sheet.
+    Several sheets lie in rows, and run one after the other. Viewers without animation show them
+    finished.
     """
-    runs = schedule(job, profile)
-    total_s = runs[-1].ends_s if runs else 1.0
+    beds = _beds_in_rows(job, profile)
+    total_s = beds[-1].ends_s or 1.0
     film_s = min(LONGEST_S, max(total_s, 1.0))
     scale = (1.0 - _PAUSE) / total_s
-    width, height = job.sheet_width_mm, job.sheet_height_mm
+    one = (job.sheets or (job,))[0]
+    wide, high, room_mm = one.sheet_width_mm, one.sheet_height_mm, _title_room_mm(one)
+    width, height = max(bed.left_mm for bed in beds) + wide, beds[-1].top_mm + high
     size = max(width, height)
+    how = ", as if all tiles lay on one bed" if job.tiles else ""
+    how = f", {len(beds)} sheets one after the other" if len(beds) > 1 else how
     title = (
         f"{job.name}: {total_s:.0f} s on the machine, shown {total_s / film_s:.1f} times as fast"
-        f"{', as if all tiles lay on one bed' if job.tiles else ''}; {GENERATOR}"
+        f"{how}; {GENERATOR}"
     )
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}"'
         f' width="{1000 * width / size:.0f}" height="{1000 * height / size:.0f}">',
         f"<title>{escape(title)}</title>",
-        f'<rect width="{width:g}" height="{height:g}" fill="#fbfcfd" stroke="#5c6b73"'
-        f' stroke-width="{size / 800:.3g}"/>',
-        *(_path(run, height, film_s, scale) for run in runs),
-        _head(runs, height, film_s, scale),
-        "</svg>",
     ]
+    for bed in beds:
+        place = f' x="{bed.left_mm:g}" y="{bed.top_mm:g}"' if bed.title else ""
+        lines.append(
+            f'<rect{place} width="{wide:g}" height="{high:g}" fill="#fbfcfd" stroke="#5c6b73"'
+            f' stroke-width="{size / 800:.3g}"/>'
+        )
+        if bed.title:
+            lines.append(
+                f'<text x="{bed.left_mm:g}" y="{bed.top_mm - 0.3 * room_mm:.2f}" font-size='
+                f'"{0.6 * room_mm:.3g}" font-family="sans-serif" fill="#1d2a30">{bed.title}</text>'
+            )
+        lines += [_path(run, bed, film_s, scale) for run in bed.runs]
+    lines += [_head(beds, film_s, scale), "</svg>"]
     return "\n".join(lines).encode() + b"\n"
 
 
-def _path(run: PathPass, height_mm: float, film_s: float, scale: float) -> str:
+def _path(run: PathPass, bed: _Bed, film_s: float, scale: float) -> str:
     points, seconds = _samples(run)
     steps = np.hypot(*np.diff(points, axis=0).T)
     length = float(steps.sum())
@@ -310,7 +373,7 @@ def _path(run: PathPass, height_mm: float, film_s: float, scale: float) -> str:
     # Hidden until its time, then drawn as fast as the head goes, then there until the end.
     times = np.concatenate([[0.0], scale * (run.begins_s + seconds), [1.0]])
     values = np.concatenate([[length], left, [0.0]])
-    corners = " ".join(f"{x:.2f},{height_mm - y:.2f}" for x, y in points.tolist())
+    corners = " ".join(f"{x:.2f},{y:.2f}" for x, y in bed.placed(points).tolist())
     colour = OPERATION_COLOURS[run.path.operation]
     return (
         f'<polyline points="{corners}" fill="none" stroke="{colour}" stroke-width="1.2"'
@@ -319,21 +382,25 @@ def _path(run: PathPass, height_mm: float, film_s: float, scale: float) -> str:
     )
 
 
-def _head(runs: Sequence[PathPass], height_mm: float, film_s: float, scale: float) -> str:
-    if not runs:
+def _head(beds: Sequence[_Bed], film_s: float, scale: float) -> str:
+    if not any(bed.runs for bed in beds):
         return ""
-    sampled = [
-        (points, run.begins_s + seconds) for run in runs for points, seconds in [_samples(run)]
-    ]
-    points = np.concatenate([[[0.0, 0.0]], *(points for points, _ in sampled)])
-    times = scale * np.concatenate([[0.0], *(seconds for _, seconds in sampled)])
+    places, seconds = list[Floats](), list[Floats]()
+    for bed in beds:  # from the lower left corner of each
+        places.append(bed.placed(np.zeros((1, 2))))
+        seconds.append(np.array([bed.begins_s]))
+        for run in bed.runs:
+            points, times = _samples(run)
+            places.append(bed.placed(points))
+            seconds.append(run.begins_s + times)
+    points, times = np.concatenate(places), scale * np.concatenate(seconds)
     points, times = np.vstack([points, points[-1]]), np.append(times, 1.0)
     moves = "".join(
         _animate(name, film_s, times, values)
-        for name, values in (("cx", points[:, 0]), ("cy", height_mm - points[:, 1]))
+        for name, values in (("cx", points[:, 0]), ("cy", points[:, 1]))
     )
     x, y = points[-1]
-    return f'<circle cx="{x:.2f}" cy="{height_mm - y:.2f}" r="4" fill="#1d2a30">{moves}</circle>'
+    return f'<circle cx="{x:.2f}" cy="{y:.2f}" r="4" fill="#1d2a30">{moves}</circle>'
 
 
 def _samples(run: PathPass) -> tuple[Floats, Floats]:

@@ -274,7 +274,7 @@ def window_of_needs(loose_kpa, tight_kpa, allowed_kpa, working_kpa):
     ],
 )
 def test_verdicts_follow_from_rules_and_window(report, window, tone, words):
-    text, found = verdict_on(report, window, RecipeStatus.COUPON_OK)
+    text, found = verdict_on(report, window)
     assert found == tone
     assert words in text
     assert "unverified" not in text
@@ -282,11 +282,11 @@ def test_verdicts_follow_from_rules_and_window(report, window, tone, words):
 
 def test_no_verdict_is_good_over_an_unverified_recipe():
     window = window_of_needs(10.0, 20.0, 30.0, 15.0)
-    text, tone = verdict_on(check(), window, RecipeStatus.UNVERIFIED)
+    text, tone = verdict_on(check(), window, "laser recipe unverified")
     assert tone == "caution"
     assert "manufacturable by the rules (laser recipe unverified), and deployable" in text
     closed = window_of_needs(30.0, 60.0, 20.0, 15.0)
-    assert verdict_on(check(), closed, RecipeStatus.UNVERIFIED)[1] == "bad"
+    assert verdict_on(check(), closed, "laser recipe unverified")[1] == "bad"
 
 
 def known_outcomes(maps=("a", "a", "a", "b")):

@@ -758,6 +758,34 @@ class LaserProfile:
             raise BadInputError(f"recipe {self.recipe.name}", str(operation), allowed)
         return known[operation]
 
+    @property
+    def stale_words(self) -> str:
+        """How stale the settings are with this film, with a scaled estimate; empty if they fit."""
+        known, film, operations = self.recipe.derived_for, self.material, self.recipe.by_operation
+        if known is None or not known.is_other(film):
+            return ""
+        cutting = next((name for name in ("weldcut", "cut") if name in operations), "")
+        settings = operations[cutting]
+        message = (
+            f"the settings were derived for film of {known.film_mm:g} mm in all plies, and this is "
+            f"{film.film_mm:g} mm: "
+        )
+        if known.cut_j_cm2 is not None:
+            needs = known.share(film) * known.cut_j_cm2.value
+            gives = settings.fluence_j_cm2(self.machine)
+            message += (
+                f"to cut it takes about {needs:.0f} J/cm^2 ({known.cut_j_cm2.standing}: "
+                f"{known.cut_j_cm2.value:g}, scaled with the thickness), and {cutting} delivers "
+                f"{gives:.0f}, "
+                f"{'less' if gives < needs else 'more'} than that: "
+            )
+        speed = settings.speed_mm_s.value / known.share(film)
+        return (
+            f"{message}run {cutting} at about {speed:.0f} mm/s in place of "
+            f"{settings.speed_mm_s.value:g} (scaled), cut the coupons of `vinefab coupon` anew, "
+            "and run `vinefab calibrate`"
+        )
+
 
 P = TypeVar("P", Machine, Material, Recipe)
 

@@ -40,6 +40,7 @@ from vinefab.fabrication.package.prepare import (
     prepare,
     pressure_section,
     recipe_cautions,
+    recipe_verdict,
 )
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.growth.options import GrowthOptions, growth_text
@@ -48,7 +49,7 @@ from vinefab.model.contacts import MeasuredNumber
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport
-from vinefab.model.laser import LaserProfile, Material, Quantity, RecipeStatus, Standing
+from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
 from vinefab.model.map import Map
 from vinefab.model.score import FAILED_PERCENT, HARDLY_GROWN, NOTHING_TOUCHED, Failures
 from vinefab.model.target import TargetsResult
@@ -437,7 +438,7 @@ class Predicted(WrittenResult):
     def _made(self) -> Iterator[Block]:
         prepared, outcomes = self.prepared, self.main.outcomes
         design, profile = prepared.design, prepared.profile
-        words, tone = verdict_on(prepared.report, self.window, profile.recipe.status)
+        words, tone = verdict_on(prepared.report, self.window, recipe_verdict(profile))
         targets = self.targets
         asked = targets if counts_targets(self.plan.task) else None
         spread, (does, what) = outcomes.spread(self.asked), self.asked.does
@@ -644,13 +645,12 @@ FEW_MAPS = 10
 
 
 def verdict_on(
-    report: CheckReport, window: PressureWindow | None, status: RecipeStatus
+    report: CheckReport, window: PressureWindow | None, reservation: str = ""
 ) -> tuple[str, Tone]:
     """Return in one sentence whether a robot is manufacturable and deployable, and the tone."""
-    verified = status is not RecipeStatus.UNVERIFIED
     made = "manufacturable"
-    if not verified:
-        made += " by the rules (laser recipe unverified)"
+    if reservation:  # as `recipe_verdict` gives it
+        made += f" by the rules ({reservation})"
     if report.blocking:
         broken = ", ".join(sorted({finding.rule for finding in report.blocking}))
         return (
@@ -659,7 +659,7 @@ def verdict_on(
         )
     if window is None:
         return f"{made}, but has no room to emerge from any of the poses.", "bad"
-    safe = window.holds_working and window.is_open_tight and verified
+    safe = window.holds_working and window.is_open_tight and not reservation
     tone: Tone = "plain" if safe else "caution" if window.is_open else "bad"
     return f"{made}, {window.words}.", tone
 

@@ -286,6 +286,29 @@ def test_the_page_is_no_good_news_while_no_coupon_confirmed_the_recipe(
     assert "unverified" not in answer.text
 
 
+def test_a_package_for_a_film_that_the_settings_are_not_for_says_so_at_every_step() -> None:
+    """0.05 mm in place of 0.0375 mm: by the thickness it takes 31 J/cm2, and gets 27."""
+    known = read_profile("co2_40w__stretchlon_200")
+    ply = known.material.ply_mm.changed(value=0.05)
+    other = replace(known, material=known.material.changed(ply_mm=ply))
+    design = Design.read("plain_vine")
+    texts, answers = [], []
+    for profile in (known, other):
+        made = prepare(design, profile)
+        texts.append(" ".join(readme_text(design, made.job, profile, PRESETS["default"]).split()))
+        answers.append(list(page_blocks(made))[:2])
+    assert "seals and cuts the outline in one pass." in texts[0]
+    assert "stale" not in texts[0].lower()
+    assert "seals and cuts" not in texts[1]
+    assert "is to seal and cut the outline in one pass; its settings are stale" in texts[1]
+    assert "!! STALE SETTINGS: the settings were derived for film of 0.075 mm" in texts[1]
+    assert "takes about 31 J/cm^2" in texts[1]
+    (usual, _), (answer, notes) = answers
+    assert usual.text.endswith("; laser recipe unverified")
+    assert answer.text.endswith("; laser recipe unverified and stale")
+    assert "31 J/cm^2" in notes.notes[1]
+
+
 def check_in(folder: Path, command: list[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         command,

@@ -192,7 +192,7 @@ def body_paths(
         ),
     )
     facts: dict[str, object] = {
-        "process": "weldcut: one pass seals and cuts",
+        "process": "weldcut: seam and cut in one pass",
         "weldcut_offset_mm": offset,
         "weldcut_seam_mm": settings.seam_width_mm.value,
         "weldcut_kerf_mm": settings.kerf_mm.value,

@@ -91,6 +91,7 @@ def readme_text(
         "build": design.build,
         "job": job,
         "recipe": profile.recipe,
+        "stale": profile.stale_words,
         "machine": profile.machine,
         "film": profile.material,
         "colours": colours,

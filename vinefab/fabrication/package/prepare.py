@@ -293,7 +293,7 @@ def page_blocks(prepared: Prepared) -> Iterator[Block]:
     tone: Tone = "caution" if cautions else "good"
     if any(report.blocking for report in (prepared.report, *prepared.beside)):
         tone = "bad"
-    yield Answer(f"{words}; laser recipe unverified" if cautions else words, tone)
+    yield Answer("; ".join(filter(None, (words, recipe_verdict(profile)))), tone)
     yield Notes(cautions)
     sheet, *sections = making_sections(prepared)
     yield from sheet.pictures
@@ -308,9 +308,19 @@ def page_blocks(prepared: Prepared) -> Iterator[Block]:
 
 def recipe_cautions(profile: LaserProfile) -> tuple[str, ...]:
     """Return the reservations about a recipe, a sentence each."""
+    found = list[str]()
     if profile.recipe.status is RecipeStatus.UNVERIFIED:
-        return ("No coupon has confirmed the laser recipe: cut and burst one first.",)
-    return ()
+        found.append("No coupon has confirmed the laser recipe: cut and burst one first.")
+    if stale := profile.stale_words:
+        found.append(f"{stale[0].upper()}{stale[1:]}.")
+    return tuple(found)
+
+
+def recipe_verdict(profile: LaserProfile) -> str:
+    """Return the reservations about a recipe in a few words; empty if there are none."""
+    unverified = profile.recipe.status is RecipeStatus.UNVERIFIED
+    words = ["unverified"] * unverified + ["stale"] * bool(profile.stale_words)
+    return f"laser recipe {' and '.join(words)}" if words else ""
 
 
 def making_sections(prepared: Prepared) -> tuple[Section, ...]:

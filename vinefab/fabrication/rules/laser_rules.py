@@ -486,7 +486,7 @@ def check_status(subject: Subject, limits: Limits) -> RuleApplied:
             one = _warning(f"{message}{window.words()}", f"energy {window.operation}")
             title = "settings differ from those that coupons confirmed"
             violations.append(replace(one, title=title))
-    if stale := _derived_for_another_film(profile):
+    if stale := profile.stale_words:
         title = "settings were derived for another film"
         violations.append(replace(_warning(stale, "film"), title=title))
     if settings := recipe.by_operation.get(Operation.WELDCUT):
@@ -506,35 +506,6 @@ def check_status(subject: Subject, limits: Limits) -> RuleApplied:
         )
         violations.insert(0, _warning(message, ""))
     return RuleApplied(checked=1 + len(recipe.coupons.windows), violations=tuple(violations))
-
-
-def _derived_for_another_film(profile: LaserProfile) -> str:
-    """Return how stale the settings are with the profile's film, with a scaled estimate; or ""."""
-    known, film, machine = profile.recipe.derived_for, profile.material, profile.machine
-    if known is None or not known.is_other(film):
-        return ""
-    operations = profile.recipe.by_operation
-    cutting = next((n for n in ("weldcut", "cut") if n in operations), "")
-    settings = operations[cutting]
-    message = (
-        f"the settings were derived for film of {known.film_mm:g} mm in all plies, and this is "
-        f"{film.film_mm:g} mm: "
-    )
-    if known.cut_j_cm2 is not None:
-        needs = known.share(film) * known.cut_j_cm2.value
-        gives = settings.fluence_j_cm2(machine)
-        message += (
-            f"to cut it takes about {needs:.0f} J/cm^2 ({known.cut_j_cm2.standing}: "
-            f"{known.cut_j_cm2.value:g}, scaled with the thickness), and {cutting} delivers "
-            f"{gives:.0f}, "
-            f"{'less' if gives < needs else 'more'} than that: "
-        )
-    speed = settings.speed_mm_s.value / known.share(film)
-    return (
-        f"{message}run {cutting} at about {speed:.0f} mm/s in place of "
-        f"{settings.speed_mm_s.value:g} (scaled), cut the coupons of `vinefab coupon` anew, and "
-        "run `vinefab calibrate`"
-    )
 
 
 def _warning(

@@ -23,11 +23,11 @@ from vinefab.studies.study_runs import (
     PAPER_GROWTH,
     QUICK_SIZE,
     JobStore,
+    Trained,
     Training,
+    as_tested,
     coverage_run,
-    design_from,
     maps_of,
-    plain_design,
     total_length_mm,
 )
 from vinefab.studies.training_studies import (
@@ -56,7 +56,7 @@ def folder(tmp_path_factory):
 def test_all_experiments_stand_on_the_page_and_in_the_numbers(folder):
     document = json.loads((folder / "reproduction.json").read_text())
     page = (folder / "reproduction.html").read_text()
-    assert document["schema"] == "vinefab/reproduction-1"
+    assert document["schema"] == "vinefab/reproduction-2"
     assert list(document["experiments"]) == list(EXPERIMENTS)
     assert "Smoke run" in page
     assert page.count("data:image/svg+xml") >= len(EXPERIMENTS)
@@ -150,7 +150,7 @@ def test_a_damaged_part_is_named(folder, tmp_path):
     job = Training(settings=coverage_run(QUICK_SIZE, "grid", 0))
     part = copy / "parts" / f"{job.key}.json"
     part.write_text(part.read_text()[:40])
-    with pytest.raises(UnreadableFileError, match="is not JSON"):
+    with pytest.raises(UnreadableFileError, match="is damaged"):
         JobStore(copy, QUICK_SIZE, 1).train([job])
 
 
@@ -177,33 +177,37 @@ def test_runs_that_differ_have_other_keys():
     assert len({Training(settings=r).key for r in (run, *others)}) == 3
 
 
-def test_a_design_survives_being_plain():
+def test_a_design_is_kept_to_the_bit_without_its_origin():
     design = Design.read("grid_explorer")
-    again = design_from(json.loads(json.dumps(plain_design(design))))
-    assert (again.levels, again.build) == (design.levels, design.build)
     cut = design.changed(build=design.build.changed(pieces=PieceSettings(most=3, lap_mm=12.0)))
-    assert design_from(json.loads(json.dumps(plain_design(cut)))).build == cut.build
-    assert total_length_mm(again) == pytest.approx(branch_tree(design).total_length_mm)
+    result = Trained(
+        key="k", design=as_tested(cut), fitness=0.1, best=(), mean=(), evaluations=1, penalty=0.0
+    )
+    again = Trained.of_json(result.as_json)
+    assert again == result
+    assert (again.design.levels, again.design.build) == (cut.levels, cut.build)
+    assert not again.design.origin
+    assert total_length_mm(again.design) == pytest.approx(branch_tree(design).total_length_mm)
 
 
 @pytest.fixture
 def once():
     """A straight vine too short to meet a wall, launched once."""
-    short = {**plain_design(Design.read("plain_vine")), "trunk_length_mm": 14.0, "levels": []}
+    short = Design.read("plain_vine").changed(trunk={"length_mm": 14.0})
     return RedeploymentJob(design=short, worlds=maps_of("grid", 3, 1), headings=1, buffer_mm=20.0)
 
 
 def test_headings_that_meet_the_same_fate_count_once(once):
     """One heading has one shape; a straight vine too short to meet a wall has one per heading."""
-    assert once.run()["shapes"] == 1
+    assert once.run().shapes == 1
     # Tips 14 mm from the base, 60 degrees apart, are 14 mm from each other, and 12 mm from the
     # other body: more than 10.
     three = replace(once, headings=3).run()
-    assert (three["shapes"], three["tips"]) == (3, 3)
-    assert three["ends"]["full_length"] == 3
-    assert sum(three["ends"].values()) == 3
+    assert (three.shapes, three.tips) == (3, 3)
+    assert three.ends["full_length"] == 3
+    assert sum(three.ends.values()) == 3
     thirteen = replace(once, headings=13).run()
-    assert (thirteen["shapes"], thirteen["tips"]) == (1, 1)
+    assert (thirteen.shapes, thirteen.tips) == (1, 1)
 
 
 def test_two_ways_to_one_place_are_two_shapes():
@@ -218,13 +222,13 @@ def test_two_ways_to_one_place_are_two_shapes():
 
 def test_open_bounds_let_robots_through(once):
     """A vine heading out of the map ends at its bounds, or beyond them if they are open."""
-    away = replace(once, design={**once.design, "trunk_length_mm": 3000.0}, headings=24)
+    away = replace(once, design=once.design.changed(trunk={"length_mm": 3000.0}), headings=24)
     closed, opened = away.run(), replace(away, open_bounds=True).run()
-    assert closed["ends"][BEYOND] == 0
-    assert closed["ends"]["corner at the bounds"] > 12
-    assert opened["ends"][BEYOND] > 12
-    assert opened["ends"]["corner at the bounds"] == 0
-    assert opened["share"] < closed["share"]
+    assert closed.ends[BEYOND] == 0
+    assert closed.ends["corner at the bounds"] > 12
+    assert opened.ends[BEYOND] > 12
+    assert opened.ends["corner at the bounds"] == 0
+    assert opened.share < closed.share
 
 
 @pytest.mark.thorough

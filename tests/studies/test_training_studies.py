@@ -10,7 +10,7 @@ from vinefab.studies.training_studies import convergence
 
 def test_convergence_shows_first_and_last_generations_and_the_winners_spread():
     best = np.linspace(0.0, 1.9, 20)
-    runs = [{"best": best, "mean": 0.5 * best, "fitness": fitness} for fitness in (0.4, 0.6)]
+    runs = [SimpleNamespace(best=best, mean=0.5 * best, fitness=fitness) for fitness in (0.4, 0.6)]
     size = replace(QUICK_SIZE, repeats=2, generations=20)
     found = convergence(SimpleNamespace(size=size, train=lambda _: runs))
     first, last, winners = found.rows

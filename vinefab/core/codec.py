@@ -10,7 +10,8 @@ from pydantic import AllowInfNan, BeforeValidator, ConfigDict, Field, PlainSeria
 from pydantic import ValidationError as _ValidationError
 
 from vinefab.core.errors import UnreadableFileError, VinefabError
-from vinefab.core.plain_text import json_text
+from vinefab.core.frozen import FrozenMapping
+from vinefab.core.plain_text import json_text, plain
 from vinefab.core.table import dotted
 
 MaybeNan = Annotated[
@@ -61,7 +62,7 @@ class Record:
         """The fields as JSON has them."""
         kind: Any = type(self)
         plain: dict[str, Any] = _codec(kind).dump_python(
-            self, mode="json", by_alias=True, warnings=False
+            self, mode="json", by_alias=True, warnings=False, fallback=_plain
         )
         return plain
 
@@ -115,6 +116,11 @@ class Record:
             raise UnreadableFileError(path, error.strerror or "is not readable") from error
         except (ValueError, RecursionError) as error:
             raise UnreadableFileError(path, f"is damaged ({error})") from error
+
+
+def _plain(value: object) -> object:
+    """Return a value of a type that pydantic does not know, nested in values of any type."""
+    return dict(value) if isinstance(value, FrozenMapping) else plain(value)
 
 
 @cache

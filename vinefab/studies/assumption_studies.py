@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from vinefab.core.limits import rad
 from vinefab.core.validation import Floats
 from vinefab.core.view import Picture
 from vinefab.growth.options import GrowthOptions
-from vinefab.model.design import PieceSettings, Pouch
+from vinefab.model.design import Design, PieceSettings, Pouch
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import read_profile
 from vinefab.search.manufacturability import ManufacturabilityPenalty
@@ -46,11 +46,11 @@ from vinefab.studies.study_runs import (
     PAPER_GROWTH,
     STUDIED_ENVIRONMENTS,
     Exchange,
+    JobResult,
     JobStore,
     StudySize,
     Testing,
     coverage_run,
-    design_from,
     measured_fast,
     study_scores,
     trained,
@@ -93,7 +93,7 @@ class AblationVariant:
         """The task in training, and in the tests of specialization."""
         return PartSettings(name="coverage", parameters={"area": "fast", "clip": self.clip})
 
-    def reach_test(self, size: StudySize, design: dict[str, Any], home: str) -> Testing:
+    def reach_test(self, size: StudySize, design: Design, home: str) -> Testing:
         """Return the test of one branched deployment, under this assumption."""
         test = reach_test(size, design, home)
         worlds = test.worlds.changed(options=self.options(home))
@@ -179,7 +179,7 @@ def ablation(store: JobStore) -> StudyResult:
                 )
                 for job in redeployments(size, home)
             ]
-            many = np.array([part["share"] for part in store.do(jobs, "redeploying")])
+            many = np.array([part.share for part in store.do(jobs, "redeploying")])
             found[REACHES[home]] = difference(one, many.reshape(1, -1, 1))
         results[name] = found
         rows += [
@@ -244,31 +244,38 @@ def ablation(store: JobStore) -> StudyResult:
     )
 
 
-def slim(design: Mapping[str, Any]) -> dict[str, Any]:
+def slim(design: Design) -> Design:
     """Return a design with the widths of this experiment."""
-    build = SLIM.build(1 + len(design["levels"]))
-    widths = {"widths_mm": list(build.widths_mm), "fillet_mm": list(build.fillet_mm)}
-    return {**design, **widths}
+    build = SLIM.build(design.depth)
+    return design.changed(
+        build=design.build.changed(widths_mm=build.widths_mm, fillet_mm=build.fillet_mm)
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FullyChecked(JobResult):
+    """Whether a design passes the whole check; one that breaks cheap rules does not."""
+
+    passes: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FullCheckJob:
     """The whole check of a design, as `vinefab check` makes it, without a map."""
 
-    design: Mapping[str, Any]  # as `plain_design` gives it
+    gives: ClassVar = FullyChecked
+    design: Design  # `as_tested`
 
     @property
     def key(self) -> str:
         """Fingerprint of everything that it depends on."""
         return f"check_{fingerprint(plain_settings(self), __version__)}"
 
-    def run(self) -> dict[str, Any]:
-        """Return ``passes``; what breaks the cheap rules is not checked further."""
-        design, making = (
-            design_from(self.design),
-            ManufacturabilityPenalty(profile=read_profile(DEFAULT_RECIPE)),
-        )
-        return {"passes": making(design) == 0.0 and making.passes(design)}
+    def run(self) -> FullyChecked:
+        """Check it."""
+        making = ManufacturabilityPenalty(profile=read_profile(DEFAULT_RECIPE))
+        passes = making(self.design) == 0.0 and making.passes(self.design)
+        return FullyChecked(key=self.key, passes=passes)
 
 
 _TASKS = {"coverage": COVERAGE_TASK, "reach": REACH_TASK, "anchoring": ANCHORING_TASK}
@@ -299,10 +306,10 @@ class ThreeWays:
         found = trained(store, [run_of_way(run, way) for way in _WAYS for run in free])
         scores = study_scores(
             store,
-            [unseen_test(size, run["design"], home, measured_fast(_TASKS[task])) for run in found],
+            [unseen_test(size, run.design, home, measured_fast(_TASKS[task])) for run in found],
         )
-        checked = store.do([FullCheckJob(design=run["design"]) for run in found], "checking")
-        passing = np.array([part["passes"] for part in checked]).reshape(len(_WAYS), -1)
+        checked = store.do([FullCheckJob(design=run.design) for run in found], "checking")
+        passing = np.array([part.passes for part in checked]).reshape(len(_WAYS), -1)
         by_way = scores.reshape(len(_WAYS), -1, *scores.shape[1:])
         return cls(
             scores=dict(zip(_WAYS, by_way, strict=True)),

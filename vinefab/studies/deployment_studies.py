@@ -1,9 +1,9 @@
 """Studies of deployed robots: reach (Fig. 4) and anchoring (Fig. 7), against a plain vine."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import shapely
@@ -17,6 +17,7 @@ from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.design import Design, design_content
 from vinefab.model.map import Map, Pose
 from vinefab.pages.page_files import page_svg
 from vinefab.physics.anchoring import ASSUMED_FRICTION, amplification_interval
@@ -40,15 +41,14 @@ from vinefab.studies.study_runs import (
     PAPER_GROWTH,
     STUDIED_ENVIRONMENTS,
     Exchange,
+    JobResult,
     JobStore,
     StudySize,
     Testing,
     coverage_run,
-    design_from,
     design_words,
     kept,
     maps_of,
-    plain_design,
     plain_vine,
     site,
     study_scores,
@@ -70,10 +70,22 @@ FINENESS = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Redeployed(JobResult):
+    """The share of free space that robots reach, and their final shapes."""
+
+    share: float  # by all together
+    each: float  # mean share that one deployment reaches
+    shapes: int  # of whole trunks
+    tips: int  # groups of their tips
+    ends: Mapping[str, int]  # how many trunks ended how
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RedeploymentJob:
     """A robot on one map, from one place, with many headings or with that of the start."""
 
-    design: Mapping[str, Any]  # as plain values
+    gives: ClassVar = Redeployed
+    design: Design  # `as_tested`
     worlds: MapSettings  # the map: the first of these
     headings: int  # how many; 1: the start's own
     buffer_mm: float  # distance from the body that counts as reached
@@ -86,23 +98,20 @@ class RedeploymentJob:
         """Fingerprint of everything that it depends on."""
         return f"redeploy_{fingerprint(plain_settings(self), __version__)}"
 
-    def run(self) -> dict[str, Any]:
-        """Return the share of free space reached by all together, and the final shapes.
-
-        ``shapes``, of whole trunks; ``tips``, groups of their tips; ``ends``, how many trunks ended
-        how; ``each``, the mean share that one deployment reaches.
-        """
+    def run(self) -> Redeployed:
+        """Deploy it."""
         place = site(self.worlds, 0)
         grown = self.deployments(place)
         each = [self.reached(place, [deployment]) for deployment in grown]
         ends = [trunk_end(place.world, deployment) for deployment in grown]
-        return {
-            "share": self.reached(place, grown),
-            "each": float(np.mean(each)),
-            "shapes": shape_count(place.world, grown),
-            "tips": tip_groups(np.array([deployment.tips_mm[0] for deployment in grown])),
-            "ends": {name: ends.count(name) for name in ENDS},
-        }
+        return Redeployed(
+            key=self.key,
+            share=self.reached(place, grown),
+            each=float(np.mean(each)),
+            shapes=shape_count(place.world, grown),
+            tips=tip_groups(np.array([deployment.tips_mm[0] for deployment in grown])),
+            ends={name: ends.count(name) for name in ENDS},
+        )
 
     def deployments(self, place: PreparedMap) -> list[Deployment]:
         """Return one growth for each heading."""
@@ -112,15 +121,14 @@ class RedeploymentJob:
             bounds = shapely.box(*place.world.bounds.buffer(2.0 * LONG_MM).bounds)
             terrain = Terrain.of(replace(place.world, bounds=bounds))
         if self.headings == 1:
-            return [grow_on(design_from(self.design), terrain, start, self.growth)]
+            return [grow_on(self.design, terrain, start, self.growth)]
         middle_rad = place.world.starts[0].pose.heading_rad
         half_rad = math.radians(FANNED_DEG / 2.0)
-        design = design_from(self.design)
         poses = [
             Pose(x_mm=start.x_mm, y_mm=start.y_mm, heading_rad=middle_rad + offset)
             for offset in np.linspace(-half_rad, half_rad, self.headings).tolist()
         ]
-        return [grow_on(design, terrain, pose, self.growth) for pose in poses]
+        return [grow_on(self.design, terrain, pose, self.growth) for pose in poses]
 
     def reached(self, place: PreparedMap, grown: list[Deployment]) -> float:
         """Return the share of free space within the buffer of all bodies together."""
@@ -195,7 +203,7 @@ def redeployments(size: StudySize, environment: str) -> list[RedeploymentJob]:
     """Return the plain vine's redeployments on every unseen map."""
     return [
         RedeploymentJob(
-            design=plain_design(plain_vine(LONG_MM)),
+            design=plain_vine(LONG_MM),
             worlds=maps_of(environment, FIRST_TEST_SEED + index, 1),
             headings=size.headings,
             buffer_mm=BUFFER_MM,
@@ -224,16 +232,16 @@ class OpenBounds:
     ends: dict[str, int]  # how many of them ended how
 
     @classmethod
-    def measured(cls, store: JobStore, designs: list[dict[str, Any]]) -> "OpenBounds":
+    def measured(cls, store: JobStore, designs: list[Design]) -> "OpenBounds":
         """Measure it for some branching designs."""
         plain = [replace(job, open_bounds=True) for job in redeployments(store.size, OPEN)]
         branched = [replace(job, design=design, headings=1) for design in designs for job in plain]
         many = store.do(plain, "redeploying")
-        ones = [part["share"] for part in store.do(branched, "redeploying")]
+        ones = [part.share for part in store.do(branched, "redeploying")]
         return cls(
             one=np.array(ones).reshape(len(designs), -1, 1),
-            many=_column(many, "share"),
-            shapes=_column(many, "shapes"),
+            many=_column(part.share for part in many),
+            shapes=_column(part.shapes for part in many),
             ends=_ends(many),
         )
 
@@ -247,7 +255,7 @@ class OpenBounds:
         }
 
 
-def reach_test(size: StudySize, design: dict[str, Any], environment: str) -> Testing:
+def reach_test(size: StudySize, design: Design, environment: str) -> Testing:
     """Return the test of one deployment on the same maps, from the same places."""
     worlds = maps_of(environment, FIRST_TEST_SEED, size.reach_maps)
     return replace(unseen_test(size, design, environment, REACH_TASK), worlds=worlds, poses=1)
@@ -257,7 +265,7 @@ def reach_test(size: StudySize, design: dict[str, Any], environment: str) -> Tes
 class Redeployments(OpenBounds):
     """The same in one environment as it is, for the kept design: (1, maps, 1) each."""
 
-    design: dict[str, Any]  # the kept design
+    design: Design  # the kept one
     all_seeds: Floats  # `one` for all trained designs, shape (runs, maps, 1)
     each: Floats  # share reached by one redeployment on average
     tips: Floats  # number of groups of tips
@@ -277,17 +285,17 @@ def redeployment_study(store: JobStore) -> StudyResult:
             design=designs[best],
             one=all_seeds[best][None],
             all_seeds=all_seeds,
-            many=_column(again, "share"),
-            each=_column(again, "each"),
-            shapes=_column(again, "shapes"),
-            tips=_column(again, "tips"),
+            many=_column(part.share for part in again),
+            each=_column(part.each for part in again),
+            shapes=_column(part.shapes for part in again),
+            tips=_column(part.tips for part in again),
             ends=_ends(again),
             open=OpenBounds.measured(store, designs) if environment == OPEN else None,
         )
         job = redeployments(size, environment)[0]
         place = site(job.worlds, 0)
         ((pose,),) = poses_on([place], 1, [job.worlds.seed])
-        one = grow_on(design_from(designs[best]), place.terrain, pose, PAPER_GROWTH)
+        one = grow_on(designs[best], place.terrain, pose, PAPER_GROWTH)
         for title, shares, grown in (
             ("one branched deployment", found[environment].one, [one]),
             (f"{size.headings} of a plain vine", found[environment].many, job.deployments(place)),
@@ -348,27 +356,27 @@ def redeployment_study(store: JobStore) -> StudyResult:
                 "tips": part.tips.ravel().tolist(),
                 "ends": part.ends,
                 **({"open_bounds": part.open.plain()} if part.open else {}),
-                "design": part.design,
+                "design": design_content(part.design),
             }
             for environment, part in found.items()
         },
     )
 
 
-def reach_designs(store: JobStore, environment: str) -> tuple[list[dict[str, Any]], int]:
+def reach_designs(store: JobStore, environment: str) -> tuple[list[Design], int]:
     """Return the designs trained for reach, and which of them is kept."""
     runs = [reach_run(store.size, environment, number) for number in range(store.size.seeds)]
-    designs = [run["design"] for run in trained(store, runs)]
+    designs = [run.design for run in trained(store, runs)]
     return designs, kept(store, runs, designs)
 
 
-def _column(parts: list[dict[str, Any]], name: str) -> Floats:
-    return np.array([part[name] for part in parts], dtype=float).reshape(1, -1, 1)
+def _column(values: Iterable[float]) -> Floats:
+    return np.array([*values], dtype=float).reshape(1, -1, 1)
 
 
-def _ends(parts: list[dict[str, Any]]) -> dict[str, int]:
+def _ends(parts: Sequence[Redeployed]) -> dict[str, int]:
     """Return the number of trunks by their end, the ends that occur only."""
-    counts = {name: sum(part["ends"][name] for part in parts) for name in ENDS}
+    counts = {name: sum(part.ends[name] for part in parts) for name in ENDS}
     return {name: count for name, count in counts.items() if count}
 
 
@@ -382,7 +390,7 @@ def _reach_rows(environment: str, part: Redeployments, size: StudySize) -> list[
     more = difference(part.one, part.many)
     points = ", ".join(f"{100 * value:.1f}" for value in (more.low, more.high))
     rows = [
-        PaperNumber(what=f"{name}: branching design", ours=design_words(design_from(part.design))),
+        PaperNumber(what=f"{name}: branching design", ours=design_words(part.design)),
         PaperNumber(
             what=f"{name}: reached by one branched deployment",
             ours=percent_text(share_interval(part.one)),
@@ -510,9 +518,9 @@ def anchor(store: JobStore) -> StudyResult:
     for home, other in (STUDIED_ENVIRONMENTS, STUDIED_ENVIRONMENTS[::-1]):
         # A plain vine as long as the trunk with its longest branch.
         design, name = found.kept_design(home), NAMES[home]
-        level = design["levels"][0]
-        longest_mm = level["length_mm"] * max(1.0, level["growth"])
-        plain = plain_design(plain_vine(design["trunk_length_mm"] + longest_mm))
+        level = design.levels[0]
+        longest_mm = level.length_mm * max(1.0, level.growth)
+        plain = plain_vine(design.trunk_length_mm + longest_mm)
         single[home] = study_scores(store, [unseen_test(size, plain, home, ANCHORING_TASK)])
         native, kept_native = found.unseen[home, home], found.kept_unseen(home, home)
         claims += [
@@ -533,7 +541,7 @@ def anchor(store: JobStore) -> StudyResult:
         ]
         place = site(maps_of(home, FIRST_TEST_SEED, 1), 0)
         ((pose,),) = poses_on([place], 1, [FIRST_TEST_SEED])
-        robot = grow_on(design_from(design), place.terrain, pose, PAPER_GROWTH)
+        robot = grow_on(design, place.terrain, pose, PAPER_GROWTH)
         title = f"{name}: amplification {kept_native[0, 0, 0]:.2f}"
         panels.append(PlanPanel(title=title, world=place.world, deployments=(robot,)))
     turn_rad = float(np.log(PAPER_PREDICTED / PAPER_BRANCHES) / ASSUMED_FRICTION.value)
@@ -586,7 +594,9 @@ def anchor(store: JobStore) -> StudyResult:
             "unseen": {f"{a}_on_{b}": scores.tolist() for (a, b), scores in found.unseen.items()},
             "plain": {home: scores.tolist() for home, scores in single.items()},
             "kept": dict(found.best),
-            "designs": {home: found.kept_design(home) for home in STUDIED_ENVIRONMENTS},
+            "designs": {
+                home: design_content(found.kept_design(home)) for home in STUDIED_ENVIRONMENTS
+            },
         },
     )
 
@@ -599,9 +609,7 @@ def _anchor_rows(store: JobStore, found: Exchange, home: str) -> list[PaperNumbe
         float(store.terms([test], t)[0].mean()) for t in ("low", "high", "leaves")
     )
     return [
-        PaperNumber(
-            what=f"{name}: design", ours=design_words(design_from(design)), paper="six branches"
-        ),
+        PaperNumber(what=f"{name}: design", ours=design_words(design), paper="six branches"),
         PaperNumber(
             what=f"{name}: amplification on unseen maps, mu 0.3, those that deployed engaged",
             ours=interval_text(interval(native), 2),
@@ -620,7 +628,7 @@ def _anchor_rows(store: JobStore, found: Exchange, home: str) -> list[PaperNumbe
         ),
         PaperNumber(
             what=f"{name}: branches that deployed",
-            ours=f"{deployed:.2f} of {design['levels'][0]['branches']}",
+            ours=f"{deployed:.2f} of {design.levels[0].branches}",
             paper="6 (1 without contact, 1 slack)",
         ),
     ]

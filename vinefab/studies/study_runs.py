@@ -13,12 +13,13 @@ from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import Any, ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
 
 from vinefab.core import __version__
 from vinefab.core.atomic import ensure_writable, is_ours, write_text
+from vinefab.core.codec import Record
 from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.limits import rad
@@ -27,7 +28,7 @@ from vinefab.core.progress import each
 from vinefab.core.validation import Floats
 from vinefab.core.view import Answer, Block, Fact, Facts, Rows, Section
 from vinefab.growth.options import GrowthOptions
-from vinefab.model.design import DEFAULT_MOUNTING, Build, Design, Level, PieceSettings, Pouch
+from vinefab.model.design import Build, Design
 from vinefab.model.files.run_context import package_versions
 from vinefab.model.map import Map
 from vinefab.pages.html import page
@@ -102,52 +103,9 @@ QUICK_SIZE = StudySize(
 """A smoke run: everything is done, nothing is learned from it."""
 
 
-def plain_design(design: Design) -> dict[str, Any]:
-    """Return a design's shape and build; its origin and waivers are left out."""
-    build, pouch, pieces = design.build, design.build.pouch, design.build.pieces
-    return {
-        "name": design.name,
-        "trunk_length_mm": design.trunk_length_mm,
-        "levels": [
-            {
-                "branches": level.branches,
-                "length_mm": level.length_mm,
-                "fan_rad": level.fan_rad,
-                "growth": level.growth,
-            }
-            for level in design.levels
-        ],
-        "widths_mm": list(build.widths_mm),
-        "fillet_mm": list(build.fillet_mm),
-        "tail_mm": build.tail_mm,
-        "pressure_kpa": build.pressure_kpa,
-        "pouch": None
-        if pouch is None
-        else {
-            name: getattr(pouch, name) for name in ("shape", "radius_mm", "length_mm", "width_mm")
-        },
-        **({} if pieces is None else {"pieces": pieces.model_dump()}),
-        **({} if build.mounting == DEFAULT_MOUNTING else {"mounting": build.mounting}),
-    }
-
-
-def design_from(plain: Mapping[str, Any]) -> Design:
-    """Return the design of `plain_design`."""
-    pouch, pieces = plain["pouch"], plain.get("pieces")
-    return Design(
-        name=plain["name"],
-        trunk_length_mm=plain["trunk_length_mm"],
-        levels=tuple(Level(**level) for level in plain["levels"]),
-        build=Build(
-            widths_mm=tuple(plain["widths_mm"]),
-            fillet_mm=tuple(plain["fillet_mm"]),
-            tail_mm=plain["tail_mm"],
-            pressure_kpa=plain["pressure_kpa"],
-            pouch=None if pouch is None else Pouch(**pouch),
-            pieces=None if pieces is None else PieceSettings(**pieces),
-            mounting=plain.get("mounting", DEFAULT_MOUNTING),
-        ),
-    )
+def as_tested(design: Design) -> Design:
+    """Return a design with its shape and build alone: tests depend on nothing else of it."""
+    return design.changed(origin={}, waivers=(), limits={}, folder=None)
 
 
 def plain_vine(length_mm: float) -> Design:
@@ -186,7 +144,18 @@ PAPER_GROWTH = GrowthOptions.published(
 line and which has no pressure. Nothing here depends on the default of `GrowthOptions`."""
 
 
-class StudyJob(Protocol):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobResult(Record):
+    """The result of a job, as it is kept."""
+
+    schema: ClassVar[str] = "vinefab/reproduction-part-2"
+    key: str  # of the job
+
+
+F_co = TypeVar("F_co", bound=JobResult, covariant=True)
+
+
+class StudyJob(Protocol[F_co]):
     """Work with a unique name."""
 
     @property
@@ -194,15 +163,34 @@ class StudyJob(Protocol):
         """Its fingerprint, the same in every session."""
         ...
 
-    def run(self) -> dict[str, Any]:
-        """Do it; the result is plain values."""
+    @property
+    def gives(self) -> type[F_co]:
+        """Type of its result."""
         ...
+
+    def run(self) -> F_co:
+        """Do it."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trained(JobResult):
+    """The winner of a run, and how the search went."""
+
+    design: Design
+    fitness: float  # of the winner on fresh poses on the training maps
+    # best, mean: fitness of each generation
+    best: tuple[float, ...]
+    mean: tuple[float, ...]
+    evaluations: int
+    penalty: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Training:
     """A run of the optimizer on generated maps."""
 
+    gives: ClassVar = Trained
     settings: RunSettings  # the run
 
     @property
@@ -211,30 +199,39 @@ class Training:
         making = penalty_of(self.settings)
         return f"train_{RunIdentity.of(self.settings, (), making).run_id}"
 
-    def run(self) -> dict[str, Any]:
-        """Return the winner and how the search went.
-
-        ``design``; ``fitness``, of the winner on fresh poses on the training maps; ``best`` and
-        ``mean``, the fitness of each generation; ``evaluations``; ``penalty``.
-        """
+    def run(self) -> Trained:
+        """Run it."""
         settings = self.settings
         maps = [world(settings.maps, index) for index in range(settings.maps.count)]
         result = Search.of(settings, maps, penalty_of(settings)).run()
-        return {
-            "design": plain_design(result.best),
-            "fitness": result.finalists[0].fitness,
-            "best": [g.best for g in result.history],
-            "mean": [float(np.nanmean(g.composite)) for g in result.history],
-            "evaluations": result.evaluations,
-            "penalty": result.finalists[0].penalty,
-        }
+        return Trained(
+            key=self.key,
+            design=as_tested(result.best),
+            fitness=result.finalists[0].fitness,
+            best=tuple(g.best for g in result.history),
+            mean=tuple(float(np.nanmean(g.composite)) for g in result.history),
+            evaluations=result.evaluations,
+            penalty=result.finalists[0].penalty,
+        )
+
+
+MapsByPoses = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tested(JobResult):
+    """Scores of a design, maps by poses, and every term likewise."""
+
+    scores: MapsByPoses
+    terms: Mapping[str, MapsByPoses]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Testing:
     """A design scored over maps and poses."""
 
-    design: Mapping[str, Any]  # as `plain_design` gives it
+    gives: ClassVar = Tested
+    design: Design  # `as_tested`
     worlds: MapSettings  # the maps; generated ones
     poses: int  # poses on each
     task: PartSettings  # what counts; areas are exact unless it says otherwise
@@ -245,24 +242,28 @@ class Testing:
         """Fingerprint of everything that it depends on."""
         return f"test_{fingerprint(plain_settings(self), __version__)}"
 
-    def run(self) -> dict[str, Any]:
-        """Return ``scores``, maps by poses, and every term likewise under ``terms``."""
+    def run(self) -> Tested:
+        """Score it."""
         sites = tuple(site(self.worlds, index) for index in range(self.worlds.count))
         # Poses go by the map's seed: every design tested on a map meets the same ones.
         first = self.worlds.seed
         poses = poses_on(sites, self.poses, range(first, first + self.worlds.count))
         task = make_task(self.task.name, self.task.parameters)
-        score = score_design(design_from(self.design), sites, poses, task, self.growth)
-        shape = self.worlds.count, self.poses
+        score = score_design(self.design, sites, poses, task, self.growth)
+
+        def by_map(values: Sequence[float]) -> MapsByPoses:
+            rows = np.reshape(values, (self.worlds.count, self.poses)).tolist()
+            return tuple(map(tuple, rows))
+
         names = tuple(score.evaluations[0].terms)
-        terms = {name: [e.terms[name] for e in score.evaluations] for name in names}
-        return {
-            "scores": score.scores.reshape(shape).tolist(),
-            "terms": {name: np.reshape(values, shape).tolist() for name, values in terms.items()},
-        }
+        return Tested(
+            key=self.key,
+            scores=by_map([one.score for one in score.evaluations]),
+            terms={name: by_map([e.terms[name] for e in score.evaluations]) for name in names},
+        )
 
 
-def run_job(job: StudyJob) -> dict[str, Any]:
+def run_job(job: StudyJob[F_co]) -> F_co:
     """Do a job: what a worker process calls."""
     return job.run()
 
@@ -304,8 +305,6 @@ _SETTINGS_SCHEMA = "vinefab/reproduction-settings-1"
 
 _FINISHED_SCHEMA = "vinefab/reproduction-finished-1"
 
-_PART_SCHEMA = "vinefab/reproduction-part-1"
-
 
 class JobStore:
     """A folder of finished jobs, and processes to do more; closed at the end of its block."""
@@ -336,32 +335,31 @@ class JobStore:
         names = sorted({*self.finished(), name})
         write_text(self.folder / FINISHED, json_text(_FINISHED_SCHEMA, {"names": names}))
 
-    def train(self, jobs: Sequence[Training]) -> list[dict[str, Any]]:
+    def train(self, jobs: Sequence[Training]) -> list[Trained]:
         """Return the result of each run."""
         return self.do(jobs, "trainings")
 
     def test(self, jobs: Sequence[Testing]) -> list[Floats]:
         """Return the scores of each test, shape (maps, poses)."""
-        return [np.array(found["scores"]) for found in self.do(jobs, "tests")]
+        return [np.array(found.scores) for found in self.do(jobs, "tests")]
 
     def terms(self, jobs: Sequence[Testing], name: str) -> list[Floats]:
         """Return one term of each test, shape (maps, poses)."""
-        return [np.array(found["terms"][name]) for found in self.do(jobs, "testing")]
+        return [np.array(found.terms[name]) for found in self.do(jobs, "testing")]
 
-    def do(self, jobs: Sequence[StudyJob], words: str) -> list[dict[str, Any]]:
+    def do(self, jobs: Sequence[StudyJob[F_co]], words: str) -> list[F_co]:
         """Return the result of each job; results that are kept are not computed again."""
-        keys = [job.key for job in jobs]
-        known = {key: self._kept(key) for key in keys}
-        todo = {key: job for key, job in zip(keys, jobs, strict=True) if known[key] is None}
+        keyed = {job.key: job for job in jobs}
+        known = {key: self._kept(key, job) for key, job in keyed.items()}
+        todo = {key: job for key, job in keyed.items() if known[key] is None}
         began_s = time.perf_counter()
         for key, found in each(words, self._done(todo), total=len(todo)):
             known[key] = found
-            text = json_text(_PART_SCHEMA, {"key": key, "result": found})
-            write_text(self._path(key), text)
+            write_text(self._path(key), found.json_text())
         self.spent_s += time.perf_counter() - began_s
-        return [result for key in keys if (result := known[key]) is not None]
+        return [result for job in jobs if (result := known[job.key]) is not None]
 
-    def _done(self, todo: dict[str, StudyJob]) -> Iterator[tuple[str, dict[str, Any]]]:
+    def _done(self, todo: dict[str, StudyJob[F_co]]) -> Iterator[tuple[str, F_co]]:
         if self.workers == 1 or len(todo) < 2:
             yield from ((key, run_job(job)) for key, job in todo.items())
             return
@@ -375,14 +373,14 @@ class JobStore:
         found = self._pool.map(run_job, [todo[key] for key in keys])
         yield from zip(keys, found, strict=True)
 
-    def _kept(self, key: str) -> dict[str, Any] | None:
+    def _kept(self, key: str, job: StudyJob[F_co]) -> F_co | None:
         path = self._path(key)
         if not path.is_file():
             return None
-        document = _document(path, _PART_SCHEMA)
-        if document.get("key") != key or not isinstance(document.get("result"), dict):
+        found = job.gives.read(path)
+        if found.key != key:
             raise UnreadableFileError(path, "is not the part that it is called after")
-        return dict(document["result"])
+        return found
 
     def _path(self, key: str) -> Path:
         return self.folder / "parts" / f"{key}.json"
@@ -483,14 +481,14 @@ def with_evaluation(run: RunSettings, **changes: Any) -> RunSettings:  # noqa: A
     return run.changed(evaluation=run.evaluation.changed(**changes))
 
 
-def trained(store: JobStore, runs: list[RunSettings]) -> list[dict[str, Any]]:
+def trained(store: JobStore, runs: list[RunSettings]) -> list[Trained]:
     """Return the result of each run."""
     return store.train([Training(settings=run) for run in runs])
 
 
 def unseen_test(
     size: StudySize,
-    design: Mapping[str, Any],
+    design: Design,
     environment: str,
     task: PartSettings = FAST_COVERAGE,
     growth: GrowthOptions | None = None,
@@ -505,7 +503,7 @@ def unseen_test(
     )
 
 
-def training_test(size: StudySize, run: RunSettings, design: Mapping[str, Any]) -> Testing:
+def training_test(size: StudySize, run: RunSettings, design: Design) -> Testing:
     """Return the test of a run's design on its training maps, from fresh poses."""
     return replace(unseen_test(size, design, run.maps.environment), worlds=run.maps)
 
@@ -515,7 +513,7 @@ def study_scores(store: JobStore, tests: list[Testing]) -> Floats:
     return np.stack(store.test(tests))
 
 
-def kept(store: JobStore, runs: list[RunSettings], designs: list[dict[str, Any]]) -> int:
+def kept(store: JobStore, runs: list[RunSettings], designs: list[Design]) -> int:
     """Return which run's design is kept: the best by its own weighting on maps for the choice.
 
     The paper takes the best in training. Here every run trains on separate maps, and the best in
@@ -553,7 +551,7 @@ def train_and_test(
     best: dict[str, Floats] = {}
     for place, name in enumerate(names):
         some = slice(place * each, (place + 1) * each)
-        designs = [run["design"] for run in found[some]]
+        designs = [run.design for run in found[some]]
         scores[name] = study_scores(store, [unseen_test(store.size, d, "grid") for d in designs])
         best[name] = scores[name][kept(store, runs[some], designs)][None]
     return scores, best
@@ -567,8 +565,7 @@ MakeRun = Callable[[str, int], RunSettings]
 class Exchange:
     """Designs of both environments, and their scores in both."""
 
-    # for each environment, the designs that trained there, as plain values
-    designs: Mapping[str, list[dict[str, Any]]]
+    designs: Mapping[str, list[Design]]  # for each environment, those that trained there
     best: Mapping[str, int]  # for each environment, which of them is kept
     # scores on fresh poses on the training maps, each of shape (runs, maps, poses)
     training: Mapping[str, Floats]
@@ -599,7 +596,7 @@ class Exchange:
             home: found[place * count : (place + 1) * count]
             for place, home in enumerate(STUDIED_ENVIRONMENTS)
         }
-        designs = {home: [run["design"] for run in group] for home, group in groups.items()}
+        designs = {home: [run.design for run in group] for home, group in groups.items()}
         training, unseen = {}, {}
         for home in STUDIED_ENVIRONMENTS:
             tests = [
@@ -617,7 +614,7 @@ class Exchange:
             unseen=unseen,
         )
 
-    def kept_design(self, home: str) -> dict[str, Any]:
+    def kept_design(self, home: str) -> Design:
         """Return the kept design of an environment."""
         return self.designs[home][self.best[home]]
 
@@ -671,7 +668,7 @@ def _as_run(tests: list[Testing], run: RunSettings, task: PartSettings | None) -
 
 STUDY_PAGE, NUMBERS = "reproduction.html", "reproduction.json"
 
-REPRODUCTION_SCHEMA = "vinefab/reproduction-1"
+REPRODUCTION_SCHEMA = "vinefab/reproduction-2"
 
 ALL = "all"
 
@@ -720,7 +717,7 @@ def do_experiments(
 
 
 def numbers_text(done: Reproduction) -> str:
-    """Return everything that was found as JSON: ``vinefab/reproduction-1``."""
+    """Return everything that was found as JSON: ``vinefab/reproduction-2``."""
     holding, claims = done.held
     content = {
         "quick": done.size == QUICK_SIZE,

@@ -7,7 +7,7 @@ import numpy as np
 
 from vinefab.core.validation import Floats
 from vinefab.core.view import Picture
-from vinefab.model.design import Design
+from vinefab.model.design import Design, design_content
 from vinefab.search.settings import PartSettings, RunSettings
 from vinefab.studies.claims import (
     Claim,
@@ -31,11 +31,10 @@ from vinefab.studies.study_runs import (
     Exchange,
     JobStore,
     StudySize,
+    as_tested,
     coverage_run,
-    design_from,
     design_words,
     maps_of,
-    plain_design,
     study_scores,
     train_and_test,
     trained,
@@ -67,7 +66,7 @@ def transfer(store: JobStore) -> StudyResult:
         name, least, paper = NAMES[home], -PAPER_GAP[home], f"within {100 * PAPER_GAP[home]:g} %"
         own, native = found.kept_training(home), found.kept_unseen(home, home)
         shares = known_map_shares(known[home], found.unseen[home, home])[:, None, None]
-        words = design_words(design_from(found.kept_design(home)))
+        words = design_words(found.kept_design(home))
         rows += [
             PaperNumber(what=f"{name} design", ours=words),
             PaperNumber(
@@ -151,7 +150,9 @@ def transfer(store: JobStore) -> StudyResult:
             "known_maps": {home: scores.mean(axis=2).tolist() for home, scores in known.items()},
             "unseen": {f"{a}_on_{b}": scores.tolist() for (a, b), scores in found.unseen.items()},
             "kept": dict(found.best),
-            "designs": {home: found.kept_design(home) for home in STUDIED_ENVIRONMENTS},
+            "designs": {
+                home: design_content(found.kept_design(home)) for home in STUDIED_ENVIRONMENTS
+            },
         },
     )
 
@@ -183,9 +184,9 @@ def convergence(store: JobStore) -> StudyResult:
     """Follow the fitness of repeated runs in the Grid."""
     size = store.size
     found = trained(store, [coverage_run(size, "grid", number) for number in range(size.repeats)])
-    best = np.array([run["best"] for run in found])
-    mean = np.array([run["mean"] for run in found])
-    final = np.array([run["fitness"] for run in found])
+    best = np.array([run.best for run in found])
+    mean = np.array([run.mean for run in found])
+    final = np.array([run.fitness for run in found])
     early, late = best[:, :1, None], best[:, -max(1, size.generations // 10) :, None]
     lines = {"best of the generation": best, "mean of the generation": mean}
     return StudyResult(
@@ -245,7 +246,7 @@ def maps(store: JobStore) -> StudyResult:
     settings = variety_runs(size)
     runs = [run for group in settings.values() for run in group]
     tested, best_tested = train_and_test(store, list(settings), runs)
-    by_hand = study_scores(store, [unseen_test(size, plain_design(Design.read(BY_HAND)), "grid")])
+    by_hand = study_scores(store, [unseen_test(size, as_tested(Design.read(BY_HAND)), "grid")])
     scores, best = {NOT_OPTIMIZED: by_hand, **tested}, {NOT_OPTIMIZED: by_hand, **best_tested}
     several, many = list(settings)[2:]
     every, rows = np.concatenate(list(tested.values())), list[PaperNumber]()
@@ -480,10 +481,10 @@ def optimizer_study(store: JobStore) -> StudyResult:
         for place, name in enumerate(OPTIMIZER_NAMES)
     }
     scores = {
-        name: study_scores(store, [unseen_test(size, run["design"], "grid") for run in group])
+        name: study_scores(store, [unseen_test(size, run.design, "grid") for run in group])
         for name, group in groups.items()
     }
-    best = {name: np.array([run["best"] for run in group]) for name, group in groups.items()}
+    best = {name: np.array([run.best for run in group]) for name, group in groups.items()}
     level = REACHED * float(smoothed(best["particleswarm"])[:, -1].mean())
     needed = {name: evaluations_to(best[name], level, size.population) for name in OPTIMIZER_NAMES}
     swarm, evolution = scores["particleswarm"], scores["evolution"]

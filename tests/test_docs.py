@@ -359,6 +359,15 @@ WRITTEN = {"--out", "--json", "--svg", "--snapshot", "--animate"}
 """Options whose file is written."""
 
 
+def test_the_version_is_the_same_everywhere():
+    cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text("utf-8"), re.M)
+    changes = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    newest = re.search(r"^## (\S+) \((\d{4}-\d\d-\d\d)\)$", changes, re.M)
+    assert (cited[1], newest[1]) == (vf.__version__, vf.__version__)
+    headings = re.findall(r"^### (.+)$", changes.partition("\n## 0.1.0")[0], re.M)
+    assert len(headings) == len(set(headings))
+
+
 def test_every_file_with_tests_that_the_gate_leaves_out_is_named():
     page = (DOCS / "testing.md").read_text(encoding="utf-8")
     marked = {

@@ -251,6 +251,6 @@ def test_without_another_process_this_one_compiles_all(tmp_path: Path, without) 
 
 def test_two_commands_that_compile_at_once_lose_nothing(tmp_path: Path) -> None:
     alone = "compiling._processors = lambda: 1"
-    assert [words[-1] for words in run_together(tmp_path, alone, alone)] == ["2/2."] * 2
+    run_together(tmp_path, alone, alone)  # one may find some that the other has compiled
     assert precompiled(tmp_path) == ["0"]
     assert len(list((tmp_path / "code").iterdir())) == len(SMALL)

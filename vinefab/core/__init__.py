@@ -8,5 +8,5 @@
 ``table`` (declared tables), ``verbs`` (public functions, their progress) and ``view`` (results).
 """
 
-__version__ = "0.1.0"
-"""Here, where every room may read it: the top of the package sees all rooms."""
+__version__ = "0.2.0"
+"""Here, where every room and the build may read it: the top of the package sees all rooms."""

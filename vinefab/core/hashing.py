@@ -1,6 +1,6 @@
 """Digests: fingerprints of content, manifests of folders, and the mark of a file of vinefab's.
 
-The mark is the text ``written by vinefab 0.1.0 [0123456789abcdef]`` wherever the format has room
+The mark is the text ``written by vinefab 0.2.0 [0123456789abcdef]`` wherever the format has room
 for a remark: a TOML or DXF comment, the member ``generator`` of JSON, ``<desc>`` or ``<meta>`` of
 SVG and HTML, the ``Software`` of PNG, the ``Creator`` of PDF, the comment of GIF and ZIP. In the
 brackets stand the first 16 digits of the SHA-256 of the file with zeros in their place.

@@ -146,6 +146,24 @@ def test_what_the_command_refuses_is_its_line_and_leaves_no_folder(searches, tmp
     assert not (tmp_path / "search_1").exists()
 
 
+def test_a_target_beyond_the_longest_robot_is_refused_by_the_form_as_by_the_command(
+    searches, tmp_path
+):
+    given = page()
+    given["map"]["targets"] = [{"name": "far", "point_mm": [280, 280]}]
+    asked = ask(task="reach", ranges={"trunk.length": [20, 60]}, levels=[1, 1])
+    with pytest.raises(BadInputError) as caught:
+        searches.start(asked, StudioState.of(given))
+    words = str(caught.value)
+    assert words.startswith("the page: targets[1] is ")
+    assert "within 60 mm" in words
+    assert "(space.length_mm)" in words
+    assert list(tmp_path.iterdir()) == []
+    asked["ranges"] = {"trunk.length": [20, 600]}
+    searches.start(asked, StudioState.of(given))
+    assert followed(searches, is_over)[-1]["state"] == "ended"
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -213,7 +213,7 @@ class Search:
             raise BadInputError("space", "too many levels or branches", allowed)
         space.refuse_limits_without_designs()
         refuse_starts_without_room(evaluator, conditions)
-        _check_reach(evaluator)
+        refuse_distant_targets(evaluator.spec)
         return search
 
     def run(
@@ -392,12 +392,11 @@ class Search:
         return finalists, choice.repair
 
 
-def _check_reach(evaluator: Evaluator) -> None:
+def refuse_distant_targets(spec: EvaluatorSpec) -> None:
     """Refuse targets that lie beyond the longest robot of the space from every start."""
-    longest_mm = evaluator.space.settings.longest_mm
-    for task in evaluator.spec.tasks:
-        for prepared in evaluator.maps:
-            world = prepared.world
+    longest_mm = spec.settings.space.longest_mm
+    for task in spec.tasks:
+        for world in spec.maps:
             starts = [
                 shapely.Point(start.pose.x_mm, start.pose.y_mm).buffer(
                     max(math.hypot(start.spread_x_mm, start.spread_y_mm), 1e-6)

@@ -37,12 +37,13 @@ from vinefab.core.validation import Floats, check_plain
 from vinefab.model.design import Design, design_content
 from vinefab.model.files.shipped import path_inside
 from vinefab.model.score import Score
-from vinefab.search.evaluator import INVALID_FITNESS
+from vinefab.search.evaluator import INVALID_FITNESS, EvaluatorSpec
 from vinefab.search.finalists import minimized, non_dominated, spread_out
 from vinefab.search.front import FRONT_FILE, FrontFile, FrontObjective
 from vinefab.search.manufacturability import with_build_for_film
 from vinefab.search.record.generations import Generation, first_difference, touched_text
 from vinefab.search.record.result import RECORD_FILE, RecordTail, RunArchive, records_below
+from vinefab.search.run import refuse_distant_targets, training_maps
 from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings, read_run
 from vinefab.search.space import COSTS, Space
 from vinefab.studio.file_store import Broadcast
@@ -364,7 +365,12 @@ class SearchManager:
                 try:
                     for name, text in run_files(state, ask, folder).items():
                         written[write_text(folder / name, text)] = text
-                    read_run(folder / RUN_FILE)
+                    settings = read_run(folder / RUN_FILE)
+                    if settings.maps.files:  # targets lie on them; generated ones have none
+                        with located(PAGE):
+                            refuse_distant_targets(
+                                EvaluatorSpec(settings=settings, maps=training_maps(settings))
+                            )
                 except VinefabError as error:
                     _remove_unchanged(written)
                     source = str(folder / RUN_FILE)  # it is gone again: the page is named

@@ -1,7 +1,9 @@
 """Several photos together: half-angle, friction, widths; intervals, bounds, two ways, the file."""
 
+import copy
 import json
 import math
+import pickle
 import tomllib
 
 import numpy as np
@@ -153,6 +155,8 @@ def _photos(half_angle_deg, photos=6, each=8):
 
 def test_photos_give_a_file_that_predictions_read(written, tmp_path):
     fit = fit_files(written(*_photos(9.0)))
+    for again in (pickle.loads(pickle.dumps(fit)), copy.deepcopy(fit)):  # noqa: S301  made here
+        assert again.json_text() == fit.json_text()
     path = tmp_path / "contacts.toml"
     path.write_text(fit.text())
     found = read_contacts(path)

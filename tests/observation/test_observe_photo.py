@@ -1,6 +1,8 @@
 """`vinefab observe` on a small rendered photo with the truth known; mutants of it must be seen."""
 
+import copy
 import json
+import pickle
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -79,6 +81,12 @@ def test_centre_lines_are_recovered_within_two_millimetres(truth, seen):
     assert max(mean for mean, _ in means) < 1.5
     assert max(most for _, most in means) < 2.0
     assert seen.fits
+
+
+def test_an_observation_is_pickled_and_copied(seen):
+    for again in (pickle.loads(pickle.dumps(seen)), copy.deepcopy(seen)):  # noqa: S301  made here
+        assert again.json_text() == seen.json_text()
+        assert again.summary == seen.summary
 
 
 def test_branches_that_never_came_out_are_no_agreement(truth, seen):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from os import PathLike, fspath
@@ -554,7 +554,7 @@ class StudyOutcome(Result):
 
     found: Any
     blocks: tuple[Block, ...]
-    text: Callable[[], str] = field(repr=False)
+    text: str = field(repr=False)
     exit_code: int = 0
 
     def view(self) -> tuple[Block, ...]:
@@ -563,4 +563,4 @@ class StudyOutcome(Result):
 
     def json_text(self) -> str:
         """Return everything as JSON."""
-        return self.text()
+        return self.text

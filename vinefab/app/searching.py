@@ -523,7 +523,7 @@ def contest(
     write_page(folder / "comparison.json", document, force=force)
     write_page(folder / "comparison.svg", comparison_svg(plan, rows), force=force)
     blocks = tuple(comparison_blocks(plan, rows))
-    return StudyOutcome(found=rows, blocks=blocks, text=lambda: document)
+    return StudyOutcome(found=rows, blocks=blocks, text=document)
 
 
 @verb
@@ -591,7 +591,7 @@ def reproduce(
         Answer(f"{held} of {claims} claims of the paper hold; {spent}"),
         _written_facts({"read this first": folder / STUDY_PAGE, "numbers": folder / NUMBERS}),
     )
-    return StudyOutcome(found=done, blocks=blocks, text=lambda: numbers_text(done))
+    return StudyOutcome(found=done, blocks=blocks, text=numbers_text(done))
 
 
 def _written_facts(files: Mapping[str, Path]) -> Facts:
@@ -622,7 +622,7 @@ def bench(*, million: bool = False, progress: ProgressLike = True) -> StudyOutco
 
     with told(progress):
         result = run_benchmark(million=million)
-    return StudyOutcome(found=result, blocks=tuple(bench_blocks(result)), text=result.text)
+    return StudyOutcome(found=result, blocks=tuple(bench_blocks(result)), text=result.text())
 
 
 @verb
@@ -685,7 +685,7 @@ def demo(
     return StudyOutcome(
         found=found,
         blocks=(Answer(name), found.table(), _written_facts(written)),
-        text=lambda: (folder / mark).read_text(encoding="utf-8"),
+        text=(folder / mark).read_text(encoding="utf-8"),
         exit_code=0 if found.is_manufacturable else 1,
     )
 

@@ -21,14 +21,12 @@ from vinefab.growth.terrain import Terrain
 from vinefab.model.contacts import contacts_of
 from vinefab.model.map import Pose, Start
 from vinefab.model.tree import branch_tree
+from vinefab.prediction.aimed_robot import AimPlan, PoseEstimate, ScoreGain
 from vinefab.prediction.aiming import (
     FRESH_DRAWS,
-    AimPlan,
-    PoseEstimate,
     aim_growth,
     aim_robots,
     held_against,
-    paired_gain,
     plain_vine_of,
 )
 from vinefab.tasks.evaluate import PreparedMap
@@ -74,7 +72,7 @@ def test_estimates_of_a_pose_have_closed_forms():
     other = PoseEstimate(pose=pose, scores=np.arange(100.0) - 2.0)
     assert estimate.mean == 49.5
     assert estimate.worst_tenth == 4.5
-    assert paired_gain(estimate, other) == (2.0, 2.0, 2.0)
+    assert estimate.above(other) == ScoreGain(mean=2.0, low=2.0, high=2.0)
     low, high = estimate.interval
     # 1.96 standard errors of an even spread
     assert (high - low) / 2.0 == pytest.approx(1.96 * 28.87 / 10.0, rel=0.1)
@@ -82,7 +80,7 @@ def test_estimates_of_a_pose_have_closed_forms():
 
 def test_the_aimed_pose_beats_the_start_and_every_first_look_is_counted(found):
     first = found.first
-    assert first.gain[1] > 0.0
+    assert first.gain.low > 0.0
     assert first.best.mean > first.start.mean
     assert 4500 <= first.search.deployments <= 9000
     landscape = first.search.landscape

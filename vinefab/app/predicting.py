@@ -351,7 +351,8 @@ def aim(
     >>> 0.0 < found.mean <= 1.0
     True
     """
-    from vinefab.prediction.aiming import AimPlan, aim_growth, aim_robots, held_against
+    from vinefab.prediction.aimed_robot import AimPlan
+    from vinefab.prediction.aiming import aim_growth, aim_robots, held_against
     from vinefab.prediction.family_deployments import MapFamily
 
     page = page_path("out", out, force=force)

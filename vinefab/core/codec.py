@@ -2,7 +2,7 @@
 
 import json
 import math
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
@@ -11,7 +11,7 @@ from pydantic import ValidationError as _ValidationError
 
 from vinefab.core.errors import UnreadableFileError, VinefabError
 from vinefab.core.frozen import FrozenMapping
-from vinefab.core.plain_text import json_text, plain
+from vinefab.core.plain_text import json_text, plain, rounded
 from vinefab.core.table import dotted
 
 MaybeNan = Annotated[
@@ -24,6 +24,11 @@ MaybeNan = Annotated[
 
 IF_KNOWN = Field(exclude_if=lambda value: value is None)
 """In the annotation of a field: JSON leaves it out where it is None."""
+
+
+def decimals(digits: int) -> PlainSerializer:
+    """Return the mark of a field whose numbers JSON has with so many decimals; NaN is null."""
+    return PlainSerializer(partial(rounded, digits=digits))
 
 
 class Record:

@@ -140,27 +140,6 @@ def start_studio():
     return running_studio
 
 
-@pytest.fixture(scope="module")
-def browser():
-    """One browser for a module; Playwright's loop must not outlive it."""
-    path = shutil.which("chromium") or shutil.which("chromium-browser")
-    if path is None and os.environ.get("CI") == "true":
-        pytest.fail("chromium is missing; install chromium")
-    if path is None:
-        pytest.skip("chromium is not installed (Debian package chromium)")
-    from playwright.sync_api import sync_playwright  # noqa: PLC0415  only where there is a browser
-
-    with sync_playwright() as playwright:
-        # Root and containers have no sandbox for it.
-        opened = playwright.chromium.launch(
-            executable_path=path, args=["--no-sandbox", "--disable-gpu"], timeout=60_000
-        )
-        try:
-            yield opened
-        finally:
-            opened.close()
-
-
 TWIG = """# Two arms, to be dragged.
 schema = "vinefab/design-1"
 name = "twig"

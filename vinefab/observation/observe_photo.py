@@ -323,6 +323,7 @@ class Observation(WrittenResult):
             "(measured); blue, dashed: the prediction (simulated); crosses: where tips met walls.",
             file="overlay",
         )
+        doubted = [branch.id for branch in branches if branch.sight.doubts]
         if self.reading is not None:
             angle = Number(self.reading.angle_deg, "deg", ".1f", decimals=2)
             yield Facts((Fact("joint angle", angle, "joint_angle_deg", "measured"),), lead=True)
@@ -349,11 +350,13 @@ class Observation(WrittenResult):
                 ),
                 Fact(
                     "branches in doubt",
-                    f"{sum(bool(b.sight.doubts) for b in branches)} of {count}",
+                    f"{len(doubted)} of {count}",
                     "summary.in_doubt",
-                    "nothing is claimed of their stops and contacts; cautions say why",
-                    "caution" if any(b.sight.doubts for b in branches) else "plain",
-                    [b.id for b in branches if b.sight.doubts],
+                    "nothing is claimed of their stops and contacts; cautions say why"
+                    if doubted
+                    else "",
+                    "caution" if doubted else "plain",
+                    doubted,
                 ),
                 Fact(
                     "branches predicted",

@@ -2,7 +2,7 @@
 
 import pytest
 
-from vinefab.core.view import Rows, Section
+from vinefab.core.view import Number, Rows, Section
 from vinefab.pages.html import page
 
 MEASURED = """() => [...document.querySelectorAll(".scroll")].map((box) => ({
@@ -19,9 +19,11 @@ def test_captions_fit_and_a_table_of_short_cells_does_not_scroll(browser, tmp_pa
     few = Rows(
         caption=caption,
         headings=("branch", "seen", "predicted", "same"),
-        rows=((0, "obstacle 0", "obstacle 0", "yes"),),
+        rows=((Number(0), "obstacle 0", "obstacle 0", "yes"),),
     )
-    many = Rows(caption=caption, headings=tuple(12 * ["length mm"]), rows=(tuple(12 * [181.2]),))
+    many = Rows(
+        caption=caption, headings=tuple(12 * ["length mm"]), rows=(tuple(12 * [Number(181.2)]),)
+    )
     path = tmp_path / "page.html"
     path.write_text(
         page("Seen", [few, Section(title="Rows", tables=(few, many))]), encoding="utf-8"

@@ -3,6 +3,8 @@
 A format that is added to the registry is tested here without a line about it.
 """
 
+import csv
+import json
 import os
 import subprocess
 import sys
@@ -220,8 +222,8 @@ def test_what_is_no_format_and_a_suffix_that_is_taken_are_refused() -> None:
     assert "like those of svg" in format_problem("toy", replace(SVG, title="toy"))
 
 
-TOY = """
-import ast
+GCODE = """
+import re
 
 from vinefab.core.errors import UnreadableFileError
 from vinefab.fabrication.formats.laser_drawing import (
@@ -231,50 +233,56 @@ from vinefab.model.outline import FLATTEN_MM, Contour
 
 
 def write(spec):
-    rows = []
+    lines = ["G21 G90 (millimetres, absolute)"]
     for styled in spec.paths:
         contour = flattened_contour(styled.path.contour)
-        points = contour.points_mm.round(6).tolist()
-        rows.append((styled.style.layer, styled.style.rgb, contour.closed, points))
-    return "toy " + repr(rows)
+        points = contour.points_mm.tolist()
+        if contour.closed:
+            points.append(points[0])
+        shape = "closed" if contour.closed else "open"
+        lines.append(f"({styled.style.layer} {styled.style.rgb} {shape})")
+        lines += [f"G{min(k, 1)} X{x:.6f} Y{y:.6f}" for k, (x, y) in enumerate(points)]
+    return "\\n".join([*lines, "M5", ""])
 
 
 def read(text):
-    try:
-        rows = ast.literal_eval(text.removeprefix("toy "))
-    except (SyntaxError, ValueError) as error:
-        raise UnreadableFileError("toy", str(error)) from error
-    return ReadDrawing(
-        paths=tuple(
-            DrawnPath(layer=layer, colour=rgb, contour=Contour.polyline(points, closed=closed))
-            for layer, rgb, closed, points in rows
-        )
-    )
+    if not text.startswith("G21 G90") or not text.endswith("M5\\n"):
+        raise UnreadableFileError("G-code", "is none of ours, or is cut")
+    paths = []
+    for block in text.split("(VF_")[1:]:
+        layer, colour, shape = block.partition(")")[0].split()
+        points = [[float(x), float(y)] for x, y in re.findall(r"X(\\S+) Y(\\S+)", block)]
+        closed = shape == "closed"
+        contour = Contour.polyline(points[: len(points) - closed], closed=closed)
+        paths.append(DrawnPath(layer=f"VF_{layer}", colour=colour, contour=contour))
+    return ReadDrawing(paths=tuple(paths))
 
 
 FORMAT = LaserFormat(
-    title="toy", suffix=".toy", write=write, read=read, tolerance_mm=1e-5,
-    contour=flattened_contour, sagitta_mm=FLATTEN_MM,
+    title="G-code", use="for machines without a program of their own", suffix=".ngc",
+    write=write, read=read, tolerance_mm=1e-5, contour=flattened_contour, sagitta_mm=FLATTEN_MM,
 )
 """
-LINE = "toy = their_toy:FORMAT\n"
+LINE = "gcode = their_gcode:FORMAT\n"
 
 
 @pytest.fixture
-def toy(tmp_path: Path) -> Path:
+def gcode(tmp_path: Path) -> Path:
     """Another package with a laser format: one file and one line."""
     folder = tmp_path / "site"
     facts = folder / "theirs-1.0.dist-info"
     facts.mkdir(parents=True)
     (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: theirs\nVersion: 1.0\n")
     (facts / "entry_points.txt").write_text(f"[vinefab.laser_formats]\n{LINE}")
-    (folder / "their_toy.py").write_text(TOY)
+    (folder / "their_gcode.py").write_text(GCODE)
     return folder
 
 
-def fabricate(site: Path, out: Path) -> subprocess.CompletedProcess[str]:
+def fabricate(
+    site: Path, out: Path, design: str = "plain_vine"
+) -> subprocess.CompletedProcess[str]:
     path = os.pathsep.join([str(site), *sys.path])
-    command = ["fabricate", "plain_vine", "--out", str(out), "--allow-uncalibrated"]
+    command = ["fabricate", design, "--out", str(out), "--allow-uncalibrated"]
     return subprocess.run(
         [sys.executable, "-m", "vinefab", *command],
         env={**os.environ, "PYTHONPATH": path},
@@ -286,33 +294,60 @@ def fabricate(site: Path, out: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_a_new_format_is_one_file_and_one_line(toy: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("design", "stem"), [("plain_vine", "outline"), ("grid_explorer_pieces", "sheet_1/outline")]
+)
+def test_a_new_format_is_one_file_and_one_line_and_every_text_names_it(
+    gcode: Path, tmp_path: Path, design: str, stem: str
+) -> None:
     out = tmp_path / "package"
-    done = fabricate(toy, out)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert (out / "outline.toy").read_text().startswith("toy [('VF_")
-    assert "outline.toy: toy, from theirs." in (out / "README.txt").read_text()
-    assert "outline.toy" in (out / "MANIFEST.sha256").read_text()
+    done = fabricate(gcode, out, design)
+    assert done.returncode == 0, done.stderr
+    assert (out / f"{stem}.ngc").read_text().startswith("G21 G90")
+    assert f"{stem}.ngc" in (out / "MANIFEST.sha256").read_text()
+    readme = " ".join((out / "README.txt").read_text().split())
+    words = "outline.ngc: G-code; for machines without a program of their own; from theirs."
+    assert words in readme
+    assert f"{stem}.ngc: see Files), in millimetres" in readme
+    content = json.loads((out / "job.json").read_text())
+    assert content["formats"][-1] == {
+        "name": "gcode",
+        "files": [f"{stem}.ngc"],
+        "title": "G-code",
+        "use": "for machines without a program of their own",
+        "package": "theirs",
+    }
+    assert all(f"{stem}.ngc" in one["files"] for one in content.get("sheets", [])[:1])
+    (row,) = (
+        r for r in csv.reader((out / "bom.csv").read_text().splitlines()) if r[0] == "laser files"
+    )
+    assert ".ngc" in row[-1]
+    # What is named is there, and what is there is named.
+    named = {name for one in content["formats"] for name in one["files"]}
+    ends = tuple(one["files"][0].removeprefix(stem) for one in content["formats"])
+    written = {path.relative_to(out).as_posix() for path in out.rglob("*outline*")}
+    assert named == {name for name in written if name.endswith(ends)}
+    assert int(row[1]) == len(named)
 
 
-def test_a_new_format_that_writes_a_path_elsewhere_never_ships(toy: Path, tmp_path: Path) -> None:
-    source = toy / "their_toy.py"
-    source.write_text(source.read_text().replace(".round(6)", ".round(1)"))
-    done = fabricate(toy, tmp_path / "package")
+def test_a_new_format_that_writes_a_path_elsewhere_never_ships(gcode: Path, tmp_path: Path) -> None:
+    source = gcode / "their_gcode.py"
+    source.write_text(source.read_text().replace(":.6f", ":.1f"))
+    done = fabricate(gcode, tmp_path / "package")
     assert done.returncode == 1
-    assert "outline.toy" in done.stdout
+    assert "outline.ngc" in done.stdout
     assert "mm away from where it should be" in done.stdout
     assert not (tmp_path / "package").exists()
 
 
-def test_a_new_format_without_a_reader_is_not_registered(toy: Path, tmp_path: Path) -> None:
-    source = toy / "their_toy.py"
+def test_a_new_format_without_a_reader_is_not_registered(gcode: Path, tmp_path: Path) -> None:
+    source = gcode / "their_gcode.py"
     source.write_text(source.read_text().replace("read=read", "read=None"))
     out = tmp_path / "package"
-    done = fabricate(toy, out)
+    done = fabricate(gcode, out)
     assert done.returncode == 0
-    assert "laser format toy not loaded: BadInputError: laser format toy: read" in done.stdout
-    assert not (out / "outline.toy").exists()
+    assert "laser format gcode not loaded: BadInputError: laser format G-code: read" in done.stdout
+    assert not (out / "outline.ngc").exists()
 
 
 def test_a_difference_is_an_error_with_the_files_name() -> None:

@@ -81,7 +81,8 @@ def test_the_csv_holds_every_line_with_unit_and_standing(job: Job, profile: Lase
     assert OWN_MARK in text.encode()[-8192:]
     rows = list(csv.DictReader(io.StringIO(text)))
     lines = bill_of_materials(job, profile)
-    assert [row["item"] for row in rows[:-1]] == [line.item for line in lines]
+    assert [row["item"] for row in rows[:-2]] == [line.item for line in lines]
+    assert (rows[-2]["item"], rows[-2]["value"], rows[-2]["unit"]) == ("laser files", "4", "1")
     for row, line in zip(rows, lines, strict=False):
         assert float(row["value"]) == pytest.approx(line.value, rel=1e-5)
         assert row["unit"] == line.unit

@@ -4,9 +4,8 @@ import json
 
 import pytest
 
-from vinefab.fabrication.formats.laser_drawing import PRESETS
 from vinefab.fabrication.package.package_texts import job_text, readme_text
-from vinefab.fabrication.package.prepare import pattern_section, prepare
+from vinefab.fabrication.package.prepare import package_spec, pattern_section, prepare
 from vinefab.fabrication.package.sheet_pictures import pattern_plan
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import Build, Design, Level
@@ -30,14 +29,13 @@ def test_page_readme_and_job_hold_the_same_angles_and_lengths(prepared):
     assert left["designed_deg"].text == "-30.0"
     assert abs(left["cut_deg"].value) > 30.0
     assert left["expected_deg"].value == pytest.approx(-30.0, abs=1.5)
-    colours = PRESETS["default"]
-    made = (prepared.design, prepared.job, prepared.profile, colours, None, prepared.pattern)
-    readme = " ".join(readme_text(*made).split())
+    spec = package_spec(prepared.job, prepared.profile)
+    readme = " ".join(readme_text(prepared.design, spec, None, prepared.pattern).split())
     assert (
         f"Level 2, child 1: angle designed -30.0, cut {left['cut_deg']}, "
         f"expected {left['expected_deg']}; length designed 60.0, cut {left['cut_mm']}"
     ) in readme
-    job = json.loads(job_text(*made[:4], prepared.pattern))["pattern"]
+    job = json.loads(job_text(prepared.design, spec, prepared.pattern))["pattern"]
     assert job["standing"] == "simulated"
     assert job["branches"][1]["cut_deg"] == left["cut_deg"].data
     assert job["joints"][0]["sensitivity"] > 1.0

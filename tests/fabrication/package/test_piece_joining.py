@@ -4,7 +4,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vinefab.fabrication.formats.laser_drawing import DEFAULT
 from vinefab.fabrication.package.bom import bom_text, joint_lines
 from vinefab.fabrication.package.package_texts import readme_text
 from vinefab.fabrication.package.piece_joining import (
@@ -13,6 +12,7 @@ from vinefab.fabrication.package.piece_joining import (
     joining_order,
     open_ends,
 )
+from vinefab.fabrication.package.prepare import package_spec
 from vinefab.model.design import PieceSettings
 from vinefab.model.laser import LapBond, LapMethod, Quantity, Standing, read_profile
 from vinefab.model.tree import Partition, Piece
@@ -109,7 +109,7 @@ def test_a_strip_is_trapped_where_joints_are_made_from_the_base_outward(cut_at, 
 
 def joining_items(robot, job, profile, partition) -> list[str]:
     """Return the items of the section of the README on joining, each on one line, unnumbered."""
-    text = readme_text(robot, job, profile, DEFAULT, partition)
+    text = readme_text(robot, package_spec(job, profile), partition)
     section = text.split("\nJoin the pieces\n")[1].split("\nMount\n")[0]
     items = re.split(r"^(?:- | ?\d+\. |[a-z]\. )", section, flags=re.MULTILINE)
     return [" ".join(item.split()) for item in items]
@@ -181,5 +181,5 @@ def test_the_bill_of_materials_counts_joints_by_hand(cut_at, robot, profile) -> 
 def test_a_robot_in_one_piece_has_no_lines(robot, profile, job) -> None:
     whole = Partition(pieces=(Piece(label="A", root=0, branches=tuple(range(7))),))
     assert joint_lines(robot, whole, profile) == ()
-    assert "Join the pieces" not in readme_text(robot, job, profile, DEFAULT, whole)
+    assert "Join the pieces" not in readme_text(robot, package_spec(job, profile), whole)
     assert bom_text(job, profile) == bom_text(job, profile, joint_lines(robot, whole, profile))

@@ -23,6 +23,7 @@ from vinefab.fabrication.package.package_texts import job_text, readme_text
 from vinefab.fabrication.package.prepare import (
     Prepared,
     package,
+    package_spec,
     page_blocks,
     prepare,
     zip_bytes,
@@ -131,14 +132,14 @@ def test_job_json_holds_the_bond_of_laps_for_robots_in_pieces_only(
 ) -> None:
     bond = read_profile("co2_60w__stretchlon_200").recipe.lap
     bonded = replace(profile, recipe=profile.recipe.changed(lap=bond))
-    colours = PRESETS["default"]
-    assert job_text(design, job, bonded, colours) == job_text(design, job, profile, colours)
+    specs = package_spec(job, bonded), package_spec(job, profile)
+    assert job_text(design, specs[0]) == job_text(design, specs[1])
     facts = {**job.facts, "pieces": [], "joints": []}
     cut = replace(job, sheets=(replace(job),), facts=facts)
-    lap = json.loads(job_text(design, cut, bonded, colours))["recipe"]["lap"]
+    lap = json.loads(job_text(design, package_spec(cut, bonded)))["recipe"]["lap"]
     assert lap["method"] == "impulse_seal"
     assert lap["strength_n_per_mm"]["standing"] == "assumed"
-    assert json.loads(job_text(design, cut, profile, colours))["recipe"]["lap"] is None
+    assert json.loads(job_text(design, package_spec(cut, profile)))["recipe"]["lap"] is None
 
 
 def test_job_json_holds_every_setting_with_its_standing(files) -> None:
@@ -237,7 +238,7 @@ def test_the_readme_warns_where_colours_are_not_enough(prepared: Prepared) -> No
 def test_titles_are_text_in_readme_and_bill(prepared: Prepared) -> None:
     profile = prepared.profile
     titled = replace(profile, material=profile.material.changed(title="=1+1\x1b[2J\0\n0\nLINE"))
-    readme = readme_text(prepared.design, prepared.job, titled, PRESETS["default"])
+    readme = readme_text(prepared.design, package_spec(prepared.job, titled))
     bill = bom_text(prepared.job, titled)
     assert all(letter.isprintable() or letter == "\n" for letter in readme)
     assert "\n0\n" not in readme
@@ -295,7 +296,7 @@ def test_a_package_for_a_film_that_the_settings_are_not_for_says_so_at_every_ste
     texts, answers = [], []
     for profile in (known, other):
         made = prepare(design, profile)
-        texts.append(" ".join(readme_text(design, made.job, profile, PRESETS["default"]).split()))
+        texts.append(" ".join(readme_text(design, package_spec(made.job, profile)).split()))
         answers.append(list(page_blocks(made))[:2])
     assert "seals and cuts the outline in one pass." in texts[0]
     assert "stale" not in texts[0].lower()
@@ -323,8 +324,8 @@ def check_in(folder: Path, command: list[str]) -> subprocess.CompletedProcess[st
 
 def words(prepared: Prepared) -> str:
     profile = prepared.profile
-    colours = PRESETS[profile.machine.colours]
-    return " ".join(readme_text(prepared.design, prepared.job, profile, colours).split())
+    spec = package_spec(prepared.job, profile)
+    return " ".join(readme_text(prepared.design, spec).split())
 
 
 def test_the_readme_of_tiles_names_the_layer_that_verifies_their_place() -> None:

@@ -21,7 +21,7 @@ from vinefab.fabrication.calibration.coupons import (
 )
 from vinefab.fabrication.formats.dxf_format import DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import DEFAULT
-from vinefab.fabrication.formats.laser_formats import ensure_read_back, laser_files
+from vinefab.fabrication.formats.laser_formats import ensure_read_back, formats_for, laser_files
 from vinefab.fabrication.job.passes import sealed_by_hand
 from vinefab.fabrication.package.package_texts import filled_document
 from vinefab.fabrication.package.prepare import package_spec
@@ -44,6 +44,7 @@ def coupon_readme(profile: LaserProfile, jobs: Sequence[Job], matrix: Matrix | N
         lap=profile.recipe.lap,
         jobs=jobs,
         matrix=matrix,
+        with_settings=[one.suffix for one in formats_for(profile).values() if one.needs_profile],
         energies=lambda values: ", ".join(f"{energy:.1f}" for energy in values),
         square_mm=SQUARE_MM,
         lap_mm=LAP_MM,
@@ -130,7 +131,16 @@ def coupon_files(coupons: CouponSet) -> dict[str, bytes]:
     settings = {
         "recipe": profile.recipe.name,
         "jobs": [
-            {"name": job.name, "paths": len(job.paths), "facts": dict(job.facts)}
+            {
+                "name": job.name,
+                "files": [
+                    name
+                    for one in formats_for(profile).values()
+                    if (name := one.file_name(job.name)) in coupons.laser
+                ],
+                "paths": len(job.paths),
+                "facts": dict(job.facts),
+            }
             for job in coupons.jobs
         ],
         "energies_mj_mm": list(matrix.energies_mj_mm) if matrix else [],

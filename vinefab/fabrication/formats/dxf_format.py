@@ -176,6 +176,7 @@ DXF = LaserFormat(
 )
 DXF_POLYLINE = LaserFormat(
     title="DXF with chords for arcs",
+    use="for programs that lose arcs",
     suffix="_polyline.dxf",
     write=lambda spec: dxf_text(spec.job, spec.colours, polyline=True),
     read=read_dxf,
@@ -186,6 +187,7 @@ DXF_POLYLINE = LaserFormat(
 )
 DXF_R12 = LaserFormat(
     title="DXF of release 12, which has no unit",
+    use="for old programs: set millimetres",
     suffix="_r12.dxf",
     write=lambda spec: dxf_text(spec.job, spec.colours, r12=True),
     read=read_dxf,

@@ -282,6 +282,7 @@ class LaserFormat(FileFormat[LaserFileSpec, str, ReadDrawing]):
     """
 
     title: str
+    use: str = ""  # for the operator: programs that take it, or how to read it
     tolerance_mm: float  # largest error of a point, by the rounding of numbers
     # paths that the format holds
     paths: Callable[[LaserFileSpec], tuple[StyledPath, ...]] = lambda spec: spec.paths

@@ -2,7 +2,8 @@
 
 A new format is one module with a `LaserFormat`, and one line in `LASER_FORMATS` or an entry point
 of the group ``vinefab.laser_formats``. It is then written with every package and coupon, and its
-files pass the same comparison (`vinefab.fabrication.formats.laser_drawing`) as all others.
+files pass the same comparison (`vinefab.fabrication.formats.laser_drawing`) as all others. The
+package's README.txt, bill and job.json name it by its title and its use.
 """
 
 from collections.abc import Collection, Mapping
@@ -15,6 +16,8 @@ from vinefab.fabrication.formats.dxf_format import DXF, DXF_POLYLINE, DXF_R12
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec, LaserFormat, file_problems
 from vinefab.fabrication.formats.lightburn_format import LIGHTBURN
 from vinefab.fabrication.formats.svg_format import SVG
+from vinefab.model.job import Job
+from vinefab.model.laser import LaserProfile
 
 R12_FORMAT = "dxf_r12"
 
@@ -52,11 +55,15 @@ class LaserFiles:
     problems: Mapping[str, tuple[str, ...]]  # by name; empty for a file that agrees with its job
 
 
-def formats_for(spec: LaserFileSpec, requested: Collection[str] = ()) -> dict[str, LaserFormat]:
+def formats_for(
+    profile: LaserProfile | None, requested: Collection[str] = ()
+) -> dict[str, LaserFormat]:
     """Return the formats to write, by name.
 
     Parameters
     ----------
+    profile
+        The machine's settings; None where no format can have them.
     requested
         Names of formats that are written on request only.
     """
@@ -64,7 +71,7 @@ def formats_for(spec: LaserFileSpec, requested: Collection[str] = ()) -> dict[st
     return {
         name: one
         for name, one in LASER_FORMATS.items()
-        if (spec.profile is not None or not one.needs_profile)
+        if (profile is not None or not one.needs_profile)
         and (name in requested or not one.on_request)
     }
 
@@ -98,7 +105,7 @@ def laser_files(
     --------
     ensure_read_back : Raises for a file that differs from its job.
     """
-    some = [one for one in formats_for(spec, requested).values() if one not in without]
+    some = [one for one in formats_for(spec.profile, requested).values() if one not in without]
     formats = {one.file_name(stem): one for one in some}
     files = {name: _written(one, spec) for name, one in formats.items()}
     return LaserFiles(
@@ -115,6 +122,17 @@ def _written(one: LaserFormat, spec: LaserFileSpec) -> bytes:
     ensure_type(what, one.write, "file", text, str)
     with calling(what, one.write):  # half a pair of surrogates has no UTF-8
         return text.encode()
+
+
+def format_words(name: str, stem: str = "outline") -> str:
+    """Return a format's file with its title, its use and, of a plug-in, its package.
+
+    >>> format_words("dxf_polyline")
+    'outline_polyline.dxf: DXF with chords for arcs; for programs that lose arcs'
+    """
+    one, package = LASER_FORMATS[name], LASER_FORMATS.packages.get(name)
+    parts = (one.title, one.use, f"from {package}" if package else "")
+    return f"{one.file_name(stem)}: {'; '.join(part for part in parts if part)}"
 
 
 def broken_formats() -> tuple[str, ...]:
@@ -139,6 +157,13 @@ def sheet_folder(number: int) -> str:
     'sheet_2'
     """
     return f"sheet_{number}"
+
+
+def file_stems(job: Job) -> tuple[str, ...]:
+    """Return how the names of a job's files begin; its last ones are those of its runs."""
+    if job.sheets:
+        return tuple(f"{sheet_folder(k)}/outline" for k in range(1, len(job.sheets) + 1))
+    return ("outline", *(tile_stem(k) for k in range(1, len(job.tiles) + 1)))
 
 
 def ensure_read_back(problems: Mapping[str, tuple[str, ...]]) -> None:

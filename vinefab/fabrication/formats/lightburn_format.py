@@ -38,7 +38,7 @@ PALETTE = (
 _NOTES = (
     "Set the focus by hand: this file moves no lens. Keep the order of the layers and switch off "
     "path optimization. Leave kerf at 0: the offsets are in the paths. LightBurn's format is not "
-    "published; if anything looks wrong, import outline.dxf or outline.svg instead."
+    "published; if anything looks wrong, import the DXF or the SVG next to it instead."
 )
 
 
@@ -199,7 +199,8 @@ def _project_settings(spec: LaserFileSpec) -> dict[str, dict[str, str]]:
 
 
 LIGHTBURN = LaserFormat(
-    title="LightBurn project, settings included",
+    title="LightBurn project",
+    use="holds the settings",
     suffix=".lbrn2",
     write=lambda spec: lightburn_text(spec.job, spec.recipe_profile),
     read=read_lightburn,

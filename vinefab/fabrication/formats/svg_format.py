@@ -262,6 +262,7 @@ def _value(word: str) -> float:
 
 SVG = LaserFormat(
     title="SVG in millimetres",
+    use="a browser shows its lines of 0.01 mm a pixel wide",
     suffix=".svg",
     write=lambda spec: svg_text(spec.job, spec.colours, hairline_mm=spec.hairline_mm),
     read=read_svg,

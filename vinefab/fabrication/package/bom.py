@@ -3,11 +3,12 @@
 import csv
 import io
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from vinefab.core.plain_text import GENERATOR, counted
+from vinefab.fabrication.formats.laser_formats import file_stems, formats_for
 from vinefab.fabrication.job.passes import bodies_of_paths, enclosed_mm2
 from vinefab.fabrication.package.piece_joining import (
     MINUTES_PER_JOINT,
@@ -144,18 +145,28 @@ def _bond_lines(
         )
 
 
-def bom_text(job: Job, profile: LaserProfile, joints: Sequence[BomLine] = ()) -> str:
+def bom_text(
+    job: Job,
+    profile: LaserProfile,
+    joints: Sequence[BomLine] = (),
+    requested: Collection[str] = (),
+) -> str:
     """Return the bill of materials as CSV; its last row names job and program.
 
     Parameters
     ----------
     joints
         Lines of `joint_lines`, for a robot in pieces.
+    requested
+        Laser formats that are written on request.
     """
+    formats, stems = formats_for(profile, requested).values(), file_stems(job)
+    basis = f"for each of {', '.join(stems)}: {', '.join(one.suffix for one in formats)}"
+    drawn = _computed("laser files", len(formats) * len(stems), "1", basis)
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(_COLUMNS)
-    for line in (*bill_of_materials(job, profile), *joints):
+    for line in (*bill_of_materials(job, profile), *joints, drawn):
         writer.writerow([line.item, f"{line.value:.6g}", line.unit, line.standing, line.basis])
     writer.writerow(["bill of materials", "", "", "", f"{GENERATOR}: {job.name}"])
     return stream.getvalue()

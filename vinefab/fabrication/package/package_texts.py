@@ -5,7 +5,7 @@ The README's words stand in ``templates/README.txt.j2`` and ``joining.txt.j2``, 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import cache
 from itertools import groupby
 from textwrap import fill
@@ -15,17 +15,23 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from vinefab.core.plain_text import GENERATOR, counted, json_text, one_line
 from vinefab.core.view import Data, document
-from vinefab.fabrication.formats.dxf_format import DXF
 from vinefab.fabrication.formats.laser_drawing import (
     Colours,
+    LaserFileSpec,
     StyledPath,
     metadata,
     operations_by_style,
     operations_left_out,
     styled_paths,
 )
-from vinefab.fabrication.formats.laser_formats import LASER_FORMATS, sheet_folder, tile_stem
-from vinefab.fabrication.formats.svg_format import SVG
+from vinefab.fabrication.formats.laser_formats import (
+    LASER_FORMATS,
+    file_stems,
+    format_words,
+    formats_for,
+    sheet_folder,
+    tile_stem,
+)
 from vinefab.fabrication.job.passes import WEB_MM, cut_offset_mm, weld_offset_mm
 from vinefab.fabrication.job.tiling import HOLES, PIN_HOLE, TARGET, VERIFY
 from vinefab.fabrication.package import piece_joining
@@ -58,25 +64,29 @@ _WIDTH = 96
 
 def readme_text(
     design: Design,
-    job: Job,
-    profile: LaserProfile,
-    colours: Colours,
+    spec: LaserFileSpec,
     partition: Partition | None = None,
     pattern: Pattern | None = None,
+    requested: Collection[str] = (),
 ) -> str:
     """Return the operator's steps for one job, plain text, every number with its standing.
 
     Parameters
     ----------
+    spec
+        The job with its colours and its profile.
     partition
         The pieces of the robots; None for robots in one piece.
     pattern
         How the robot deploys; None where that is left out.
+    requested
+        Laser formats that are written on request.
     """
+    job, profile, colours = spec.job, spec.recipe_profile, spec.colours
+    formats = formats_for(profile, requested)
     written = [op for op in Operation if op in colours.styles and job.along(op)]
     sealed = [op for op in written if op in (Operation.WELD, Operation.WELDCUT)]
     film_mm = [math.ceil(side_mm - 1e-6) for side_mm in film_piece_mm(job, profile)]
-    foreign = LASER_FORMATS.packages.items()
     shown = ("generator", "name", "units", "sheet_mm", "kerf")
     facts = {key: str(one) for key, one in metadata(job, colours).items() if key not in shown}
     lists = [key for key, value in facts.items() if value.startswith(("[{", "{"))]
@@ -110,11 +120,8 @@ def readme_text(
             for operation in written
             if operation in (Operation.WELD, Operation.WELDCUT, Operation.CUT)
         ],
-        "foreign_formats": [
-            (LASER_FORMATS[name], package)
-            for name, package in foreign
-            if not LASER_FORMATS[name].on_request
-        ],
+        "formats": list(formats.values()),
+        "format_lines": [format_words(name) for name in formats],
         "tiles": job.tiles,
         "marks_targets": TARGET in {path.label for path in job.along(Operation.MARK)},
         "least_seam_mm": min(
@@ -152,13 +159,13 @@ _COLOUR_NAMES = {"#000000": "black", "#0000FF": "blue", "#FF00FF": "magenta", "#
 def _run(job: Job, number: int, profile: LaserProfile, colours: Colours) -> SimpleNamespace:
     """Return one list of steps: a sheet or a tile with its files, its box and its layers."""
     run, count = job.runs[number], len(job.runs)
-    title, stem = "The sheet", "outline"
+    title, stem = "The sheet", file_stems(job)[number - len(job.runs)]
     if job.tiles:
-        title, stem = f"Tile {number + 1} of {count}", tile_stem(number + 1)
+        title = f"Tile {number + 1} of {count}"
     elif job.sheets:
-        folder, labels = sheet_folder(number + 1), run.facts["pieces"]
+        labels = run.facts["pieces"]
         pieces = ", ".join(map(str, labels)) if isinstance(labels, list) else ""
-        title, stem = f"Sheet {number + 1} of {count}: pieces {pieces}", f"{folder}/outline"
+        title = f"Sheet {number + 1} of {count}: pieces {pieces}"
     styled = styled_paths(run, colours)
     boxes = [one.path.contour.box_mm for one in styled]
     low_x, low_y, high_x, high_y = zip(*boxes, strict=True)
@@ -326,15 +333,16 @@ _SCHEMA = "vinefab/job-1"
 
 def job_text(
     design: Design,
-    job: Job,
-    profile: LaserProfile,
-    colours: Colours,
+    spec: LaserFileSpec,
     pattern: Pattern | None = None,
+    requested: Collection[str] = (),
 ) -> str:
     """Return the paths to be made, with their settings, in their order.
 
     Every number of the profile keeps its standing and source; line energy and fluence are computed.
     """
+    job, profile, colours = spec.job, spec.recipe_profile, spec.colours
+    formats = formats_for(profile, requested)
     recipe, build, pieces = profile.recipe, design.build, ("pieces", "joints")
     pouch, collar = build.pouch, build.collar
     content: dict[str, object] = {
@@ -370,6 +378,16 @@ def job_text(
         "sheet_mm": [job.sheet_width_mm, job.sheet_height_mm],
         "offsets": "applied to the paths; the machine's own kerf stays at 0",
         "facts": {key: fact for key, fact in job.facts.items() if key not in pieces},
+        "formats": [
+            {
+                "name": name,
+                "files": [one.file_name(stem) for stem in file_stems(job)],
+                "title": one.title,
+                "use": one.use,
+                "package": LASER_FORMATS.packages.get(name),
+            }
+            for name, one in formats.items()
+        ],
         "colours": colours.name,
         "machine": _record(profile.machine),
         "material": _record(profile.material),
@@ -390,7 +408,7 @@ def job_text(
         "paths": _paths(job, colours),
         "tiles": [
             {
-                "files": [one.file_name(tile_stem(number)) for one in (DXF, SVG)],
+                "files": [one.file_name(tile_stem(number)) for one in formats.values()],
                 "facts": dict(tile.facts),
                 "paths": _paths(tile, colours),
             }
@@ -401,7 +419,9 @@ def job_text(
         content |= {key: job.facts[key] for key in pieces}
         content["sheets"] = [
             {
-                "files": [f"{sheet_folder(number)}/{one.file_name()}" for one in (DXF, SVG)],
+                "files": [
+                    one.file_name(f"{sheet_folder(number)}/outline") for one in formats.values()
+                ],
                 "sheet_mm": [sheet.sheet_width_mm, sheet.sheet_height_mm],
                 "facts": dict(sheet.facts),
                 "paths": _paths(sheet, colours),

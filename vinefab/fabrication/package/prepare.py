@@ -18,9 +18,8 @@ from vinefab.fabrication.formats.laser_drawing import PRESETS, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import (
     R12_FORMAT,
     ensure_read_back,
+    file_stems,
     laser_files,
-    sheet_folder,
-    tile_stem,
 )
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import ONE, SheetOptions
@@ -102,6 +101,7 @@ class Prepared:
     report: CheckReport
     # laser files by name; empty when a rule forbids the design
     laser: Mapping[str, bytes] = field(default_factory=dict)
+    requested: tuple[str, ...] = ()  # formats that are written on request
     # problems that reading them back found, by file name
     readback: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     others: tuple[Design, ...] = ()  # the other designs on the sheet
@@ -161,7 +161,7 @@ def prepare(
     BadInputError
         If the sheet cannot hold the designs, or the recipe lacks an operation.
     """
-    separate = sheet.separate
+    separate, requested = sheet.separate, (R12_FORMAT,) if r12 else ()
     named = {one.name: one for one in (*sheet.beside, design)}
     patterns = {name: pattern_of(one, profile) for name, one in named.items()}
     pattern = patterns[design.name]
@@ -182,18 +182,13 @@ def prepare(
     files: dict[str, bytes] = {}
     problems: dict[str, tuple[str, ...]] = {}
     if not any(one.blocking for one in (report, *beside)):
-        sheets = {"outline": job}
-        sheets |= {tile_stem(number): tile for number, tile in enumerate(job.tiles, start=1)}
-        if job.sheets:
-            sheets = {
-                f"{sheet_folder(number)}/outline": one
-                for number, one in enumerate(job.sheets, start=1)
-            }
+        drawn = job.sheets or (job, *job.tiles)
+        sheets = dict(zip(file_stems(job), drawn, strict=True))
         for stem in each("laser files written and read back", sheets):
             one = sheets[stem]
             spec = package_spec(one, profile)
             folder, slash, name = stem.rpartition("/")
-            written = laser_files(spec, stem=name, requested=(R12_FORMAT,) if r12 else ())
+            written = laser_files(spec, stem=name, requested=requested)
             files |= {f"{folder}{slash}{name}": data for name, data in written.files.items()}
             problems |= {f"{folder}{slash}{name}": w for name, w in written.problems.items()}
         reread = run_checks(replace(subject, readback=problems), only=(check_readback.id,))
@@ -205,6 +200,7 @@ def prepare(
         report=report,
         laser=files,
         readback=problems,
+        requested=requested,
         others=others,
         beside=beside,
         partition=partition if len(partition.pieces) > 1 else None,
@@ -246,8 +242,8 @@ def package(prepared: Prepared) -> dict[str, bytes]:
     """
     ensure_read_back(prepared.readback)
     design, profile, job = prepared.design, prepared.profile, prepared.job
-    colours, partition, cut = PRESETS[profile.machine.colours], prepared.partition, prepared.cut
-    pattern = prepared.pattern
+    spec, requested = package_spec(job, profile), prepared.requested
+    pattern, partition, cut = prepared.pattern, prepared.partition, prepared.cut
     joints, outlines = tuple[BomLine, ...](), dict[str, Contour]()
     if partition is not None:
         joints = joint_lines(cut, partition, profile, robots=robot_count(job))
@@ -255,15 +251,15 @@ def package(prepared: Prepared) -> dict[str, bytes]:
     more = {f"design_{k}.toml": one for k, one in enumerate(prepared.others, start=2)}
     designs = {"design.toml": design, **more}
     files = {
-        "README.txt": readme_text(design, job, profile, colours, partition, pattern).encode(),
+        "README.txt": readme_text(design, spec, partition, pattern, requested).encode(),
         **{name: design_text(one).encode() for name, one in designs.items()},
-        PACKAGE_MARK: job_text(design, job, profile, colours, pattern).encode(),
+        PACKAGE_MARK: job_text(design, spec, pattern, requested).encode(),
         **prepared.laser,
         "preview.png": page_png(job_plan(job, prepared.report.findings)),
         ANIMATION_NAME: job_animation(job, profile),
         "checks.json": checks_text(prepared.report, prepared.beside).encode(),
         "report.html": page(f"{design.name}: fabrication", page_blocks(prepared)).encode(),
-        "bom.csv": bom_text(job, profile, joints).encode(),
+        "bom.csv": bom_text(job, profile, joints, requested).encode(),
         **assembly_files(cut, partition, outlines, profile),
     }
     digests = {name: sha256_of(data) for name, data in files.items()}

@@ -43,7 +43,7 @@ def test_a_start_too_narrow_for_the_trunk_is_a_result():
     assert stays in grown.summary
     assert "no room to start for branch: 0 at (250.0, 100.0) mm" in grown.summary
     metrics = json.loads(grown.json_text())["metrics"]
-    assert metrics["without_room"] == [place.content()]
+    assert metrics["without_room"] == [place.content]
 
 
 def test_a_gap_too_narrow_stops_the_inflated_body_and_not_the_centreline():

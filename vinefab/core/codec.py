@@ -4,7 +4,7 @@ import json
 import math
 from functools import cache, partial
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import AllowInfNan, BeforeValidator, ConfigDict, Field, PlainSerializer, TypeAdapter
 from pydantic import ValidationError as _ValidationError
@@ -29,6 +29,45 @@ IF_KNOWN = Field(exclude_if=lambda value: value is None)
 def decimals(digits: int) -> PlainSerializer:
     """Return the mark of a field whose numbers JSON has with so many decimals; NaN is null."""
     return PlainSerializer(partial(rounded, digits=digits))
+
+
+EXACT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
+"""What is read has exactly the types of the fields; for nouns that are no `Record`, as their
+``__pydantic_config__``."""
+
+T = TypeVar("T")
+
+
+def content_of(value: object) -> dict[str, Any]:
+    """Return the fields of a frozen dataclass as JSON has them."""
+    kind: Any = type(value)
+    content: dict[str, Any] = _codec(kind).dump_python(
+        value, mode="json", by_alias=True, warnings=False, fallback=_plain
+    )
+    return content
+
+
+def json_of(value: object) -> str:
+    """Return the fields of a frozen dataclass as JSON; numbers read back the same."""
+    return json.dumps(content_of(value), allow_nan=False)
+
+
+def from_json(kind: type[T], text: str | bytes) -> T:
+    """Return the value of `json_of`.
+
+    Raises
+    ------
+    ValueError
+        For text that cannot be parsed, and for a field of another type.
+    """
+    given: Any = kind
+    try:
+        found: T = _codec(given).validate_json(text)
+    except _ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = dotted(first["loc"])
+        raise ValueError(": ".join(filter(None, (where, first["msg"])))) from error
+    return found
 
 
 class Record:
@@ -58,41 +97,22 @@ class Record:
 
     __slots__ = ()
     schema: ClassVar[str] = ""
-    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(
-        strict=True, extra="forbid", allow_inf_nan=False
-    )
+    __pydantic_config__: ClassVar[ConfigDict] = EXACT
 
     @property
     def content(self) -> dict[str, Any]:
         """The fields as JSON has them."""
-        kind: Any = type(self)
-        plain: dict[str, Any] = _codec(kind).dump_python(
-            self, mode="json", by_alias=True, warnings=False, fallback=_plain
-        )
-        return plain
+        return content_of(self)
 
     @property
     def as_json(self) -> str:
         """The fields as JSON; numbers read back the same."""
-        return json.dumps(self.content, allow_nan=False)
+        return json_of(self)
 
     @classmethod
     def of_json(cls, text: str | bytes) -> Self:
-        """Return the value of `as_json`.
-
-        Raises
-        ------
-        ValueError
-            For text that cannot be parsed, and for a field of another type.
-        """
-        kind: Any = cls
-        try:
-            found: Self = _codec(kind).validate_json(text)
-        except _ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            where = dotted(first["loc"])
-            raise ValueError(": ".join(filter(None, (where, first["msg"])))) from error
-        return found
+        """Return the value of `as_json`; errors as of `from_json`."""
+        return from_json(cls, text)
 
     def json_text(self) -> str:
         """Return the document of a file."""

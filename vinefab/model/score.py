@@ -2,10 +2,13 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import ConfigDict
 
+from vinefab.core.codec import EXACT
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import clopper_pearson, means_by_map, samples_text
 from vinefab.core.validation import Floats
@@ -144,6 +147,7 @@ class Score(Result):
     grown: str = ""
     targets: TargetsResult | None = None
     schema = "vinefab/score-1"
+    __pydantic_config__: ClassVar[ConfigDict] = EXACT
 
     def view(self) -> Iterator[Block]:
         """Yield the composites, what earned and cost the mean, and the evaluations."""

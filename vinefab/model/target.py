@@ -1,5 +1,6 @@
 """Targets: places on a map that a robot is to touch, and whether it does."""
 
+import math
 import string
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import numpy as np
 import shapely
 from annotated_types import Ge, Le, Unit
-from pydantic import Field, model_validator
+from pydantic import Field, PlainSerializer, PlainValidator, model_validator
 from shapely.geometry.base import BaseGeometry
 from typing_extensions import Doc
 
@@ -258,12 +259,21 @@ class Branches(NamedTuple):
         return owner, gaps_mm
 
 
+def _far_mm(given: Sequence[float | None]) -> Floats:
+    return np.array([math.inf if far is None else far for far in given], dtype=np.float64)
+
+
+def _known_mm(away_mm: Floats) -> list[float | None]:
+    return [far if math.isfinite(far) else None for far in away_mm.tolist()]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TargetOutcome:
     """How near robots come to one target (simulated)."""
 
     target: Target
-    away_mm: Floats  # nearest distance in each deployment, shape (n,); infinite: nothing came out
+    # nearest distance in each deployment, shape (n,); infinite, null in JSON: nothing came out
+    away_mm: Annotated[Floats, PlainValidator(_far_mm), PlainSerializer(_known_mm)]
     branches: tuple[str, ...]  # id of the nearest branch in each deployment; empty: none came out
 
     @property
@@ -376,38 +386,6 @@ class TargetsResult(Result):
             for rows in found.values()
         ]
         return cls.of(outcomes, np.array(together)) if outcomes else None
-
-    @classmethod
-    def of_record(cls, record: Mapping[str, Any]) -> "TargetsResult":
-        """Return the result of `record`."""
-        outcomes = tuple(
-            TargetOutcome(
-                target=Target(**one["target"]),
-                away_mm=np.array([np.inf if far is None else far for far in one["away_mm"]]),
-                branches=tuple(one["branches"]),
-            )
-            for one in record["outcomes"]
-        )
-        return cls(
-            outcomes=outcomes, together=record["together"], deployments=record["deployments"]
-        )
-
-    @property
-    def record(self) -> dict[str, Any]:
-        """All of it as plain values, from which `of_record` makes it again."""
-        outcomes = [
-            {
-                "target": one.target.content,
-                "away_mm": [far if np.isfinite(far) else None for far in one.away_mm.tolist()],
-                "branches": list(one.branches),
-            }
-            for one in self.outcomes
-        ]
-        return {
-            "outcomes": outcomes,
-            "together": self.together,
-            "deployments": self.deployments,
-        }
 
     @property
     def missed(self) -> tuple[TargetOutcome, ...]:

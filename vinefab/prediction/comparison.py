@@ -67,7 +67,6 @@ from vinefab.prediction.measures import (
     Measure,
     MeasureTable,
     measures_with,
-    spreads_content,
     task_content,
     task_measure,
 )
@@ -249,7 +248,7 @@ class DesignComparison(Result):
         yield Data({"standing": "simulated", "growth": self.plan.options.content,
                     "measure": measure.key, **task_content(self.plan.task),
                     "maps": some.map_count})  # fmt: skip
-        yield Data(lambda: {"designs": {name: spreads_content(o) for name, o in outcomes.items()}})
+        yield Data(lambda: {"designs": {name: o.spreads for name, o in outcomes.items()}})
         # Charts of every measure, designs over contacts and on the same map.
         words = (
             "Each design met the same maps from the same poses, so that differences are paired: "

@@ -17,6 +17,7 @@ import numpy as np
 import shapely
 
 from vinefab.core.atomic import write_bytes, write_text
+from vinefab.core.codec import Record
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, positive, whole
@@ -154,7 +155,7 @@ _MOST_NAMED = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BranchPlace:
+class BranchPlace(Record):
     """A branch and a place on the map."""
 
     branch: str  # its id
@@ -162,11 +163,6 @@ class BranchPlace:
     x_mm: float
     y_mm: float
     radius_mm: float  # its inflated radius
-
-    def content(self) -> dict[str, object]:
-        """Return it as it stands in JSON."""
-        where = {"x_mm": self.x_mm, "y_mm": self.y_mm}
-        return {"branch": self.branch, **where, "radius_mm": self.radius_mm}
 
 
 def without_room(
@@ -296,9 +292,9 @@ class DeployedDesign(Result):
             "grown_mm": float(self.deployment.grown_mm.sum()),
             "stops": self.stops,
             **self.options.content,
-            "without_room": [place.content() for place in self.without_room],
+            "without_room": [place.content for place in self.without_room],
             "wedged": [
-                place.content() for place in wedged(self.design, self.deployment, self.options)
+                place.content for place in wedged(self.design, self.deployment, self.options)
             ],
         }
 

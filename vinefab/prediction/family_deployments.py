@@ -70,7 +70,6 @@ from vinefab.prediction.measures import (
     MeasureTable,
     measured_shapes,
     measures_with,
-    spreads_content,
     worst_pressures_of,
 )
 from vinefab.tasks import make_task
@@ -402,7 +401,7 @@ def spread_blocks(families: Sequence[MeasureTable]) -> Iterator[Data | Section]:
                 {
                     "label": outcomes.label,
                     "maps": outcomes.map_count,
-                    "spread": spreads_content(outcomes),
+                    "spread": outcomes.spreads,
                     **document([table]),
                 }
                 for outcomes, table in zip(families, every, strict=True)

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from vinefab.core.codec import Record
 from vinefab.core.errors import BadInputError
 from vinefab.core.statistics import MeanValue
 from vinefab.core.validation import Floats, Ints
@@ -226,7 +227,7 @@ def measures_with(task: Task | None) -> tuple[Measure, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeasureSpread(MeanValue):
+class MeasureSpread(MeanValue, Record):
     """How a measure is spread over deployments: its mean, and their distribution."""
 
     count: int  # deployments that have a value
@@ -242,6 +243,11 @@ class MeasureSpread(MeanValue):
     def shown(self, measure: Measure) -> Number:
         """Return the mean with its interval, as a measure is shown."""
         return measure.of(self.mean, self.low, self.high, over=self.over)
+
+    def rounded(self, measure: Measure) -> "MeasureSpread":
+        """Return the spread with the digits of a measure."""
+        numbers = {name: measure.rounded(getattr(self, name)) for name in self.NUMBERS}
+        return MeasureSpread(over=self.over, count=self.count, **numbers)
 
     NUMBERS = ("mean", "low", "high", "deviation", "p05", "median", "p95", "least", "greatest")
 
@@ -289,18 +295,15 @@ class MeasureTable:
             greatest=float(known.max()),
         )
 
-
-def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
-    """Return how every measure is spread, rounded as it is shown, by the measures' keys."""
-    spreads: dict[str, object] = {}
-    for measure in outcomes.measures:
-        spread = outcomes.spread(measure)
-        if spread is not None:
-            numbers = {
-                name: measure.content(getattr(spread, name)) for name in MeasureSpread.NUMBERS
-            }
-            spreads[measure.key] = {"count": spread.count, "over": spread.over, **numbers}
-    return spreads
+    @property
+    def spreads(self) -> dict[str, dict[str, object]]:
+        """How every measure is spread, as in JSON, by the measures' keys."""
+        known = ((measure, self.spread(measure)) for measure in self.measures)
+        return {
+            measure.key: spread.rounded(measure).content
+            for measure, spread in known
+            if spread is not None
+        }
 
 
 def measured_shapes(

@@ -8,11 +8,12 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import shapely
 
+from vinefab.core.codec import IF_KNOWN, Record
 from vinefab.core.limits import rad
 from vinefab.core.plain_text import counted
 from vinefab.core.progress import Phase, Progress, each
@@ -63,6 +64,7 @@ from vinefab.prediction.measures import (
     worst_pressures_of,
 )
 from vinefab.prediction.pressure_window import PressureRange
+from vinefab.search.record.winner import KnownBy
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import Poses
 from vinefab.tasks.reach import Reach
@@ -123,11 +125,9 @@ class RuleRange:
     measures: tuple[Measure, ...] = CONTACT_MEASURES  # those that ``values`` may have
 
     @property
-    def content(self) -> dict[str, object]:
-        """The means as they stand in JSON."""
-        means = {m.key: [m.rounded(v.mean) for v in self.values[m.key]] for m in known(self)}
-        standing = {} if self.standing == "assumed" else {"standing": self.standing}
-        return {"choices": list(self.choices), **standing, "means": means}
+    def numbers(self) -> "RuleMeans":
+        """The means as JSON has them."""
+        return RuleMeans(choices=self.choices, standing=self.standing, means=means_of(self))
 
     def rows(self, measures: Sequence[Measure]) -> Rows:
         """Return measures under each choice, with their intervals."""
@@ -140,6 +140,50 @@ class RuleRange:
                 for m in measures
             ),
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RuleMeans:
+    """Means of measures under each choice of a growth option."""
+
+    choices: tuple[BranchContact | float, ...]
+    standing: KnownBy
+    means: Mapping[str, tuple[float, ...]]  # by measure key
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactMeans:
+    """Means of measures at each head-on half-angle."""
+
+    head_on_half_angle_deg: tuple[float, ...]
+    standing: KnownBy
+    deployments: int  # at each
+    means: Mapping[str, tuple[float, ...]]  # by measure key
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PredictionWidth(Record):
+    """How wide a prediction is over what is assumed of contacts."""
+
+    contacts: ContactMeans
+    branch_contact: Annotated[RuleMeans | None, IF_KNOWN] = None
+    emergence: Annotated[RuleMeans | None, IF_KNOWN] = None
+
+    @classmethod
+    def of(cls, found: ContactRange) -> "PredictionWidth":
+        """Return the width of a range."""
+        contacts = ContactMeans(
+            head_on_half_angle_deg=found.angles_deg,
+            standing=found.standing,
+            deployments=found.deployments,
+            means=means_of(found),
+        )
+        return cls(contacts=contacts, **{rule.option: rule.numbers for rule in found.rules})
+
+
+def means_of(found: ContactRange | RuleRange) -> dict[str, tuple[float, ...]]:
+    """Return the means of a range by measure key, with the digits that are shown."""
+    return {m.key: tuple(m.rounded(v.mean) for v in found.values[m.key]) for m in known(found)}
 
 
 def contact_angles_words(angles_deg: Sequence[float], standing: str) -> str:
@@ -348,16 +392,7 @@ def width_blocks(
     yield Data(
         {
             "width": {
-                "contacts": {
-                    "head_on_half_angle_deg": list(contacts.angles_deg),
-                    **({} if contacts.standing == "assumed" else {"standing": contacts.standing}),
-                    "deployments": contacts.deployments,
-                    "means": {
-                        m.key: [m.rounded(v.mean) for v in contacts.values[m.key]]
-                        for m in known(contacts)
-                    },
-                },
-                **{rule.option: rule.content for rule in contacts.rules},
+                **PredictionWidth.of(contacts).content,
                 "pressure": None if pressure is None else {"working_kpa": pressure.working_kpa},
             }
         }

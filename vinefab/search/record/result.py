@@ -17,7 +17,7 @@ import shapely
 from shapely.errors import ShapelyError
 
 from vinefab.core.atomic import write_text
-from vinefab.core.codec import Record
+from vinefab.core.codec import Record, from_json
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError, VinefabError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted
@@ -40,8 +40,8 @@ from vinefab.growth.options import growth_text, trained_growth
 from vinefab.model.design import Design, design_text
 from vinefab.model.files.run_context import RunContext, RunRecipe, shape_fingerprint
 from vinefab.model.files.shipped import path_given
-from vinefab.model.map import Map, Pose, Start
-from vinefab.model.score import Evaluation, Score, composite_fact, composite_text
+from vinefab.model.map import Map, Start
+from vinefab.model.score import Score, composite_fact, composite_text
 from vinefab.model.start import start_of_record, start_record, start_text
 from vinefab.model.target import TargetsResult
 from vinefab.search.evaluator import TimeSplit, final_seed
@@ -53,7 +53,6 @@ from vinefab.search.settings import (
     settings_from_plain,
 )
 from vinefab.search.space import Space
-from vinefab.tasks.evaluate import composite
 
 
 def design_of_finalist(
@@ -422,46 +421,6 @@ def state_from_text(text: str) -> dict[str, Any]:
     }
 
 
-def score_to_text(score: Score) -> str:
-    """Return a score as JSON; floats read back the same."""
-    evaluations = [
-        {
-            "map": evaluation.map_name,
-            "pose": asdict(evaluation.pose),
-            "score": evaluation.score,
-            "terms": dict(evaluation.terms),
-        }
-        for evaluation in score.evaluations
-    ]
-    content = {
-        "task": score.task,
-        "evaluations": evaluations,
-        "composite": dict(score.composite),
-        **({} if score.targets is None else {"targets": score.targets.record}),
-    }
-    return json.dumps(content, allow_nan=False)
-
-
-def score_from_text(text: str) -> Score:
-    """Return the score of `score_to_text`."""
-    record = json.loads(text)
-    evaluations = tuple(
-        Evaluation(
-            map_name=entry["map"],
-            pose=Pose(**entry["pose"]),
-            score=entry["score"],
-            terms=entry["terms"],
-        )
-        for entry in record["evaluations"]
-    )
-    return Score(
-        task=record["task"],
-        evaluations=evaluations,
-        composite=record.get("composite") or composite([e.score for e in evaluations]),
-        targets=TargetsResult.of_record(record["targets"]) if "targets" in record else None,
-    )
-
-
 def map_to_text(world: Map) -> str:
     """Return a map as JSON, coordinates as their bits."""
     record = {
@@ -651,7 +610,7 @@ def read_finalists(connection: sqlite3.Connection, space: Space) -> tuple[Finali
         Finalist(
             x=from_blob(x),
             design=space.design(from_blob(x)),
-            score=score_from_text(score),
+            score=from_json(Score, score),
             penalty=penalty,
             fitness=fitness,
         )
@@ -921,7 +880,7 @@ class RecordTail:
                 run_id=identity.run_id,
                 generations=tuple(read_generations(connection, first)),
                 stopped=entries.get("stopped", ""),
-                winner_score=None if winner is None else score_from_text(winner[0]),
+                winner_score=None if winner is None else from_json(Score, winner[0]),
             )
 
 

@@ -15,11 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vinefab.core.atomic import folder_to_fill, lock_folder
-from vinefab.core.codec import Record
+from vinefab.core.codec import Record, from_json, json_of
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.core.plain_text import GENERATOR
 from vinefab.core.progress import announce, is_heard
 from vinefab.model.map import Map
+from vinefab.model.score import Score
 from vinefab.search.evaluator import Ledger, TimeSplit
 from vinefab.search.record.generations import (
     Extension,
@@ -44,8 +45,6 @@ from vinefab.search.record.result import (
     read_generations,
     recorded_entry,
     recorded_identity,
-    score_from_text,
-    score_to_text,
     state_from_text,
     state_to_text,
     system_errors,
@@ -196,7 +195,7 @@ class RunStore:
     ) -> None:
         """Record the end of the run; recording it again changes nothing."""
         rows = [
-            (place, to_blob(f.x), float(f.penalty), float(f.fitness), score_to_text(f.score))
+            (place, to_blob(f.x), float(f.penalty), float(f.fitness), json_of(f.score))
             for place, f in enumerate(finalists)
         ]
         with self._transaction() as connection:
@@ -340,7 +339,7 @@ class RunStore:
         """Record other limits, and that a run which had ended has not."""
         with damage_errors(self.path):
             row = self._connection.execute("SELECT score FROM finalist WHERE place = 0").fetchone()
-            score = None if row is None else score_from_text(row[0]).composite["mean"]
+            score = None if row is None else from_json(Score, row[0]).composite["mean"]
         extension = Extension(
             utc=datetime.now(UTC).isoformat(),
             generations_done=self.recorded,

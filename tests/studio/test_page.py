@@ -175,7 +175,7 @@ def test_a_dragged_angle_shows_what_must_be_cut_and_how_sensitive_it_is(tab):
     assert design.levels[0].fan_rad != pytest.approx(np.deg2rad(100.0))
     profile = ChosenRecipe.of(design).profile
     patterns = (pattern_of(design, profile, known_only=known) for known in (True, False))
-    # The table's words while the pointer moves, those of the simulated joint once it rests.
+    # The table's words while the hand holds it, those of the simulated joint once it lets go.
     says = [cut_notes(pattern, profile)["level.0.angle_deg"]["text"] for pattern in patterns]
     tab.until("(says) => says.includes(document.querySelector('.value-note').textContent)", says)
     tab.page.mouse.up()

@@ -6,6 +6,7 @@ import { isStale, problemOf } from "studio/connection.js";
 import { createView } from "studio/view.js";
 
 const STILL_MS = 150;
+const RESTED_MS = 250; // longer than a hand stands still where it turns back
 const HELD_MS = 1000; // a hand that rests so long waits for the rules
 const ZOOM = 1.4;
 const STEP_PX = 40;
@@ -373,7 +374,7 @@ export function mount(root, app) {
   /** Ask when the state has been still for a while: a robot that is dragged has the processor to itself. */
   function follow() {
     clearTimeout(cutTimer);
-    if (isHeld()) cutTimer = setTimeout(askCut, STILL_MS);
+    if (isHeld()) cutTimer = setTimeout(askCut, RESTED_MS);
     else askCut();
     deployed.follow();
     showFreshness();

@@ -1,4 +1,4 @@
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -116,22 +116,23 @@ def test_the_table_says_who_is_better_and_how_sure_that_is() -> None:
     )
     rows = made_up(contest, worth)
     table = comparison_table(contest, rows)
-    assert [entry["problem"] for entry in table] == ["tiny"] * 3 + ["other"] * 3 + ["all"] * 3
+    assert [entry.problem for entry in table] == ["tiny"] * 3 + ["other"] * 3 + ["all"] * 3
     first, better, same = table[:3]
-    assert "difference" not in first
-    assert first["unseen"]["mean"] == pytest.approx(base.mean())
+    assert first.difference is None
+    assert "difference" not in first.content
+    assert first.unseen.mean == pytest.approx(base.mean())
     ends = ttest_1samp(base, 0.0).confidence_interval()
-    assert (first["unseen"]["low"], first["unseen"]["high"]) == pytest.approx((ends.low, ends.high))
+    assert (first.unseen.low, first.unseen.high) == pytest.approx((ends.low, ends.high))
     # Two contenders are tested.
     p = ttest_rel(worth["better"], base).pvalue
-    assert better["difference"]["p"] == pytest.approx(p)
-    assert better["difference"]["p_adjusted"] == pytest.approx(2 * p)
-    assert 0.02 <= better["difference"]["low"] < better["difference"]["high"] <= 0.03
-    assert same["difference"]["p"] == 1.0
+    assert better.difference.p == pytest.approx(p)
+    assert better.difference.p_adjusted == pytest.approx(2 * p)
+    assert 0.02 <= better.difference.low < better.difference.high <= 0.03
+    assert same.difference.p == 1.0
     assert "+0.0" in list(lines(comparison_blocks(contest, rows)))[3]
     assert comparison_svg(contest, rows).startswith(b"<?xml")
     assert '"vinefab/comparison-1"' in comparison_json(contest, rows)
-    assert asdict(rows[0])["key"] in comparison_json(contest, rows)
+    assert rows[0].key in comparison_json(contest, rows)
 
 
 @pytest.mark.parametrize(
@@ -159,12 +160,12 @@ def test_the_table_has_the_means_of_each_contender() -> None:
     first, second = comparison_table(CONTEST, rows)
     half = 0.1 * student.ppf(0.975, 1)
     ends = {"low": pytest.approx(0.3 - half), "high": pytest.approx(0.3 + half)}
-    assert first["unseen"] == {"mean": pytest.approx(0.3), **ends}
-    assert (first["fresh"], first["lucky"]) == pytest.approx((0.2, 0.4))
-    assert (first["evaluations"], first["optimizer_s"], first["can_be_made"]) == (10.0, 1.5, 0.5)
-    assert second["difference"]["mean"] == pytest.approx(0.2)
-    assert second["difference"]["low"] == pytest.approx(0.2 - half)
+    assert first.content["unseen"] == {"mean": pytest.approx(0.3), **ends}
+    assert (first.fresh, first.lucky) == pytest.approx((0.2, 0.4))
+    assert (first.evaluations, first.optimizer_s, first.can_be_made) == (10.0, 1.5, 0.5)
+    assert second.difference.mean == pytest.approx(0.2)
+    assert second.difference.low == pytest.approx(0.2 - half)
     p = ttest_rel(worth["pso"], worth["random"]).pvalue
-    assert second["difference"]["p"] == pytest.approx(p)
+    assert second.difference.p == pytest.approx(p)
     line = list(lines(comparison_blocks(CONTEST, rows)))[3]
     assert line.endswith(f"+0.2000 [{0.2 - half:+.4f}, {0.2 + half:+.4f}; 2 seeds]  {p:.3f}")

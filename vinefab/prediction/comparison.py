@@ -1,7 +1,7 @@
 """Designs side by side: the same maps and poses, paired statistics."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import combinations
 
@@ -38,6 +38,7 @@ from vinefab.core.view import (
 )
 from vinefab.growth.options import growth_text
 from vinefab.model.design import Design
+from vinefab.model.target import TargetsResult
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (
     INK,
@@ -171,6 +172,8 @@ class DesignComparison(Result):
         How they were deployed.
     measure
         What counts most.
+    targets
+        Which targets each touches; None without any.
     growth_notes
         Why they were grown by these rules, a sentence each.
     origin
@@ -184,6 +187,7 @@ class DesignComparison(Result):
     contacts: tuple[ContactRange, ...]
     plan: PredictionPlan
     measure: Measure = COVERAGE
+    targets: Mapping[str, TargetsResult | None] = field(default_factory=dict)
     growth_notes: tuple[str, ...] = ()
     origin: Origin | None = None
     schema = "vinefab/design-comparison-1"
@@ -231,12 +235,7 @@ class DesignComparison(Result):
         )
         yield paired_difference_table(self.differences)
         yield side_by_side_table(outcomes)
-        found = {
-            name: touched
-            for name, result in zip(self.names, self.results, strict=True)
-            if (touched := touched_targets(result.aimed(self.plan.task), self.plan.task))
-            is not None
-        }
+        found = {name: touched for name, touched in self.targets.items() if touched is not None}
         yield Rows(
             caption="Targets (simulated; tolerances assumed)",
             headings=("design", "touched"),
@@ -386,6 +385,10 @@ def compare_designs(
         ),
         plan=plan,
         measure=measure,
+        targets={
+            name: touched_targets(result.aimed(plan.task), plan.task)
+            for name, result in zip(names, results, strict=True)
+        },
         growth_notes=growth_notes,
     )
 

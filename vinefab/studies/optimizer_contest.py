@@ -1,7 +1,6 @@
 """Optimizers against each other on the same problems, at equal numbers of evaluations."""
 
 import json
-import math
 import multiprocessing
 import os
 import time
@@ -9,15 +8,16 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Annotated, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from vinefab.core.atomic import ensure_writable, folder_to_fill, is_ours
+from vinefab.core.codec import IF_KNOWN, MaybeNan, Record
 from vinefab.core.errors import BadInputError, UnreadableFileError, WorkersLostError, located
 from vinefab.core.hashing import fingerprint
 from vinefab.core.interruption import end_with_parent, stops_deferred
@@ -128,7 +128,7 @@ class ContestRun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ContestRow:
+class ContestRow(Record):
     """The outcome of one run."""
 
     key: str  # fingerprint of the run
@@ -214,7 +214,7 @@ def contest_rows(
                     stream.write(
                         json.dumps({"schema": "vinefab/bouts-1", "generator": GENERATOR}) + "\n"
                     )
-                stream.write(json.dumps(asdict(row)) + "\n")
+                stream.write(f"{row.as_json}\n")
             known[row.key] = row
             last = f"{row.problem} {row.contender} {row.unseen:.4f}"
             told.at(done, f"the last {last}")
@@ -235,8 +235,8 @@ def _recorded(record: Path) -> dict[str, ContestRow]:
     if lines.pop():
         os.truncate(record, len("".join(f"{line}\n" for line in lines).encode()))
     try:
-        rows = [ContestRow(**json.loads(line)) for line in lines[1:]]
-    except (ValueError, TypeError) as error:
+        rows = [ContestRow.of_json(line) for line in lines[1:]]
+    except ValueError as error:
         raise UnreadableFileError(record, "is not a record of a comparison") from error
     return {row.key: row for row in rows}
 
@@ -249,14 +249,72 @@ def comparison_json(contest: Contest, rows: Sequence[ContestRow]) -> str:
         "poses_per_unseen_map": contest.poses,
         "reference": contest.contenders[0].label,
         "problems": {problem.name: plain_settings(problem) for problem in contest.problems},
-        "table": comparison_table(contest, rows),
-        "runs": [asdict(row) for row in rows],
+        "table": [entry.content for entry in comparison_table(contest, rows)],
+        "runs": [row.content for row in rows],
         "versions": package_versions(),
     }
     return json_text("vinefab/comparison-1", content)
 
 
-def comparison_table(contest: Contest, rows: Sequence[ContestRow]) -> list[dict[str, Any]]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeedMean:
+    """A mean over seeds with its 95 % interval; NaN where there is none."""
+
+    mean: float
+    low: MaybeNan
+    high: MaybeNan
+
+    @classmethod
+    def of(cls, values: Floats) -> "SeedMean":
+        """Return the mean of scores: means over many maps are nearly normal."""
+        low, high = mean_interval(values, LEVEL, tails=0.0)
+        return cls(mean=float(values.mean()), low=low, high=high)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeedDifference(SeedMean):
+    """A mean difference over seeds, adjusted for the number of contenders; only p is not."""
+
+    p: float  # two-sided, of no difference; 1 where there is none, or one pair only
+    p_adjusted: float
+
+    @classmethod
+    def between(cls, one: Floats, other: Floats, contenders: int) -> "SeedDifference":
+        """Return the difference of scores, paired by seed."""
+        values = one - other
+        low, high = mean_interval(values, 1.0 - SIGNIFICANT / contenders, tails=0.0)
+        p = mean_p(values, tails=0.0) if len(values) > 1 else 1.0
+        return cls(
+            mean=float(values.mean()), low=low, high=high, p=p, p_adjusted=min(1.0, contenders * p)
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContestEntry(Record):
+    """A contender on a problem, or on all of them together; means over seeds."""
+
+    problem: str
+    optimizer: str
+    unseen: SeedMean  # score of the winners on unseen maps
+    fresh: float
+    lucky: float
+    evaluations: float
+    optimizer_s: float
+    can_be_made: float  # share of the winners
+    difference: Annotated[SeedDifference | None, IF_KNOWN] = None  # None of the first contender
+
+    def cells(self, over: str) -> tuple[Value, ...]:
+        """Return the entry as a row."""
+        number, unseen, more = partial(Number, over=over), self.unseen, self.difference
+        score = number(unseen.mean, form=".4f", interval=(unseen.low, unseen.high))
+        above: tuple[Value, Value] = ("", "")
+        if more is not None:
+            ends = more.low, more.high
+            above = number(more.mean, form="+.4f", interval=ends), p_value(more.p_adjusted)
+        return self.problem, self.optimizer, score, *above
+
+
+def comparison_table(contest: Contest, rows: Sequence[ContestRow]) -> list[ContestEntry]:
     """Return one entry per problem and contender, and over all problems together.
 
     Scores are those of the winners on unseen maps. ``difference`` is to the first contender,
@@ -283,42 +341,24 @@ def _scores(rows: Sequence[ContestRow], problem: str, label: str) -> Floats:
 
 def _block(
     contest: Contest, problem: str, scores: Sequence[Floats], rows: Sequence[ContestRow]
-) -> list[dict[str, Any]]:
+) -> list[ContestEntry]:
     block, others = [], max(1, len(scores) - 1)
     for place, (contender, values) in enumerate(zip(contest.contenders, scores, strict=True)):
         mine = [r for r in rows if r.contender == contender.label and problem in (r.problem, "all")]
-        entry: dict[str, Any] = {
-            "problem": problem,
-            "optimizer": contender.label,
-            "unseen": _interval(values, LEVEL),
-            "fresh": float(np.mean([r.fresh for r in mine])),
-            "lucky": float(np.mean([r.lucky for r in mine])),
-            "evaluations": float(np.mean([r.evaluations for r in mine])),
-            "optimizer_s": float(np.mean([r.optimizer_s for r in mine])),
-            "can_be_made": float(np.mean([r.penalty == 0.0 for r in mine])),
-        }
-        if place > 0:
-            difference = values - scores[0]
-            # Two-sided, of no difference; 1 when there is none or one pair only.
-            p = mean_p(difference, tails=0.0) if len(difference) > 1 else 1.0
-            entry["difference"] = {
-                **_interval(difference, 1.0 - SIGNIFICANT / others),
-                "p": p,
-                "p_adjusted": min(1.0, others * p),
-            }
-        block.append(entry)
+        block.append(
+            ContestEntry(
+                problem=problem,
+                optimizer=contender.label,
+                unseen=SeedMean.of(values),
+                fresh=float(np.mean([r.fresh for r in mine])),
+                lucky=float(np.mean([r.lucky for r in mine])),
+                evaluations=float(np.mean([r.evaluations for r in mine])),
+                optimizer_s=float(np.mean([r.optimizer_s for r in mine])),
+                can_be_made=float(np.mean([r.penalty == 0.0 for r in mine])),
+                difference=SeedDifference.between(values, scores[0], others) if place else None,
+            )
+        )
     return block
-
-
-def _interval(values: Floats, level: float) -> dict[str, float | None]:
-    """Return a mean over seeds with its interval: means over many maps are nearly normal."""
-    low, high = mean_interval(values, level, tails=0.0)
-    known = math.isfinite(low)
-    return {
-        "mean": float(values.mean()),
-        "low": low if known else None,
-        "high": high if known else None,
-    }
 
 
 def comparison_blocks(contest: Contest, rows: Sequence[ContestRow]) -> Iterator[Block]:
@@ -334,23 +374,8 @@ def comparison_blocks(contest: Contest, rows: Sequence[ContestRow]) -> Iterator[
             f"difference to {contest.contenders[0].label}",
             "p",
         ),
-        rows=tuple(_cells(entry, seeds) for entry in comparison_table(contest, rows)),
+        rows=tuple(entry.cells(seeds) for entry in comparison_table(contest, rows)),
     )
-
-
-def _cells(entry: Mapping[str, Any], over: str) -> tuple[Value, ...]:
-    """Return an entry of the table as cells; the first contender has no difference."""
-    unseen, more = entry["unseen"], entry.get("difference")
-    number = partial(Number, over=over)
-    score = number(unseen["mean"], form=".4f", interval=(unseen["low"], unseen["high"]))
-    above: tuple[Value, Value] = ("", "")
-    if more:
-        ends = more["low"], more["high"]
-        above = (
-            number(more["mean"], form="+.4f", interval=ends),
-            p_value(more["p_adjusted"]),
-        )
-    return entry["problem"], entry["optimizer"], score, *above
 
 
 def comparison_svg(contest: Contest, rows: Sequence[ContestRow]) -> bytes:

@@ -9,6 +9,7 @@ from typing import Any
 
 import tomli_w
 
+from vinefab.core.codec import Record
 from vinefab.core.errors import BadInputError
 from vinefab.core.limits import deg
 from vinefab.core.plain_text import GENERATOR, counted
@@ -29,45 +30,50 @@ RUN_FILE, START_FILE, SHOWN_MAP_FILE = "run.toml", "start.toml", "map.geojson"
 _LEVEL = {key.field: key for key in declared_keys(Level) if key.field in LIMITS}
 """Variables of a level, by their names in a space."""
 
+_NAMES = {key.name: name for name, key in _LEVEL.items()}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DesignValue:
-    """A value of the design that a search may change."""
+class DesignValue(Record):
+    """A value of the design that a search may change, as the page shows it."""
 
     key: str  # as in a design: ``level.0.angle_deg``
     level: int  # 1 for the trunk
-    name: str  # as in a space: ``angle_deg``
+    label: str
+    unit: str
     value: float
-    is_locked: bool
+    range: tuple[float, float]  # that is proposed
+    limits: tuple[float, float]
+    locked: bool
+    whole: bool
+
+    @classmethod
+    def of(cls, key: str, level: int, name: str, value: float, *, locked: bool) -> "DesignValue":
+        """Return a value with a range around it; ``name`` is that in a space: ``angle_deg``."""
+        low, high = LIMITS[name]
+        if name == "branches":
+            around = value - 1.0, value + 1.0
+        elif name == "angle_deg":
+            around = round(value - 40.0), round(value + 40.0)
+        else:
+            around = max(min(1.0, value), round(0.6 * value)), round(1.4 * value) + 1.0
+        return cls(
+            key=key,
+            level=level,
+            label=label_of(_LEVEL[name]).lower(),
+            unit=_LEVEL[name].unit,
+            value=value,
+            # The value lies within, so that the search can begin at it.
+            range=(max(low, min(around[0], value)), min(high, max(around[1], value))),
+            limits=LIMITS[name],
+            locked=locked,
+            whole=name == "branches",
+        )
 
     @property
-    def proposed(self) -> tuple[float, float]:
-        """A range around the value."""
-        low, high = LIMITS[self.name]
-        if self.name == "branches":
-            around = self.value - 1.0, self.value + 1.0
-        elif self.name == "angle_deg":
-            around = round(self.value - 40.0), round(self.value + 40.0)
-        else:
-            least = min(1.0, self.value)
-            around = max(least, round(0.6 * self.value)), round(1.4 * self.value) + 1.0
-        # The value lies within, so that the search can begin at it.
-        return max(low, min(around[0], self.value)), min(high, max(around[1], self.value))
-
-    def plain(self) -> dict[str, Any]:
-        """Return the value as the page shows it."""
-        words, unit = label_of(_LEVEL[self.name]).lower(), _LEVEL[self.name].unit
-        return {
-            "key": self.key,
-            "level": self.level,
-            "label": words,
-            "unit": unit,
-            "value": self.value,
-            "range": list(self.proposed),
-            "limits": list(LIMITS[self.name]),
-            "locked": self.is_locked,
-            "whole": self.name == "branches",
-        }
+    def name(self) -> str:
+        """What it is called in a space."""
+        return _NAMES[self.key.rpartition(".")[2]]
 
 
 def design_values(design: Design, locks: frozenset[str]) -> tuple[DesignValue, ...]:
@@ -79,7 +85,7 @@ def design_values(design: Design, locks: frozenset[str]) -> tuple[DesignValue, .
             for name, key in _LEVEL.items()
         ]
     return tuple(
-        DesignValue(key=key, level=level, name=name, value=value, is_locked=key in locks)
+        DesignValue.of(key, level, name, value, locked=key in locks)
         for key, level, name, value in values
     )
 
@@ -104,7 +110,7 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
     if state.design.limits:
         notes.append("the design's own limits of rules: a search takes the recipe's")
     return {
-        "values": [value.plain() for value in design_values(state.design, state.locks)],
+        "values": [value.content for value in design_values(state.design, state.locks)],
         "levels": [depth, depth],
         "most_levels": MOST_LEVELS,
         "deeper": {
@@ -222,7 +228,7 @@ def _space(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
         raise BadInputError("levels", levels, "[fewest, most]", PAGE)
     least = whole("levels", levels[0], 1, MOST_LEVELS)
     most = whole("levels", levels[1], least, MOST_LEVELS)
-    locked = max((value.level for value in values if value.is_locked), default=1)
+    locked = max((value.level for value in values if value.locked), default=1)
     if least < locked:
         allowed = f"at least {counted(locked, 'level')}: level {locked} has locked values"
         raise BadInputError("levels", levels, allowed, PAGE)
@@ -234,8 +240,8 @@ def _space(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     for value in values:
         if value.level <= most:
             table = tables.setdefault(value.level, {"number": value.level})
-            asked = ranges.get(value.key, list(value.proposed))
-            table[value.name] = _tidy(value.value if value.is_locked else asked)
+            asked = ranges.get(value.key, list(value.range))
+            table[value.name] = _tidy(value.value if value.locked else asked)
     return {"levels": [least, most], "level": list(tables.values())}
 
 

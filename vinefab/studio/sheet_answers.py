@@ -2,10 +2,11 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
+from vinefab.core.codec import Record
 from vinefab.core.errors import BadInputError
 from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted
@@ -73,8 +74,8 @@ def rules_answer(state: StudioState, _: Mapping[str, Any]) -> dict[str, Any]:
         "pieces_words": words,
         "sheets": (len(job.sheets) if job else 0) or 1,
         "tiles": len(job.tiles) if job else 0,
-        "gauge": _gauge_content(subject, state.profile),
-        "bill": _bill_content(subject, state.profile),
+        "gauge": ShownGauge.of(subject, state.profile).content,
+        "bill": [line.content for line in bill_lines(subject, state.profile)],
         "deployed": [name for name, _ in deployed],
         "deployed_problem": problem,
         "cut": cut_notes(pattern, state.profile),
@@ -174,40 +175,66 @@ def _sheet_content(subject: Subject, report: CheckReport) -> dict[str, Any]:
 # --- Pressure -----------------------------------------------------------------------------------
 
 
-def _gauge_content(subject: Subject, profile: LaserProfile) -> dict[str, Any]:
-    """Return the pressure for growth, that of the widest part, and the working pressure."""
-    changed = by_rule(changed_limits(subject.design, profile))
-    limits = check_window.limits_under(changed)
-    gauge = pressure_gauge(subject, profile, limits)
-    seam = profile.material.seam
-    paths = "simulated" if subject.deployments else "computed"
-    constants = "measured" if gauge.growth_measured else "assumed"
-    factor = limits["safety_factor"]
-    return {
-        "needed_loose": _need_content(subject, gauge.loose),
-        "needed_tight": _need_content(subject, gauge.tight),
-        "needed_standing": f"{paths}, constants {constants}",
-        "needed_basis": f"worst tip, film stored loosely to tightly; {gauge.source}",
-        "working_kpa": subject.design.build.pressure_kpa,
-        "working_standing": "set in the design",
-        "allowed_kpa": gauge.safe_kpa,
-        "allowed_standing": "measured" if gauge.seam_measured else "assumed",
-        "allowed_basis": f"{gauge.width_mm:.1f} mm of lay-flat width, safety factor {factor:g}; "
-        f"{seam.words()}",
-        "is_open": gauge.loose.pressure_kpa < gauge.safe_kpa,
-        "is_open_tight": gauge.tight.pressure_kpa < gauge.safe_kpa,
-    }
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownNeed:
+    """The pressure that growth to the worst tip needs."""
+
+    kpa: float
+    branch: str
+    place: str
+
+    @classmethod
+    def of(cls, subject: Subject, worst: WorstBranch) -> "ShownNeed":
+        """Return the need of the worst branch."""
+        (branch,) = subject.ids(worst.branch)
+        return cls(kpa=worst.pressure_kpa, branch=branch, place=worst.place)
 
 
-def _need_content(subject: Subject, worst: WorstBranch) -> dict[str, Any]:
-    (branch,) = subject.ids(worst.branch)
-    return {"kpa": worst.pressure_kpa, "branch": branch, "place": worst.place}
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownGauge(Record):
+    """The pressure for growth, that of the widest part, and the working pressure."""
+
+    needed_loose: ShownNeed
+    needed_tight: ShownNeed
+    needed_standing: str
+    needed_basis: str
+    working_kpa: float
+    working_standing: str
+    allowed_kpa: float
+    allowed_standing: str
+    allowed_basis: str
+    is_open: bool
+    is_open_tight: bool
+
+    @classmethod
+    def of(cls, subject: Subject, profile: LaserProfile) -> "ShownGauge":
+        """Return the pressures of a subject."""
+        changed = by_rule(changed_limits(subject.design, profile))
+        limits = check_window.limits_under(changed)
+        gauge = pressure_gauge(subject, profile, limits)
+        seam = profile.material.seam
+        paths = "simulated" if subject.deployments else "computed"
+        constants = "measured" if gauge.growth_measured else "assumed"
+        return cls(
+            needed_loose=ShownNeed.of(subject, gauge.loose),
+            needed_tight=ShownNeed.of(subject, gauge.tight),
+            needed_standing=f"{paths}, constants {constants}",
+            needed_basis=f"worst tip, film stored loosely to tightly; {gauge.source}",
+            working_kpa=subject.design.build.pressure_kpa,
+            working_standing="set in the design",
+            allowed_kpa=gauge.safe_kpa,
+            allowed_standing="measured" if gauge.seam_measured else "assumed",
+            allowed_basis=f"{gauge.width_mm:.1f} mm of lay-flat width, safety factor "
+            f"{limits['safety_factor']:g}; {seam.words()}",
+            is_open=gauge.loose.pressure_kpa < gauge.safe_kpa,
+            is_open_tight=gauge.tight.pressure_kpa < gauge.safe_kpa,
+        )
 
 
 # --- Film, time ---------------------------------------------------------------------------------
 
 
-def _bill_content(subject: Subject, profile: LaserProfile) -> list[dict[str, Any]]:
+def bill_lines(subject: Subject, profile: LaserProfile) -> list[BomLine]:
     """Return every line of the bill of materials, and the film in the branches."""
     film = BomLine(
         item="film in branches",
@@ -221,7 +248,7 @@ def _bill_content(subject: Subject, profile: LaserProfile) -> list[dict[str, Any
         lines += bill_of_materials(subject.job, profile)
         if subject.partition is not None:
             lines += joint_lines(subject.design, subject.partition, profile)
-    return [{**asdict(line), "standing": str(line.standing)} for line in lines]
+    return lines
 
 
 _KEPT_BY = (

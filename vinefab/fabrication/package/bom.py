@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+from vinefab.core.codec import Record
 from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.fabrication.formats.laser_formats import file_stems, formats_for
 from vinefab.fabrication.job.passes import bodies_of_paths, enclosed_mm2
@@ -35,7 +36,7 @@ _MM3_PER_M3 = 1e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BomLine:
+class BomLine(Record):
     """One number of the bill of materials."""
 
     item: str

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
+from python_pages import python_pages
 
 from vinefab.app.verbs import VERBS
 from vinefab.cli.commands import COMMON, Command, flags_of
@@ -117,8 +118,10 @@ class Key:
 def write_reference(folder: Path) -> None:
     """Write every reference page into a folder; a page that is as it should be is not touched."""
     pages = {f"{one.name}.md": format_page(one) for one in FORMATS}
-    pages |= {"rules.md": rules_page(), "parts.md": parts_page()} | command_pages()
-    (folder / "verbs").mkdir(parents=True, exist_ok=True)
+    pages |= {"rules.md": rules_page(), "parts.md": parts_page()}
+    pages |= command_pages() | python_pages()
+    for name in ("verbs", "python"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
     for name, text in pages.items():
         path = folder / name
         if not path.is_file() or path.read_text(encoding="utf-8") != text:

@@ -7,6 +7,7 @@ import ast
 import dataclasses
 import inspect
 import json
+import pydoc
 import re
 import subprocess
 import sys
@@ -25,6 +26,7 @@ from shapely import Point, box
 import vinefab as vf
 from vinefab.app import making
 from vinefab.cli.main import main
+from vinefab.core.table import Table
 from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -89,6 +91,10 @@ def _class_lines(name: str, kind: type) -> list[str]:
             made = field.default_factory is not dataclasses.MISSING
             given = f" = {_value(field.default)}" if has else " = ..." if made else ""
             lines.append(f"{name}.{field.name}: {_kind(field.type)}{given}")
+    if issubclass(kind, Table):
+        for field in inspect.signature(kind).parameters.values():
+            given = "" if field.default is field.empty else f" = {_value(field.default)}"
+            lines.append(f"{name}.{field.name}: {_kind(field.annotation)}{given}")
     fields = {line.split(":")[0].rpartition(".")[2] for line in lines[1:]}
     for own, member in sorted(vars(kind).items()):
         if (own.startswith("_") and own != "_repr_svg_") or own in fields:
@@ -832,6 +838,18 @@ def test_an_unknown_parameter_of_any_function_is_an_error_that_names_it():
         assert "\n" not in str(caught.value)
         assert "unheard_of" in str(caught.value) or "'x'" in str(caught.value), function
     assert not Path("none").exists()
+
+
+def test_help_shows_what_the_constructor_of_a_table_takes():
+    shown = pydoc.plain(pydoc.render_doc(vf.Design))
+    head = "Design(*, name: str, scale_mm_per_unit: float = 1.0, trunk_length_mm: float, levels: "
+    assert head in shown
+    assert "build: vinefab.model.design.Build = Build()" in shown
+    assert "\n |  trunk_length_mm, mm\n" in shown
+    assert "schema_" not in shown.partition("Method resolution order")[0]
+    tree = vf.Design.read("grid_explorer_pieces")
+    taken = {name: getattr(tree, name) for name in inspect.signature(vf.Design).parameters}
+    assert vf.Design(**taken) == tree
 
 
 def test_a_level_of_a_design_is_changed_and_nothing_else():

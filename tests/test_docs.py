@@ -31,6 +31,7 @@ DOCS = ROOT / "docs"
 sys.path[:0] = [str(DOCS), str(ROOT / "tests")]
 
 import draw_rules  # noqa: E402  lies in docs/, which is no package
+import python_pages  # noqa: E402  as above
 import reference_pages  # noqa: E402  as above
 from rule_sketch import long_px  # noqa: E402  as above
 from written_lines import (  # noqa: E402  as above
@@ -177,6 +178,8 @@ def test_the_site_is_built_without_a_warning(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     home = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
     assert "Your first robot" in home
+    index = (tmp_path / "site" / "genindex.html").read_text(encoding="utf-8")
+    assert "tips_mm (vf.Deployment property)" in index
     assert not re.search(r'(src|href)="https?://[^"]+\.(js|css)"', home), "nothing from elsewhere"
 
 
@@ -246,7 +249,7 @@ def written_texts():
         text = page.read_text(encoding="utf-8")
         yield (
             page.relative_to(ROOT).as_posix(),
-            re.sub(r"^ *```.*?^ *```", "", text, flags=re.S | re.M),
+            re.sub(r"^ *```.*?^ *```|^:{3,}\{py:.*?$", "", text, flags=re.S | re.M),
         )
     for name in VERBS:
         yield f"vinefab {name} --help", command_help(Command.named(name), 10_000)
@@ -602,6 +605,36 @@ def test_every_option_of_a_command_stands_on_its_page_or_among_the_shared_ones()
             named = option.metavar if option.positional else option.flags[0]
             listed = re.compile(rf"^- `{re.escape(named)}[` ]", re.MULTILINE)
             assert listed.search(page) or listed.search(shared), (name, option.name)
+
+
+def test_every_public_name_and_member_stands_on_a_page():
+    pages = pages_below(DOCS / "reference")
+    functions = pages["python.md"]
+    for name in python_pages.public_functions():
+        assert f"}} vf.{name}(" in functions
+    for name, kind in python_pages.public_classes().items():
+        page = pages[f"python/{name}.md"]
+        assert f"(python/{name}.md)" in functions
+        shown = {word for word in dir(kind) if not word.startswith("_")} & set(vars(kind))
+        members = {word for word in shown if word != "schema" and not word.startswith("model_")}
+        listed = set(re.findall(r"^:::\{py:\w+\} (\w+)", page, re.MULTILINE))
+        assert members | dict(python_pages.fields_of(kind)).keys() <= listed, name
+    assert "{py:property} tips_mm\n" in pages["python/Deployment.md"]
+    assert "{py:attribute} points_mm\n" in pages["python/Deployment.md"]
+    assert "{py:method} with_level(level: int, *, branches: " in pages["python/Design.md"]
+
+
+@pytest.mark.parametrize(
+    "body", ["def bare(self): ...", "bare: int = 3", "@property\n    def bare(self): ..."]
+)
+def test_a_public_member_without_words_ends_the_build(body, tmp_path, monkeypatch):
+    source = f"import dataclasses\n@dataclasses.dataclass\nclass Part:\n    'A part.'\n    {body}\n"
+    (tmp_path / "vinefab_part.py").write_text(source)
+    monkeypatch.syspath_prepend(tmp_path)
+    kinds = {"Part": import_module("vinefab_part").Part}
+    sys.modules.pop("vinefab_part")
+    with pytest.raises(python_pages.UndocumentedError, match=r"vf\.Part\.bare has no "):
+        python_pages.class_page("Part", kinds["Part"], kinds)
 
 
 def test_every_public_function_stands_on_a_page():

@@ -476,7 +476,7 @@ class Names(tuple[str, ...]):
     ('a', 'b')
     """
 
-    lines: tuple[str, ...] = ()
+    lines: tuple[str, ...] = ()  # what a shell prints, a line each
 
     @classmethod
     def of(cls, names: Any, lines: Any = ()) -> Names:

@@ -73,7 +73,7 @@ def generate(
     environment
         A registered environment, also one that a plug-in offers.
     **options
-        What ``vinefab map ENVIRONMENT --help`` lists, with the units in the names.
+        What ``vinefab map NAME --help`` lists, with the units in the names.
 
     Raises
     ------

@@ -10,11 +10,25 @@ Readers, writers, reference pages, sliders and error lines come from there::
 Inner loops work on arrays and never meet a table.
 """
 
+import inspect
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import reduce
+from operator import or_
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
+from types import UnionType
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Self,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+)
 
 from annotated_types import Ge, Gt, Interval, Le, Lt, Unit
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -43,6 +57,20 @@ class Slider:
     step: float = 1.0
 
 
+class _ShownTable:
+    """A table as a default in a signature: its fields stand on its own page."""
+
+    def __init__(self, table: BaseModel) -> None:
+        self.table = table
+
+    def __repr__(self) -> str:
+        return f"{type(self.table).__name__}()"
+
+
+def _shown(default: object) -> object:
+    return _ShownTable(default) if isinstance(default, BaseModel) else default
+
+
 class _TableType(ModelMetaclass):
     """Lets a table that is made in Python raise `BadInputError`, and take numbers of numpy."""
 
@@ -53,6 +81,26 @@ class _TableType(ModelMetaclass):
         except ValidationError as error:
             table = cast("type[BaseModel]", cls)
             raise bad_input_of(table, error) from error
+
+    @property
+    def __signature__(cls) -> inspect.Signature:  # noqa: N805  a metaclass
+        """What the constructor takes; ``help`` and notebooks show it."""
+        table, keyword = cast("type[Table]", cls), inspect.Parameter.KEYWORD_ONLY
+        return inspect.Signature(
+            [
+                inspect.Parameter(
+                    key.field,
+                    keyword,
+                    annotation=_plain(key.annotation),
+                    default=inspect.Parameter.empty if key.required else _shown(key.default),
+                )
+                for key in table.python_keys()
+            ]
+        )
+
+    @__signature__.setter
+    def __signature__(cls, given: object) -> None:  # noqa: N805  as above
+        """Leave out pydantic's own, which is there late and spells out every annotation."""
 
 
 class Table(BaseModel, metaclass=_TableType):
@@ -75,6 +123,11 @@ class Table(BaseModel, metaclass=_TableType):
         validate_by_alias=True,
     )
 
+    @classmethod
+    def python_keys(cls) -> "Iterator[DeclaredKey]":
+        """Yield the parameters of the constructor, in the words of Python."""
+        return (key for key in declared_keys(cls) if key.field != "schema_")
+
     @property
     def content(self) -> dict[str, Any]:
         """The values as files and reports have them; what is None is left out."""
@@ -84,7 +137,7 @@ class Table(BaseModel, metaclass=_TableType):
     def __pydantic_init_subclass__(cls, **_: Any) -> None:  # noqa: ANN401  of the class statement
         """Document the fields in ``help``: each with its unit and its meaning."""
         if cls.__doc__ and cls.model_fields and "Parameters\n" not in cls.__doc__:
-            units = [(key, f", {key.unit}" if key.unit else "") for key in declared_keys(cls)]
+            units = [(key, f", {key.unit}" if key.unit else "") for key in cls.python_keys()]
             rows = [f"    {key.field}{unit}\n        {key.meaning}" for key, unit in units]
             head = ["", "    Parameters", "    ----------"]
             cls.__doc__ = "\n".join([cls.__doc__.rstrip(), *head, *rows])
@@ -195,6 +248,18 @@ def declared_keys(table: type[BaseModel]) -> Iterator[DeclaredKey]:
             required=required,
             default=None if required else field.get_default(call_default_factory=True),
         )
+
+
+def _plain(annotation: Any) -> Any:  # noqa: ANN401  any annotation
+    """Return an annotation without its marks."""
+    origin, inside = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return _plain(inside[0])
+    if origin in (Union, UnionType):
+        return reduce(or_, map(_plain, inside))
+    if origin in (tuple, list):
+        return origin[tuple(one if one is ... else _plain(one) for one in inside)]
+    return annotation
 
 
 def _inner_marks(annotation: Any) -> Iterator[Any]:  # noqa: ANN401  any annotation

@@ -333,7 +333,7 @@ class Result:
 
     __slots__ = ()
     schema: ClassVar[str] = ""
-    origin: Origin | None = None  # a result that can be got again by a command has one
+    origin: Origin | None = None  # the call by which it can be got again; None where there is none
 
     @property
     def title(self) -> str:

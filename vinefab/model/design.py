@@ -6,8 +6,8 @@ Each table of a design file is one class: noun, file form and the studio's form 
 import math
 import re
 import reprlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
@@ -24,7 +24,7 @@ from vinefab.core.front_door import ABOVE
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import file_number, rad
 from vinefab.core.plain_text import GENERATOR, counted
-from vinefab.core.table import Slider, Table, validated
+from vinefab.core.table import DeclaredKey, Slider, Table, validated
 from vinefab.core.validation import LARGEST_MM, SMALLEST, check_plain, number, whole
 from vinefab.model.files.shipped import locate, path_given
 from vinefab.model.files.toml import read_toml, table_content
@@ -563,6 +563,17 @@ class Design(Table):
     ] = Field(default_factory=dict)
     # Of the file that it was read from, in which its origin names files; it makes no difference.
     folder: Annotated[Path | None, Field(exclude=True)] = None
+
+    @classmethod
+    def python_keys(cls) -> Iterator[DeclaredKey]:
+        """Yield the parameters of the constructor: the trunk is given by its length."""
+        for key in super().python_keys():
+            if key.field == "trunk":
+                yield replace(
+                    key, field="trunk_length_mm", annotation=float, unit="mm", meaning="of level 1"
+                )
+            else:
+                yield key
 
     @model_validator(mode="before")
     @classmethod

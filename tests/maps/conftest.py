@@ -4,11 +4,15 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from hypothesis import reject
 from hypothesis import strategies as st
 
 from vinefab.core.bounded import bounded
+from vinefab.core.errors import BadInputError
+from vinefab.core.table import declared_keys
 from vinefab.maps.generators.cave import CaveOptions
 from vinefab.maps.generators.corridors import CorridorsOptions
+from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.maps.generators.grid import GridOptions
 from vinefab.maps.generators.pegs import PegsOptions
 from vinefab.maps.generators.rubble import RubbleOptions
@@ -145,10 +149,22 @@ def limits(_read_here, monkeypatch):
     return monkeypatch
 
 
+@st.composite
+def nearby(draw: Draw, kind: type[Any]) -> Any:
+    """Draw options with up to three numbers near their defaults; some are refused, rightly."""
+    numbers = [key for key in declared_keys(kind) if isinstance(key.default, float)]
+    chosen = draw(st.lists(st.sampled_from(numbers), max_size=3, unique_by=lambda key: key.field))
+    try:
+        return kind(**{key.field: key.default * draw(st.floats(0.8, 1.25)) for key in chosen})
+    except BadInputError:
+        reject()
+
+
 @pytest.fixture(scope="session")
 def any_options() -> dict[str, st.SearchStrategy[Any]]:
-    """Return what to draw the options of each environment from."""
-    return {
+    """Return what to draw the options of each environment from: with a registration alone, near."""
+    near = {name: nearby(one.options) for name, one in ENVIRONMENTS.items()}
+    return near | {
         "grid": grids(),
         "cave": caves(),
         "corridors": floors(),

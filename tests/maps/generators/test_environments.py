@@ -174,7 +174,7 @@ KNOWN = {
 }
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", KNOWN)
 def test_known_seeds_give_known_maps(name: str) -> None:
     # Equal from NumPy 1.26 with GEOS 3.11 to NumPy 2.4 with GEOS 3.14. When a new version breaks
     # this, maps named in records are no longer those that were used: say so in the changelog.

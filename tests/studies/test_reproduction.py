@@ -166,7 +166,13 @@ def test_processes_find_what_one_finds(folder, tmp_path):
 
 
 def test_a_lab_of_another_version_is_refused(tmp_path):
-    JobStore(tmp_path / "lab", QUICK_SIZE, 1)
+    with JobStore(tmp_path / "lab", QUICK_SIZE, 1) as store:
+        store.finish("reach")
+        assert store.finished() == ["reach"]
+    finished = tmp_path / "lab" / "finished.json"
+    finished.write_text(finished.read_text().replace('"names"', '"name"'))
+    with pytest.raises(UnreadableFileError, match="is damaged"):
+        store.finished()
     with pytest.raises(BadInputError, match="poses"):
         JobStore(tmp_path / "lab", replace(QUICK_SIZE, poses=7), 1)
 

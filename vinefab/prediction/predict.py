@@ -1,13 +1,16 @@
 """Predictions for a design over maps and unseen environments: all numbers and the report."""
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from itertools import chain
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
+from vinefab.core.codec import Record, decimals
 from vinefab.core.compiling import precompile
 from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted, rounded
@@ -119,14 +122,18 @@ from vinefab.tasks.reach import Reach, counts_targets, touched_targets
 # --- Anchoring: the simulated holding force, and the formula's ideal case -------------------------
 
 
+TwoDecimals = Annotated[float, decimals(2)]
+OneDecimal = Annotated[float, decimals(1)]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OverMaps:
     """A number over maps, each the mean of its deployments; over those where there is one map."""
 
-    median: float
+    median: TwoDecimals
     # low, high: what 90 % of the maps lie between
-    low: float
-    high: float
+    low: TwoDecimals
+    high: TwoDecimals
 
     @classmethod
     def of(cls, values: Floats, maps: Sequence[str]) -> "OverMaps":
@@ -151,7 +158,7 @@ class HeldForces:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AnchoringPrediction:
+class AnchoringPrediction(Record):
     """Anchoring over deployments, for a range of friction."""
 
     label: str  # of the map family
@@ -161,11 +168,11 @@ class AnchoringPrediction:
     held: tuple[HeldForces, HeldForces, HeldForces]
     # engaged_percent, nothing_percent, limited_percent: leaves that are engaged, deployments that
     # hold nothing, deployments in which film or seam limits some branch at the greatest friction
-    engaged_percent: float
-    nothing_percent: float
-    limited_percent: float
+    engaged_percent: OneDecimal
+    nothing_percent: OneDecimal
+    limited_percent: OneDecimal
     pressure_kpa: float  # working pressure that forces are for
-    mass_g: float  # film of the robot; 0 when it is not known
+    mass_g: Annotated[float, Field(exclude=True)]  # film of the robot; 0 when it is not known
 
     def over_friction(self, part: str) -> tuple[float, float]:
         """Return the bounds of 90 % of the maps at any of the frictions."""
@@ -272,25 +279,12 @@ ANCHORING_NOTE = (
 
 def anchoring_blocks(anchoring: Sequence[AnchoringPrediction]) -> Iterator[Data | Section]:
     """Yield anchoring by friction: engaged leaves, some of them idle, and the ideal case."""
-    percents = ("engaged_percent", "nothing_percent", "limited_percent")
+    parts = ("engaged", "ideal", "force_n")
     yield Data(
         {
             "anchoring": [
-                {
-                    "label": found.label,
-                    "leaves": found.leaves,
-                    "has_pouches": found.has_pouches,
-                    "over_friction": {
-                        part: rounded(found.over_friction(part), 2)
-                        for part in ("engaged", "ideal", "force_n")
-                    },
-                    "pressure_kpa": found.pressure_kpa,
-                    "held": [
-                        rounded(asdict(held), 2) | {"friction": held.friction}
-                        for held in found.held
-                    ],
-                    **{name: round(getattr(found, name), 1) for name in percents},
-                }
+                found.content
+                | {"over_friction": {part: rounded(found.over_friction(part), 2) for part in parts}}
                 for found in anchoring
             ]
         }

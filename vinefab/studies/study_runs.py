@@ -5,7 +5,6 @@ order, and once for several experiments. Below are the runs and tests that sever
 share, and the experiments done: one page and one JSON file of results.
 """
 
-import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -301,9 +300,22 @@ SETTINGS = "settings.json"
 FINISHED = "finished.json"
 """The file by which the folder is known again; it names the experiments finished in it."""
 
-_SETTINGS_SCHEMA = "vinefab/reproduction-settings-1"
 
-_FINISHED_SCHEMA = "vinefab/reproduction-finished-1"
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BegunStudies(Record):
+    """What a folder was begun with."""
+
+    schema: ClassVar[str] = "vinefab/reproduction-settings-2"
+    vinefab: str  # version
+    size: StudySize
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FinishedStudies(Record):
+    """The experiments finished in a folder."""
+
+    schema: ClassVar[str] = "vinefab/reproduction-finished-1"
+    names: tuple[str, ...] = ()
 
 
 class JobStore:
@@ -328,12 +340,12 @@ class JobStore:
     def finished(self) -> list[str]:
         """Return the names of the experiments that were finished in the folder."""
         path = self.folder / FINISHED
-        return list(_document(path, _FINISHED_SCHEMA)["names"]) if path.exists() else []
+        return list(FinishedStudies.read(path).names) if path.exists() else []
 
     def finish(self, name: str) -> None:
         """Write down that an experiment is finished."""
-        names = sorted({*self.finished(), name})
-        write_text(self.folder / FINISHED, json_text(_FINISHED_SCHEMA, {"names": names}))
+        names = tuple(sorted({*self.finished(), name}))
+        write_text(self.folder / FINISHED, FinishedStudies(names=names).json_text())
 
     def train(self, jobs: Sequence[Training]) -> list[Trained]:
         """Return the result of each run."""
@@ -389,32 +401,23 @@ class JobStore:
 def _begin(folder: Path, size: StudySize) -> None:
     """Write down what is done in a folder, or check that it is the same as before."""
     path = folder / SETTINGS
-    now: dict[str, Any] = {"vinefab": __version__, **asdict(size)}
+    now = BegunStudies(vinefab=__version__, size=size)
     if not path.exists():
         # A run that was killed as it began may have left the settings under a temporary name.
         begun_names = f".{SETTINGS}."
         if folder.is_dir() and any(not p.name.startswith(begun_names) for p in folder.iterdir()):
             raise ForeignFileError(folder, "holds other files; name another folder")
-        write_text(path, json_text(_SETTINGS_SCHEMA, {"settings": now}))
+        write_text(path, now.json_text())
         return
     if not is_ours(path):
         raise ForeignFileError(path)
     ensure_writable(path, force=True)  # it is read only: changed values are named below
-    begun = _document(path, _SETTINGS_SCHEMA).get("settings", {})
-    for key, value in now.items():
-        if begun.get(key) != value:
-            allowed = f"{begun.get(key)!r}, as it was begun; or another folder"
+    begun = BegunStudies.read(path)
+    before = {"vinefab": begun.vinefab, **asdict(begun.size)}
+    for key, value in {"vinefab": now.vinefab, **asdict(size)}.items():
+        if before[key] != value:
+            allowed = f"{before[key]!r}, as it was begun; or another folder"
             raise BadInputError(key, value, allowed, path)
-
-
-def _document(path: Path, schema: str) -> dict[str, Any]:
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise UnreadableFileError(path, "is not JSON") from error
-    if not isinstance(document, dict) or document.get("schema") != schema:
-        raise UnreadableFileError(path, f"is not a {schema} file")
-    return document
 
 
 STUDIED_ENVIRONMENTS = ("grid", "cave")

@@ -150,8 +150,8 @@ def optimize(
     -------
     RunResult
         The winner is ``best``; ``history`` holds every generation, ``score`` the winner's score on
-        fresh poses, and ``prediction`` what the winner does on unseen maps, over contacts and
-        placed off, in plain values.
+        fresh poses, and ``prediction`` the winner's scores on unseen maps, over contacts and placed
+        off: ``prediction.unseen.score.mean``, ``prediction.unseen.over_contacts`` and others.
 
     Raises
     ------
@@ -403,7 +403,8 @@ def runs(
     Returns
     -------
     RunListing
-        ``rows`` as plain values, and ``summary``; `RunResult.read` reads one of them.
+        ``rows``, one for each run with its ``folder``, ``seed``, ``winner_score`` and others, and
+        ``summary``; `RunResult.read` reads one of them.
 
     Raises
     ------

@@ -664,7 +664,7 @@ WRONG = {
         lambda out: vf.maps.import_(out / "a.svg", scale=2),
         "scale_mm_per_unit",
     ),
-    "no start": (lambda _: VINE.grow(ROOM), "pose is missing; allowed: (x_mm"),
+    "no start": (lambda _: VINE.grow(ROOM), "pose: map 'room' has no start; give (x_mm"),
     "a pose of two": (lambda _: VINE.grow(ROOM, pose=(1, 2)), "heading_deg"),
     "a pose of words": (lambda _: VINE.grow(ROOM, pose=("a", 2, 3)), "pose.x_mm"),
     "a pose in a wall": (lambda _: VINE.grow(ROOM, pose=(-5, 2, 3)), "(-5, 2)"),
@@ -679,7 +679,7 @@ WRONG = {
     "an unknown task": (lambda _: vf.score(VINE, "covrage", maps=ROOM), "coverage"),
     "a class as a task": (lambda _: vf.score(VINE, Height, maps=ROOM), "task"),
     "an unknown parameter": (lambda _: vf.score(VINE, maps=ROOM, radius=3), "radius_mm"),
-    "parameters of an object": (lambda _: vf.score(VINE, Height(), maps=ROOM, a=3), "a is 3"),
+    "parameters of an object": (lambda _: vf.score(VINE, Height(), maps=ROOM, a=3), "a goes with"),
     "no start to score from": (lambda _: vf.score(VINE, maps=ROOM), "start"),
     "a design as a run": (lambda _: vf.optimize(VINE), "run"),
     "no run file": (lambda out: vf.optimize(out / "none.toml"), "no such file"),
@@ -697,7 +697,7 @@ WRONG = {
     "an unknown size": (lambda out: vf.rig(ROOM, out=out / "r", hight_mm=3), "height_mm"),
     "too small a fit": (lambda out: vf.rig(ROOM, out=out / "r", fit_mm=1, allow_empty=True),
                         "fit_mm is 1"),
-    "an empty rig": (lambda out: vf.rig(ROOM, out=out / "r"), "; allow_empty makes"),
+    "an empty rig": (lambda out: vf.rig(ROOM, out=out / "r"), "give allow_empty for a bare tray"),
     "nowhere to predict": (lambda out: vf.report(VINE, out=out / "p.html"), "maps is missing"),
     "no unseen maps": (
         lambda out: vf.report(VINE, out=out / "p.html", environment="grid", count=0),
@@ -772,11 +772,11 @@ WRONG = {
     "a map among settings": (lambda _: vf.RunSettings(maps=[ROOM]), "instance of MapSettings"),
     "a map among map files": (lambda _: vf.MapSettings(files=(ROOM,)), "files is <Map"),
     "a scale that is missing": (
-        lambda out: vf.maps.import_(_photo(out.parent)), "allowed: points 'X,Y;X,Y'"
+        lambda out: vf.maps.import_(_photo(out.parent)), "give points 'X,Y;X,Y'"
     ),
     "photo options twice": (
         lambda out: vf.maps.import_(out / "a.jpg", marker_mm=3, photo={"height_mm": 2}),
-        "marker_mm is 3; allowed: not together with photo",
+        "marker_mm is given together with photo",
     ),
     "one corner": (
         lambda out: vf.observe(_photo(out.parent), PEGS, VINE, corners_px=3), "corners_px is 3"

@@ -36,7 +36,7 @@ def test_long_names_are_shortened(error):
 
 
 def test_missing_value_is_called_missing():
-    assert str(BadInputError("trunk", None, "a table")) == "trunk is missing; allowed: a table"
+    assert str(BadInputError("trunk", None, "a table")) == "trunk is missing; give a table"
 
 
 def test_unknown_name_offers_the_nearest_spelling():

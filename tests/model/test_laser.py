@@ -173,7 +173,7 @@ def test_a_lap_without_a_load_is_refused(profiles_folder: Path) -> None:
     text = path.read_text(encoding="utf-8").split("[lap]")[0]
     path.write_text(text + lap_with(), encoding="utf-8")
     with pytest.raises(
-        BadInputError, match=r"lap\.strength_n_per_mm is missing; allowed: it, surv"
+        BadInputError, match=r"lap\.strength_n_per_mm is missing; give strength_n_per_mm, surv"
     ):
         read_profile(path)
 

@@ -85,14 +85,14 @@ def test_targets_of_a_map_are_written_and_read_again(tmp_path):
     [
         (
             (250, 200),
-            "targets[1] is 'A at (250, 200) mm'; allowed: a place in free space; it is inside",
+            "targets[1]: A at (250, 200) mm is inside",
         ),
         ((700, 200), "outside the bounds of map 'room'"),
         ("box=250,200", "box at (250, 200) mm"),
         ("A=here", "[NAME=]X,Y"),
-        ("nan,5", "target is 'nan,5'; allowed: point_mm[1] a finite number"),
+        ("nan,5", "target nan,5: point_mm[1] is nan; allowed: a finite number"),
         ("5,5+-", "target is '5,5+-'; allowed: [NAME=]X,Y"),
-        ("5,5+--1", "target is '5,5+--1'; allowed: tolerance_mm greater than or equal to 0"),
+        ("5,5+--1", "target 5,5+--1: tolerance_mm is -1.0; allowed: greater than or equal to 0"),
     ],
 )
 def test_a_target_that_no_robot_can_touch_is_one_clear_line(target, words):
@@ -102,7 +102,7 @@ def test_a_target_that_no_robot_can_touch_is_one_clear_line(target, words):
 
 
 def test_two_targets_of_one_name_are_refused():
-    with pytest.raises(BadInputError, match="one target of each name") as caught:
+    with pytest.raises(BadInputError, match="another target is called 'B'") as caught:
         ROOM.with_targets("B=100,50", "B=400,50")
     assert caught.value.key == "targets[1].name"
     named = targets_given([(1, 2), Target(name="A", point_mm=(5, 5))])
@@ -152,7 +152,7 @@ def test_maps_with_and_without_targets_are_refused_together():
     bare = replace(aimed, name="bare", targets=())
     design = Design(name="vine", trunk_length_mm=200.0, build=Build.standard(1))
     plan = ScorePlan(task="reach", poses=1)
-    with pytest.raises(BadInputError, match="map 'bare' without targets"):
+    with pytest.raises(BadInputError, match="map 'bare' has no targets"):
         score_design_on_task(design, [aimed, bare], plan)
     assert score_design_on_task(design, [aimed], plan).targets.all_touched
 

@@ -41,7 +41,7 @@ def test_a_start_too_narrow_for_the_trunk_is_a_result():
     assert place.radius_mm == pytest.approx(WIDTH_MM / math.pi)
     stays = "the trunk never leaves its start: no room for its inflated body of 25 mm"
     assert stays in grown.summary
-    assert "no room to start for branch: 0 at (250.0, 100.0) mm" in grown.summary
+    assert "no room to start: branch 0 at (250.0, 100.0) mm" in grown.summary
     metrics = json.loads(grown.json_text())["metrics"]
     assert metrics["without_room"] == [place.content]
 
@@ -65,7 +65,7 @@ def test_a_wedged_branch_is_named_with_its_place():
     pose = Pose(x_mm=120.0, y_mm=60.0, heading_rad=math.radians(-44.0))
     grown = deploy(vine(300.0), WORLD, pose, GrowthOptions.published().content)
     assert grown.stops["corner"] == 1
-    assert "wedged: branch: 0 at (200.0, 0.0) mm" in grown.summary
+    assert "stopped in a corner: branch 0 at (200.0, 0.0) mm" in grown.summary
     assert json.loads(grown.json_text())["metrics"]["wedged"][0]["branch"] == "0"
     assert grown.without_room == ()
 

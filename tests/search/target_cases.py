@@ -120,7 +120,7 @@ def solved(settings, folder):
         return False, f"refused: {error}", None
     assert result.targets is not None
     broken = violations_of(result, settings)
-    why = [note for note in result.notes if note.startswith("robots that no rule stops")]
+    why = [note for note in result.notes if note.startswith("robots that may break the rules")]
     words = "; ".join(filter(None, (result.targets.headline, broken, *why)))
     return result.targets.all_touched and not broken, words, result
 

@@ -26,4 +26,4 @@ def test_a_run_that_misses_targets_says_which_rules_stop_robots_that_touch_them(
     kind = "0.1 mm, 300 mm roll, pieces"
     is_solved, words, _ = searched(tmp_path, kind, 4, 20, 3, trunk_width_mm=24.0)
     assert not is_solved
-    assert "robots that no rule stops: 3 of 3 touched; they break VF-J02" in words
+    assert "robots that may break the rules touch more (3 of 3 touched), but break VF-J02" in words

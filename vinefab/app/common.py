@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_bytes, write_text
-from vinefab.core.errors import BadInputError, located
+from vinefab.core.errors import BadInputError, UnfitInputError, located
 from vinefab.core.plain_text import counted
 from vinefab.core.verbs import Doc, Kind, Within, also, note, registered_names, this_call, wrote
 from vinefab.core.view import Block, Notes, Result, Rows, Text, lines
@@ -162,7 +162,7 @@ def ensure_apart(key: str, path: Path, source: object, what: str) -> None:
     # Unlike Path.resolve, realpath takes a link that leads to itself.
     same = os.path.realpath(path) == os.path.realpath(read)
     if same or (path.exists() and read.exists() and path.samefile(read)):
-        raise BadInputError(key, str(path), f"another file than {what}")
+        raise UnfitInputError(key, f"{path} is {what}", "write into another file")
 
 
 def file_of(kind: str, given: object) -> object:
@@ -337,8 +337,8 @@ def _task_of(
     words: _Words = _NOTHING
     if task is None and not usual and not _is_plugin(run.task):
         for name, value in parameters.items():
-            allowed = "an option of the environment, or with task a parameter of it"
-            raise BadInputError(name, value, allowed)
+            problem = f"{name} = {value!r} is not an option of the environment"
+            raise UnfitInputError("", problem, f"name the task whose parameter {name} is (--task)")
         return None, words
     if task is None and worlds and usual != "reach" and all(world.targets for world in worlds):
         usual, words = "reach", ((), ("task reach: the maps have targets",))
@@ -404,7 +404,7 @@ def parted(
     of_environment = {name: value for name, value in given.items() if name in known}
     chosen = dict(as_mapping("options", options))
     for name in of_environment.keys() & chosen.keys():
-        raise BadInputError(name, of_environment[name], "given once")
+        raise UnfitInputError(name, "is given twice", "leave one of them out")
     left = {name: value for name, value in given.items() if name not in known}
     return {**chosen, **of_environment}, left
 
@@ -418,8 +418,9 @@ def task_of(task: str | Task, parameters: Mapping[str, object]) -> Task:
     if isinstance(task, type) or not all(hasattr(task, n) for n in ("name", "lowest", "evaluate")):
         allowed = f"{', '.join(TASKS)}, or an object with name, lowest and evaluate"
         raise BadInputError("task", task, allowed)
-    for name, value in parameters.items():
-        raise BadInputError(name, value, "a parameter of a task that is named, not of an object")
+    for name in parameters:
+        problem = "goes with a task that is named, and this is an object"
+        raise UnfitInputError(name, problem, "give it to the task itself")
     from vinefab.tasks.task import ensure_task
 
     ensure_task(task)

@@ -20,7 +20,7 @@ from vinefab.app.common import (
     write_shown,
 )
 from vinefab.core.atomic import ensure_writable, is_filled_in, write_bytes, write_folder
-from vinefab.core.errors import BadInputError, ExportRefusedError, located
+from vinefab.core.errors import BadInputError, ExportRefusedError, UnfitInputError, located
 from vinefab.core.plain_text import counted
 from vinefab.core.progress import phase
 from vinefab.core.verbs import FieldsOf, Force, Kind, ProgressLike, Within, also, told, verb, wrote
@@ -77,7 +77,7 @@ def _refuse_without_maps(maps: MapsLike, **given: object) -> None:
     """Raise BadInputError for options that mean nothing without maps."""
     for name, value in given.items():
         if value and not as_several(maps):
-            raise BadInputError(name, value, "to be given together with maps (--map)")
+            raise UnfitInputError(name, "means nothing without maps", "give maps too (--map)")
 
 
 @verb
@@ -489,8 +489,8 @@ def calibrate(
     with told(progress), phase("recipe fitted to the coupons"), located(table):
         found = fitted_recipe(read_results(table), profile)
         if shares is not None and found.emergence is None:
-            allowed = "rows children_out with a value, for contacts"
-            raise BadInputError("children_out", "none", allowed)
+            problem = "the table has no row children_out with a value"
+            raise UnfitInputError("contacts", problem, "count the children that came out")
     write_page(path, calibrated_recipe(found, before, path, table), force=force)
     if shares is not None and found.emergence is not None:
         write_page(shares, contacts_with(found.emergence, shares), force=force)

@@ -305,7 +305,7 @@ def import_(
     begin_importing(source)  # first: what follows takes as long to load as the reader
 
     from vinefab.core.atomic import ensure_writable, write_bytes
-    from vinefab.core.errors import BadInputError
+    from vinefab.core.errors import BadInputError, UnfitInputError
     from vinefab.maps.importers.import_options import PHOTO_SUFFIXES, ImportOptions
     from vinefab.model.map import Start
     from vinefab.model.start import start_given
@@ -329,8 +329,8 @@ def import_(
         if preview is None:
             return _kept(as_map(import_map(source, chosen), start=places), out, force=force)
         if source.suffix.lower() not in PHOTO_SUFFIXES:
-            allowed = f"only for photos and scans ({', '.join(PHOTO_SUFFIXES)})"
-            raise BadInputError("preview", str(preview), allowed, source)
+            problem = f"is for photos and scans ({', '.join(PHOTO_SUFFIXES)}) alone"
+            raise UnfitInputError("preview", problem, "leave it out", source)
         from vinefab.maps.importers.photo_map import read_photo_map
         from vinefab.pages.page_files import page_png
         from vinefab.pages.plan import photo_preview
@@ -346,15 +346,16 @@ def import_(
 
 def _known(options: dict[str, Any]) -> dict[str, Any]:
     """Return the options of an import, once all of them are known; those of photos are gone."""
-    from vinefab.core.errors import BadInputError, nearest
+    from vinefab.core.errors import UnfitInputError, nearest
     from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 
     of_photos = PhotoOptions.__dataclass_fields__
     known = [name for name in ImportOptions.__dataclass_fields__ if name != "photo"]
-    for name, value in options.items():
+    for name in options:
         if name not in known:
-            allowed = f"one of {', '.join(known)}; of a photo one of {', '.join(of_photos)}"
-            raise BadInputError(name, value, f"{allowed}{nearest(name, [*known, *of_photos])}")
+            remedy = nearest(name, [*known, *of_photos]).removeprefix("; ") or "leave it out"
+            listed = f"options: {', '.join(known)}; of a photo: {', '.join(of_photos)}"
+            raise UnfitInputError(name, "there is no such option", f"{remedy} ({listed})")
     return options
 
 
@@ -362,20 +363,24 @@ def _photo_options(options: dict[str, Any]) -> PhotoOptions | None:
     """Take the options of a photo out of the others, also from a table of them."""
     from collections.abc import Mapping
 
-    from vinefab.core.errors import BadInputError, nearest
+    from vinefab.core.errors import BadInputError, UnfitInputError, nearest
     from vinefab.maps.importers.import_options import PhotoOptions
 
     known = PhotoOptions.__dataclass_fields__
     flat = {name: options.pop(name) for name in list(options) if name in known}
     given = options.pop("photo", None)
     if flat and given is not None:
-        raise BadInputError(next(iter(flat)), next(iter(flat.values())), "not together with photo")
+        name = next(iter(flat))
+        raise UnfitInputError(name, "is given together with photo", "give it as a part of photo")
     if given is None or isinstance(given, PhotoOptions):
         return PhotoOptions(**flat) if flat else given
     if not isinstance(given, Mapping):
         raise BadInputError("photo", given, "PhotoOptions, or a dict of them")
-    for name, value in given.items():
+    for name in given:
         if name not in known:
-            allowed = f"one of {', '.join(known)}{nearest(str(name), known)}"
-            raise BadInputError(f"photo.{name}", value, allowed)
+            remedy = nearest(str(name), known).removeprefix("; ") or "leave it out"
+            listed = f"options: {', '.join(known)}"
+            raise UnfitInputError(
+                f"photo.{name}", "there is no such option", f"{remedy} ({listed})"
+            )
     return PhotoOptions(**given)

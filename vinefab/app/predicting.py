@@ -28,7 +28,7 @@ from vinefab.app.common import (
     write_page,
     write_shown,
 )
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.progress import phase
 from vinefab.core.verbs import (
     Force,
@@ -160,14 +160,14 @@ def grow(
     if film is not None:
         whole("frames", frames, 1, MOST_FRAMES)
     if history is not None and (shell := this_call().shell) and not shell.gives_json:
-        raise BadInputError("history", history, "to be given together with --json")
+        raise UnfitInputError("history", "shows itself in JSON alone", "give --json too")
     if isinstance(history, int):
         whole("history", history, 1, MOST_FRAMES)
     elif history is not None:
         whole("history", len(history), 1, MOST_FRAMES)
         history = tuple(positive("history", one) for one in history)
     if pose is not None and as_starts(start):
-        raise BadInputError("pose", pose, "not together with start")
+        raise UnfitInputError("pose", "is given together with a start", "leave one of them out")
     context = context_of(
         design,
         worlds=[as_map(map, start=start, targets=targets)],

@@ -23,7 +23,12 @@ from vinefab.app.common import (
     write_page,
 )
 from vinefab.core.atomic import ensure_own_folder, ensure_writable
-from vinefab.core.errors import BadInputError, CannotWriteError, InterruptedRunError
+from vinefab.core.errors import (
+    BadInputError,
+    CannotWriteError,
+    InterruptedRunError,
+    UnfitInputError,
+)
 from vinefab.core.extras import ensure_extra
 from vinefab.core.plain_text import counted
 from vinefab.core.progress import Progress, heard_by
@@ -198,13 +203,13 @@ def optimize(
         for name, value in zip(LIMIT_NAMES, (generations, evaluations, wall_time_s), strict=True)
         if value is not None
     }
-    for name, value in limits.items():
+    for name in limits:
         if not resume:
-            allowed = f"only with resume; of a new run it stands in its file, optimizer.{name}"
-            raise BadInputError(name, value, allowed)
+            remedy = f"give resume, or set optimizer.{name} in its file"
+            raise UnfitInputError(name, "changes a run that is resumed", remedy)
     if out is None:
         if resume:
-            raise BadInputError("resume", resume, "together with out, the folder of the run")
+            raise UnfitInputError("resume", "needs the folder of the run", "give out")
         if SHELL.get() is not None:
             raise BadInputError("out", None, "the folder for the record and best.toml")
         evaluator = make_point_evaluator(workers, cluster)
@@ -376,7 +381,7 @@ def _recorded(again: str) -> Iterator[None]:
         yield
     except CannotWriteError as error:
         problem = f"{error.problem}; the run is complete and recorded, to write its files: "
-        raise CannotWriteError(error.path, f"{problem}{again}") from error
+        raise CannotWriteError(error.path, f"{problem}{again}") from None
 
 
 @verb
@@ -426,7 +431,8 @@ def runs(
         raise BadInputError("folders", None, "folders of runs, or folders above them")
     paths = [as_path("folders", folder) for folder in folders]
     if rebuild is not None and len(paths) > 1:
-        raise BadInputError("rebuild", counted(len(paths), "folder"), "one folder")
+        problem = f"{counted(len(paths), 'folder')} are given, and one record is rebuilt"
+        raise UnfitInputError("rebuild", problem, "name one folder")
     listing = list_runs(paths)
     if rebuild is not None:
         from vinefab.prediction.run_winner import EndedRun, write_run_page
@@ -753,7 +759,7 @@ def studio(
     )
     if page is None:
         if family:
-            raise BadInputError("family", family, "to be given together with --snapshot")
+            raise UnfitInputError("family", "belongs to a snapshot", "give --snapshot too")
         serve(opened, port=port, browser=browser, say=lambda words: note(words, only_in_shell=True))
         return None
     from vinefab.studio.file_exports import SnapshotOptions, write_snapshot

@@ -265,7 +265,7 @@ def _named_in_place(staging: Path, folder: Path) -> Iterator[None]:
         path = _in_place(error.filename or "", staging, folder)
         if path is None:
             raise
-        raise CannotWriteError(path, error.strerror or str(error)) from error
+        raise CannotWriteError(path, error.strerror or str(error)) from None
 
 
 def _in_place(path: str | os.PathLike[str], staging: Path, folder: Path) -> Path | None:
@@ -396,7 +396,7 @@ def _system_errors(path: Path) -> Iterator[None]:
     except VinefabError:
         raise
     except OSError as error:
-        raise CannotWriteError(path, error.strerror or str(error)) from error
+        raise CannotWriteError(path, error.strerror or str(error)) from None
 
 
 def _umask() -> int:
@@ -419,9 +419,9 @@ def lock_folder(folder: Path, problem: str) -> int | None:
         return None  # writing there will report the problem
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
+    except BlockingIOError:
         os.close(handle)
-        raise CannotWriteError(folder, problem) from error
+        raise CannotWriteError(folder, problem) from None
     except OSError:
         os.close(handle)
         return None

@@ -68,12 +68,12 @@ def bounded(path: Path, read: Callable[P, R], *arguments: P.args, **options: P.k
     try:
         # Bytes: the child unpickles them, which loads the reader, under its limits.
         found, error = child.ask(cpu_s, pickle.dumps((read, arguments, options)))
-    except EOFError as ended:
+    except EOFError:
         code = child.end()
         why = (
             "" if child.overdue or code in _OVER_LIMITS else f" (its reader ends with code {code})"
         )
-        raise UnreadableFileError(path, f"{within}{why}: {advice}") from ended
+        raise UnreadableFileError(path, f"{within}{why}: {advice}") from None
     except BaseException:  # Ctrl-C too
         child.end()
         raise
@@ -83,7 +83,7 @@ def bounded(path: Path, read: Callable[P, R], *arguments: P.args, **options: P.k
         child.end()
     # The second is what libraries in C++ say.
     if isinstance(error, MemoryError) or "bad_alloc" in str(error):
-        raise UnreadableFileError(path, f"{within}: {advice}") from error
+        raise UnreadableFileError(path, f"{within}: {advice}") from None
     if error is not None:
         raise error
     result: R = found

@@ -19,7 +19,7 @@ class VinefabError(Exception):
 
 
 class BadInputError(VinefabError, ValueError):
-    """A value given by a user is not allowed.
+    """A value given by a user is out of range: the line says which values are allowed.
 
     Parameters
     ----------
@@ -40,12 +40,48 @@ class BadInputError(VinefabError, ValueError):
         where = f"{self.source}: " if self.source else ""
         value = " ".join(_BEGINNING.repr(self.value).split())
         value = value if len(value) <= 60 else f"{value[:57]}..."
-        given = "is missing" if self.value is None else f"is {value}"
-        return f"{where}{shortened(self.key)} {given}; allowed: {self.allowed}"
+        given = "is missing; give" if self.value is None else f"is {value}; allowed:"
+        return f"{where}{shortened(self.key)} {given} {self.allowed}"
 
     def at(self, source: str | Path) -> "BadInputError":
         """Return the same error with the file that holds the value."""
-        return type(self)(self.key, self.value, self.allowed, source)
+        return self.under(self.key, source)
+
+    def under(self, key: str, source: str | Path | None = None) -> "BadInputError":
+        """Return the same error under another key, in a file or in none."""
+        return type(self)(key, self.value, self.allowed, source)
+
+
+class UnfitInputError(BadInputError):
+    """Input does not fit for a reason that no range tells: a place, a sentence and a remedy.
+
+    Parameters
+    ----------
+    key
+        The place: a key, an option, a line. Empty where the sentence names it.
+    problem
+        The sentence, without a full stop. One that begins with its verb (``is missing``) has the
+        key as its subject.
+    remedy
+        What to do, as an imperative.
+    """
+
+    def __init__(
+        self, key: str, problem: str, remedy: str, source: str | Path | None = None
+    ) -> None:
+        super().__init__(key, problem, remedy, source)
+
+    def __str__(self) -> str:
+        sentence = shortened(" ".join(str(self.value).split()), 400)
+        key = shortened(self.key)
+        if key:
+            has_subject = sentence.partition(" ")[0] not in _VERBS
+            sentence = f"{key}: {sentence}" if has_subject else f"{key} {sentence}"
+        return f"{f'{self.source}: ' if self.source else ''}{sentence}; {self.allowed}"
+
+
+_VERBS = {"is", "are", "has", "have", "means", "needs", "hold", "holds", "belongs", "goes", "fixes"}
+_VERBS |= {"stands", "lies", "leads", "changes"}
 
 
 class _FileError(VinefabError):
@@ -221,7 +257,7 @@ def located(source: str | Path) -> Iterator[None]:
     except (BadInputError, UnknownNameError) as error:
         if error.source is not None:
             raise
-        raise error.at(source) from error
+        raise error.at(source) from None
 
 
 @contextmanager
@@ -230,8 +266,7 @@ def inside(table: str) -> Iterator[None]:
     try:
         yield
     except BadInputError as error:
-        key = f"{table}.{error.key}"
-        raise BadInputError(key, error.value, error.allowed, error.source) from error
+        raise error.under(f"{table}.{error.key}", error.source) from None
 
 
 class _NotShown:
@@ -246,6 +281,9 @@ def values_hidden() -> Iterator[None]:
     """Leave values out of errors about a file that the user did not name: they may be secrets."""
     try:
         yield
+    except UnfitInputError as error:
+        problem = "does not fit (the values are not shown)"
+        raise UnfitInputError(error.key, problem, error.allowed, error.source) from None
     except BadInputError as error:
         value = None if error.value is None else _NotShown()
         raise BadInputError(error.key, value, error.allowed, error.source) from None
@@ -259,8 +297,9 @@ def nearest(name: str, known: Iterable[str]) -> str:
     >>> nearest("lenght", ["length", "branches"])
     "; did you mean 'length'?"
     """
-    matches = get_close_matches(name, list(known), n=1, cutoff=0.6)
-    return f"; did you mean {quoted(matches[0])}?" if matches else ""
+    small = {one.lower(): one for one in known}
+    matches = get_close_matches(name.lower(), small, n=1, cutoff=0.6)
+    return f"; did you mean {quoted(small[matches[0]])}?" if matches else ""
 
 
 class _Beginning(Repr):

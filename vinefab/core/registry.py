@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 from vinefab.core.errors import (
     BadInputError,
     BrokenPluginError,
+    UnfitInputError,
     UnknownNameError,
     inside,
     nearest,
@@ -176,8 +177,10 @@ def with_parameters(part: Callable[..., T], key: str, parameters: Mapping[str, o
     values = {}
     for name, value in parameters.items():
         if name not in known:
-            allowed = f"one of {', '.join(known)}{nearest(name, known)}"
-            raise BadInputError(f"{key}.{name}", value, allowed)
+            remedy = nearest(name, known).removeprefix("; ") or "leave it out"
+            listed = f"parameters: {', '.join(known) or 'none'}"
+            problem = "there is no such parameter"
+            raise UnfitInputError(f"{key}.{name}", problem, f"{remedy} ({listed})")
         values[name] = _like(f"{key}.{name}", plain_number(value), known[name])
     with calling(key, part):
         return part(**values)

@@ -12,7 +12,7 @@ Inner loops work on arrays and never meet a table.
 
 import inspect
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import or_
@@ -37,7 +37,7 @@ from pydantic_core import ErrorDetails
 from typing_extensions import Doc
 
 from vinefab.core import __version__
-from vinefab.core.errors import BadInputError, nearest
+from vinefab.core.errors import BadInputError, UnfitInputError, nearest
 from vinefab.core.limits import plain_number
 
 if TYPE_CHECKING:
@@ -79,8 +79,8 @@ class _TableType(ModelMetaclass):
         try:
             return super().__call__(*args, **plain)
         except ValidationError as error:
-            table = cast("type[BaseModel]", cls)
-            raise bad_input_of(table, error) from error
+            table = cast("type[Table]", cls)
+            raise bad_input_of(table, error, python=tuple(table.python_keys())) from None
 
     @property
     def __signature__(cls) -> inspect.Signature:  # noqa: N805  a metaclass
@@ -167,7 +167,8 @@ def validated(model: type[M], data: Mapping[str, Any], source: str | Path | None
         If a value is not allowed; its key is dotted, ``level[2].branches``.
     """
     if "schema_" in model.model_fields and "schema" not in data:
-        raise BadInputError("schema", None, "it must be given", source)
+        kind = model.model_fields["schema_"].default
+        raise BadInputError("schema", None, f"schema = {kind!r}", source)
     try:
         return model.model_validate(data, by_alias=True, by_name=False)
     except ValidationError as error:
@@ -175,7 +176,7 @@ def validated(model: type[M], data: Mapping[str, Any], source: str | Path | None
         if wrong.key == "schema" and wrong.value is not None:
             allowed = f"{wrong.allowed}{_other_kind(wrong.value, wrong.allowed)}"
             wrong = BadInputError(wrong.key, wrong.value, allowed, source)
-        raise wrong from error
+        raise wrong from None
 
 
 _KINDS_OF_FILES = {
@@ -272,26 +273,42 @@ def _inner_marks(annotation: Any) -> Iterator[Any]:  # noqa: ANN401  any annotat
 
 
 def bad_input_of(
-    model: type[BaseModel], error: ValidationError, source: str | Path | None = None
+    model: type[BaseModel],
+    error: ValidationError,
+    source: str | Path | None = None,
+    *,
+    python: Sequence[DeclaredKey] | None = None,
 ) -> BadInputError:
-    """Return the error line of the first of pydantic's errors: key, value, what is allowed."""
+    """Return the error line of the first of pydantic's errors: key, value, what is allowed.
+
+    Parameters
+    ----------
+    python
+        What the constructor takes, for a table that is made in Python: its parameters are named.
+    """
     detail = min(error.errors(include_url=False), key=_rank)
     *above, last = detail["loc"] or ("",)
     unknown = detail["type"] == "extra_forbidden"  # then the last part is the user's own
     parts = [part for part in above if not _is_union_tag(part)]
     location = (*parts, last) if unknown or not _is_union_tag(last) else tuple(parts)
     key = dotted(location)
+    if python is not None:
+        key = _as_typed(key, python)
     if unknown:
+        is_parameter = python is not None and len(location) == 1
         known = _known_keys(model, location[:-1])
-        hint = nearest(str(location[-1]), known)
-        allowed = f"no such key{hint} ({', '.join(known)})"
-        return BadInputError(key, detail["input"], allowed, source)
+        if is_parameter and python is not None:
+            known = [one.field for one in python]
+        word = "parameter" if is_parameter else "key"
+        remedy = nearest(str(location[-1]), known).removeprefix("; ") or "leave it out"
+        listed = f"{word}s: {', '.join(known)}"
+        return UnfitInputError(key, f"there is no such {word}", f"{remedy} ({listed})", source)
     if detail["type"] == "missing":
-        return BadInputError(key, None, "it must be given", source)
+        return UnfitInputError(key, "is missing", "give it", source)
     cause = detail.get("ctx", {}).get("error")
     if isinstance(cause, BadInputError):  # of a check of several fields
         inner = cause.key if cause.key.startswith("[") or not key else f".{cause.key}"
-        return BadInputError(f"{key}{inner}", cause.value, cause.allowed, source)
+        return cause.under(f"{key}{inner}", source)
     text = detail["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
     if detail["type"] == "model_type":
         kind, keys = detail["ctx"]["class_name"], ", ".join(_known_keys(model, location))
@@ -331,6 +348,14 @@ def dotted(location: tuple[int | str, ...]) -> str:
     for part in location:
         text += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if text else str(part)
     return text
+
+
+def _as_typed(key: str, parameters: Sequence[DeclaredKey]) -> str:
+    """Return the parameter that gives a key of files in Python."""
+    for one in parameters:
+        if key == one.name or key.startswith((f"{one.name}.", f"{one.name}[")):
+            return f"{one.field}{key.removeprefix(one.name)}"
+    return key
 
 
 def _known_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:

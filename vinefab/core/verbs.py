@@ -34,7 +34,9 @@ from typing import (
 
 from vinefab.core.errors import (
     BadInputError,
+    BrokenPluginError,
     ExportRefusedError,
+    UnfitInputError,
     UnknownNameError,
     VinefabError,
 )
@@ -190,7 +192,7 @@ class Option:
             if self.kind.gather is not None:
                 return self.kind.gather(values)
         except BadInputError as error:
-            raise BadInputError(self.shown, error.value, error.allowed) from error
+            raise error.under(self.shown) from None
         return tuple(values) if self.kind.several or self.starred else values[-1]
 
     def words(self, value: Any) -> list[str]:  # noqa: ANN401  of the option's own type
@@ -224,10 +226,10 @@ class Option:
             most = int(self.within.high)
             try:
                 return whole(self.name, value, int(self.within.low), most)
-            except BadInputError as error:
+            except BadInputError:
                 if most < MOST_SEED:
                     raise
-                raise BadInputError(self.name, value, "a whole number, 0 or more") from error
+                raise BadInputError(self.name, value, "a whole number, 0 or more") from None
         if self.within is not None and self.base is float:
             return number(self.name, value, self.within.low, self.within.high, self.within.unit)
         if self.base is str and not self.choices and not isinstance(value, str):
@@ -587,14 +589,16 @@ def verb(function: Callable[P, R]) -> Callable[P, R]:
                 return function(*bound.args, **bound.kwargs)
             finally:
                 _CALL.reset(token)
-        except (BadInputError, UnknownNameError, ExportRefusedError) as error:
-            raise _renamed(error, function, shell=shell) from error
+        except BrokenPluginError:  # its author reads the whole traceback
+            raise
+        except VinefabError as error:
+            raise _renamed(error, function, shell=shell) from None
 
     return called
 
 
 def _renamed(
-    error: BadInputError | UnknownNameError | ExportRefusedError,
+    error: VinefabError,
     function: Callable[..., Any],
     *,
     shell: Shell | None,
@@ -604,16 +608,20 @@ def _renamed(
         typed = shell.typed
         flags = {one.name: one.shown_as(typed) for one in options_of(function)}
         if isinstance(error, BadInputError) and error.source is None and error.key in flags:
-            return BadInputError(flags[error.key], error.value, error.allowed)
+            return error.under(flags[error.key])
         return error
     if isinstance(error, ExportRefusedError):
         why = _as_parameters(error.reason)
         return ExportRefusedError(error.name, why, error.report, summary=error.summary)
+    if not isinstance(error, UnknownNameError | BadInputError):
+        return error
     source = None if str(error.source).startswith("--") else error.source
     if isinstance(error, UnknownNameError):
         return UnknownNameError(error.kind, error.name, error.known, source, error.problem)
-    return BadInputError(_as_parameters(error.key), error.value, _as_parameters(error.allowed),
-                         source)  # fmt: skip
+    key, allowed, given = _as_parameters(error.key), _as_parameters(error.allowed), error.value
+    if isinstance(error, UnfitInputError):
+        return UnfitInputError(key, _as_parameters(str(given)), allowed, source)
+    return BadInputError(key, given, allowed, source)
 
 
 def _as_parameters(words: str) -> str:

@@ -10,7 +10,7 @@ from annotated_types import Ge, Gt, Le, Unit
 from pydantic import BeforeValidator, Field, model_validator
 from typing_extensions import Doc
 
-from vinefab.core.errors import BadInputError, UnknownNameError, located, nearest
+from vinefab.core.errors import BadInputError, UnfitInputError, UnknownNameError, located, nearest
 from vinefab.core.limits import deg, rad
 from vinefab.core.table import Slider, Table, declared_keys
 from vinefab.core.validation import Floats, number
@@ -272,8 +272,8 @@ class GrowthOptions(Table):
         """
         low_rad, high_rad = self.half_angle_range_rad
         if low_rad < high_rad:
-            allowed = "one number: a range is for scores over many deployments"
-            raise BadInputError("head_on_half_angle_deg", self.half_angle_deg, allowed)
+            problem = f"{self.half_angle_deg} is a range, for scores over many deployments"
+            raise UnfitInputError("head_on_half_angle_deg", problem, "give one number")
         return low_rad
 
     @property
@@ -413,10 +413,12 @@ def trained_growth(design: Design) -> GrowthOptions:
     try:
         return GrowthOptions.of(table)
     except BadInputError as error:
-        raise BadInputError(_origin_key(error.key), error.value, error.allowed) from error
+        raise error.under(_origin_key(error.key)) from None
     except UnknownNameError as error:
-        allowed = f"one of {', '.join(error.known)}{nearest(error.name, error.known)}"
-        raise BadInputError(_origin_key(error.name), table[error.name], allowed) from error
+        remedy = nearest(error.name, error.known).removeprefix("; ") or "leave it out"
+        listed = f"options: {', '.join(error.known)}"
+        key = _origin_key(error.name)
+        raise UnfitInputError(key, "there is no such option", f"{remedy} ({listed})") from None
 
 
 def _origin_key(name: str = "") -> str:

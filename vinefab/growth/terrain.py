@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shapely import Point
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import UnfitInputError
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import WallArrays
 from vinefab.maps.passages import Rings, linked, rings_of, without_notches
@@ -183,11 +183,8 @@ class Terrain:
         if snapped is None:
             inside = self.world.bounds.covers(Point(x_mm, y_mm))
             where = "inside an obstacle" if inside else "outside the bounds"
-            raise BadInputError(
-                "pose",
-                f"({x_mm:g}, {y_mm:g}) mm, {where}",
-                f"a place in the free space of map {self.world.name}",
-            )
+            problem = f"({x_mm:g}, {y_mm:g}) mm is {where} of map {self.world.name!r}"
+            raise UnfitInputError("pose", problem, "move it into free space")
         return snapped
 
     def starts_mm(self, poses: Sequence[Pose]) -> Floats:

@@ -9,7 +9,7 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.errors import BadInputError, located
+from vinefab.core.errors import UnfitInputError, located
 from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, number, whole
@@ -47,8 +47,8 @@ def draw_poses(
     whole("seed", seed, 0, 2**63 - 1)
     number("clearance_mm", clearance_mm, 0.0, 1e6, "mm")
     if not world.starts:
-        needed = "at least one start: a Point with role 'start'"
-        raise BadInputError(f"map {world.name!r}: starts", "empty", needed)
+        remedy = "give it one: a Point with role 'start'"
+        raise UnfitInputError(f"map {world.name!r}", "it has no start", remedy)
     free = world.free_space if free is None else free
     areas = {
         place: _FreeArea.of(world, place, free, clearance_mm)
@@ -115,10 +115,11 @@ def _draw(
         )
         if shapely.intersects_xy(free, pose.x_mm, pose.y_mm):
             return pose
-    raise BadInputError(
+    where = f"({start.pose.x_mm:g}, {start.pose.y_mm:g}) mm"
+    raise UnfitInputError(
         f"map {world.name!r}: starts[{place + 1}]",
-        f"({start.pose.x_mm:g}, {start.pose.y_mm:g}) mm",
-        f"a start with free space in its range (none found in {_TRIES} draws)",
+        f"no free space is in the range around {where} ({_TRIES} draws)",
+        "move the start, or lessen its spread",
     )
 
 

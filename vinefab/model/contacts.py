@@ -10,7 +10,7 @@ from annotated_types import Ge, Interval, Le, Unit
 from pydantic import Field, model_validator
 from typing_extensions import Doc
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.table import Table, validated
 from vinefab.core.validation import number
@@ -48,8 +48,9 @@ class MeasuredNumber(Table):
     def _is_an_interval(self) -> "MeasuredNumber":
         number("high", self.high, self.low, _MOST)
         if (self.value is None) != (self.side != "both"):
-            allowed = "given with side = 'both', and left out with a bound"
-            raise BadInputError("value", self.value, allowed)
+            problem = "a bound has no value" if self.value is not None else "is missing"
+            remedy = "leave it out, or set side = 'both'" if self.value is not None else "give it"
+            raise UnfitInputError("value", problem, remedy)
         if self.value is not None:
             number("value", self.value, self.low, self.high)
         return self
@@ -152,7 +153,7 @@ class MeasuredContacts(Table):
     def _has_a_number(self) -> "MeasuredContacts":
         names = MeasuredContacts.model_fields
         if all(getattr(self, name) is None for name in names):
-            raise BadInputError("contacts", "no number", f"one of {', '.join(names)}")
+            raise UnfitInputError("contacts", "hold no number", f"give one of {', '.join(names)}")
         return self
 
 

@@ -570,7 +570,12 @@ class Design(Table):
         for key in super().python_keys():
             if key.field == "trunk":
                 yield replace(
-                    key, field="trunk_length_mm", annotation=float, unit="mm", meaning="of level 1"
+                    key,
+                    name="trunk.length_mm",
+                    field="trunk_length_mm",
+                    annotation=float,
+                    unit="mm",
+                    meaning="of level 1",
                 )
             else:
                 yield key
@@ -738,7 +743,7 @@ class Design(Table):
             # The lists of a build have an entry for each level: only this one's is new.
             name, entry, _ = error.key.partition("[")
             key = name.replace("widths", "width") if entry else error.key
-            raise BadInputError(key, error.value, error.allowed) from error
+            raise error.under(key) from None
         return self.changed(
             name=self.name if name is None else name,
             trunk=trunk,

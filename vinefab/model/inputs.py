@@ -11,7 +11,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from vinefab.core.errors import BadInputError, nearest
+from vinefab.core.errors import BadInputError, UnfitInputError, nearest
 from vinefab.core.front_door import imported_later
 from vinefab.core.verbs import Also, Doc, Kind, also, note, numbers_from, text_of
 
@@ -80,7 +80,7 @@ def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
     found = dict[str, object]()
     for name, value in pairs:
         if name in found:
-            raise BadInputError("", f"{name}={value}", f"{name} once")
+            raise UnfitInputError("", f"{name} is given twice", "leave one of them out")
         found[name] = value
     return found
 
@@ -129,8 +129,8 @@ def _limit_words(limits: Mapping[str, Mapping[str, float]]) -> list[str]:
 def _pose(text: str) -> tuple[float, ...]:
     try:
         return numbers_from(text, 3)
-    except BadInputError as error:
-        raise BadInputError("", text, "X,Y,DEG: three numbers, mm and degrees") from error
+    except BadInputError:
+        raise BadInputError("", text, "X,Y,DEG: three numbers, mm and degrees") from None
 
 
 def _pose_words(pose: Any) -> list[str]:  # noqa: ANN401  a pose or three numbers
@@ -159,8 +159,8 @@ def several_numbers(metavar: str) -> Kind:
 def _points(text: str) -> tuple[tuple[float, ...], ...]:
     try:
         return tuple(numbers_from(part, 2) for part in text.split(";"))
-    except BadInputError as error:
-        raise BadInputError("", text, "points X,Y with semicolons between them") from error
+    except BadInputError:
+        raise BadInputError("", text, "points X,Y with semicolons between them") from None
 
 
 POINTS = Kind(
@@ -336,8 +336,9 @@ def as_map(
         path = next((one for one in named if one.is_file()), path)
         if path.suffix == "" and path.parent == Path() and not path.exists():
             near = nearest(f"{path}{MAP_SUFFIXES[0]}", [one.name for one in Path().glob("*json")])
-            allowed = "a Map such as vf.maps.grid(seed=1), or the path of a map file (GeoJSON)"
-            raise BadInputError(key, str(given), f"{allowed}{near}")
+            hint = near.removeprefix("; ") or "give a map file (GeoJSON)"
+            remedy = f"{hint}, or in Python a Map such as vf.maps.grid(seed=1)"
+            raise UnfitInputError(key, f"there is no map file {str(given)!r}", remedy)
         world = maps.Map.read(shipped.existing_file(path, near=path.suffix))
     aims = as_targets(targets)
     world = world.with_targets(*aims) if aims else world
@@ -408,9 +409,8 @@ def as_growth(given: object, **shortcuts: object) -> Mapping[str, Any]:
         if value is None:
             continue
         if name in options and options[name] != value:
-            raise BadInputError(
-                name, value, f"not together with another one in growth, {options[name]!r}"
-            )
+            problem = f"{value!r} is given together with {options[name]!r} in growth"
+            raise UnfitInputError(name, problem, "leave one of them out")
         options[name] = value
     if isinstance(options.get("contacts"), str | PathLike):
         options["contacts"] = contacts.read_contacts(options["contacts"])

@@ -15,7 +15,7 @@ from annotated_types import Ge, Interval, Le, Unit
 from pydantic import Field, model_validator
 from typing_extensions import Doc
 
-from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.core.errors import BadInputError, UnfitInputError, UnknownNameError
 from vinefab.core.limits import SMALLEST
 from vinefab.core.plain_text import quoted, visible
 from vinefab.core.table import Table, validated
@@ -269,8 +269,11 @@ class Material(Table):
         survived = self.survived_kpa is not None, self.survived_width_mm is not None
         if burst[0] != burst[1] or survived[0] != survived[1] or not (burst[0] or survived[0]):
             given = [name for name in SEAM_KEYS if getattr(self, name) is not None]
-            allowed = "burst_kpa with burst_width_mm, survived_kpa with survived_width_mm, or both"
-            raise BadInputError("seam", ", ".join(given) or "no test", allowed)
+            remedy = (
+                "give burst_kpa with burst_width_mm, survived_kpa with survived_width_mm, or both"
+            )
+            problem = f"{' and '.join(given) or 'nothing'} alone tells no strength"
+            raise UnfitInputError("seam", problem, remedy)
         return self
 
     @property
@@ -425,8 +428,8 @@ class Operations(Table):
             if settings is not None and settings.seam_width_mm.value == 0.0:
                 raise BadInputError(f"{name}.seam_width_mm", 0.0, "more than 0: it seals")
         if self.weld is not None and self.weld.kerf_mm.value > 0.0:
-            allowed = "0: a weld removes nothing; what seals and cuts is a weldcut"
-            raise BadInputError("weld.kerf_mm", self.weld.kerf_mm.value, allowed)
+            problem = f"a weld removes nothing, and this is {self.weld.kerf_mm.value:g} mm"
+            raise UnfitInputError("weld.kerf_mm", problem, "set it to 0, or make it a weldcut")
         return self
 
 
@@ -609,7 +612,8 @@ class LapBond(Table):
     @model_validator(mode="after")
     def _has_a_load(self) -> "LapBond":
         if self.strength_n_per_mm is None and self.survived_n_per_mm is None:
-            raise BadInputError("strength_n_per_mm", None, "it, survived_n_per_mm, or both")
+            remedy = "give strength_n_per_mm, survived_n_per_mm, or both"
+            raise UnfitInputError("strength_n_per_mm", "is missing", remedy)
         return self
 
     @property
@@ -706,10 +710,12 @@ class Recipe(Table):
     def _one_tool_seals(self) -> "Recipe":
         welded = self.operations.weld is not None
         if self.sealer is None and not welded and self.operations.weldcut is None:
-            allowed = "weldcut, weld or a [sealer], for the seam"
-            raise BadInputError("operations", "cut only", allowed)
+            remedy = "add weldcut, weld or a [sealer]"
+            raise UnfitInputError("operations", "nothing makes the seam", remedy)
         if self.sealer is not None and welded:
-            raise BadInputError("sealer", "given with operations.weld", "one of the two")
+            raise UnfitInputError(
+                "sealer", "is given together with operations.weld", "leave one of them out"
+            )
         return self
 
     @cached_property
@@ -754,8 +760,9 @@ class LaserProfile:
         """
         known = self.recipe.by_operation
         if operation not in known:
-            allowed = f"one of {', '.join(known)}"
-            raise BadInputError(f"recipe {self.recipe.name}", str(operation), allowed)
+            problem = f"it has no operation {operation}"
+            remedy = f"add it, or use one of {', '.join(known)}"
+            raise UnfitInputError(f"recipe {self.recipe.name}", problem, remedy)
         return known[operation]
 
     @property
@@ -855,5 +862,6 @@ def _named_as_its_file(kind: type[P], document: Mapping[str, Any], path: Path) -
     found = validated(kind, document, path)
     if found.name != visible(path.stem):
         # Other files refer to a profile by its file name: two names would be a trap.
-        raise BadInputError("name", found.name, f"{quoted(path.stem)}, the name of the file", path)
+        problem = f"{quoted(found.name)} is not the name of the file"
+        raise UnfitInputError("name", problem, f"call it {quoted(path.stem)}", path)
     return found

@@ -445,7 +445,7 @@ def geojson_document(path: Path) -> Any:  # noqa: ANN401  JSON
         return json.loads(text)
     except (ValueError, RecursionError) as error:
         hint = ", but TOML, as designs are" if "vinefab/" in text[:4096] else ""
-        raise UnreadableFileError(path, f"is not JSON{hint}: {error}") from error
+        raise UnreadableFileError(path, f"is not JSON{hint}: {error}") from None
 
 
 def feature_key(index: int) -> str:
@@ -652,7 +652,7 @@ def _start(key: str, feature: dict[str, Any]) -> Start | StartPlace:
             raise
         name = error.key.removeprefix("start.")
         where = "geometry" if name == "area" else f"properties.{name}"
-        raise BadInputError(f"{key}.{where}", error.value, error.allowed) from error
+        raise error.under(f"{key}.{where}") from None
     if area is None or place.heading_rad is None or table.x_mm is None or table.y_mm is None:
         return place
     return Start(

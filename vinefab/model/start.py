@@ -30,7 +30,7 @@ from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 from typing_extensions import Doc
 
-from vinefab.core.errors import BadInputError, nearest, shortened
+from vinefab.core.errors import BadInputError, UnfitInputError, nearest, shortened
 from vinefab.core.limits import deg, rad, warn_of_radians
 from vinefab.core.plain_text import counted
 from vinefab.core.table import Table
@@ -91,8 +91,8 @@ class Pose:
             return given
         try:
             x_mm, y_mm, heading_deg = given
-        except (TypeError, ValueError) as error:
-            raise BadInputError("pose", given, "(x_mm, y_mm, heading_deg)") from error
+        except (TypeError, ValueError):
+            raise BadInputError("pose", given, "(x_mm, y_mm, heading_deg)") from None
         number("pose.heading_deg", heading_deg, -1e6, 1e6, "deg")
         warn_of_radians("pose.heading_deg", heading_deg)
         return cls(
@@ -160,11 +160,11 @@ class Start:
         else:
             _check_near(key, self.area)
             if self.area.length == 0.0:
-                raise BadInputError(key, "a line without length", "a line between different points")
+                raise UnfitInputError(key, "the line has no length", "give different points")
         for name in ("spread_x_mm", "spread_y_mm"):
             if getattr(self, name):
-                allowed = "left out: positions are drawn from the area"
-                raise BadInputError(f"start.{name}", getattr(self, name), allowed)
+                problem = "means nothing with an area, from which positions are drawn"
+                raise UnfitInputError(f"start.{name}", problem, "leave it out")
 
     @property
     def has_spread(self) -> bool:
@@ -216,7 +216,8 @@ def check_polygon(key: str, polygon: Polygon) -> None:
     _check_near(key, polygon)
     refuse_jagged(key, polygon)
     if not are_valid(np.array([polygon], dtype=np.object_))[0]:
-        raise BadInputError(key, shapely.is_valid_reason(polygon), "a polygon that is valid")
+        problem = f"the polygon is not valid: {shapely.is_valid_reason(polygon)}"
+        raise UnfitInputError(key, problem, "let its sides not cross")
 
 
 def _check_near(key: str, shape: BaseGeometry) -> None:
@@ -280,13 +281,15 @@ class StartPlace:
 
     def __post_init__(self) -> None:
         if (self.side is None) == (self.area is None):
-            raise BadInputError("start", self.side, "either a side or an area")
+            raise UnfitInputError("start", "needs a side or an area", "give one of them")
         if self.side is not None and self.side not in SIDES:
             allowed = f"{', '.join(SIDES)}{nearest(str(self.side), SIDES)}"
             raise BadInputError("start.side", self.side, allowed)
         if self.inset_mm is not None:
             if self.side is None:
-                raise BadInputError("start.inset_mm", self.inset_mm, "together with a side")
+                raise UnfitInputError(
+                    "start.inset_mm", "belongs to a side", "give a side, or leave it out"
+                )
             number("start.inset_mm", self.inset_mm, 0.0, LARGEST_MM, "mm")
         middle = Pose(x_mm=0.0, y_mm=0.0, heading_rad=self.heading_rad or 0.0)
         Start(
@@ -336,11 +339,7 @@ class StartPlace:
             area=area,
             clearance_mm=self.least_clearance_mm,
         )
-        try:
-            pieces = pieces_on(world, start)
-        except BadInputError as error:
-            allowed = f"{error.allowed} (map {world.name!r})"
-            raise BadInputError("start", self.text, allowed) from error
+        pieces = pieces_on(world, start, f"{self.text!r} on map {world.name!r}")
         x_mm, y_mm = _middle_mm(area, pieces)
         return replace(start, pose=replace(start.pose, x_mm=x_mm, y_mm=y_mm))
 
@@ -389,8 +388,8 @@ class StartTable(Table):
         if not places:
             return self._pose()
         if len(places) > 1:
-            raise BadInputError(
-                places[1], getattr(self, places[1]), "not together with another one"
+            raise UnfitInputError(
+                places[1], f"is given together with {places[0]}", "leave one of them out"
             )
         self.only_without("x_mm", "y_mm", "spread_x_mm", "spread_y_mm", at=places[0])
         points = self.line if places[0] == "line" else self.area
@@ -401,15 +400,17 @@ class StartTable(Table):
         except BadInputError as error:
             name = error.key.removeprefix("start.")
             key = places[0] if name in ("area", "x", "y") else name
-            raise BadInputError(key, error.value, error.allowed) from error
+            raise error.under(key) from None
 
     def place(self, area: LineString | Polygon | None) -> StartPlace:
         """Return the start on the table's side, or anywhere in an area."""
         for name in ("spread_x_mm", "spread_y_mm"):
             if getattr(self, name):
-                raise BadInputError(name, getattr(self, name), "0 for a line or an area")
+                raise UnfitInputError(name, "means nothing with a line or an area", "leave it out")
         if self.side is not None and area is not None:
-            raise BadInputError("side", self.side, "a side or a geometry, not both")
+            raise UnfitInputError(
+                "side", "is given together with a geometry", "leave one of them out"
+            )
         return StartPlace(
             side=self.side,
             area=area,
@@ -422,7 +423,7 @@ class StartTable(Table):
     def _pose(self) -> Start:
         for name in ("x_mm", "y_mm", "heading_deg"):
             if getattr(self, name) is None:
-                raise BadInputError(name, None, "it must be given, or side, line or area")
+                raise UnfitInputError(name, "is missing", "give it, or a side, line or area")
         self.only_without("inset_mm", "clearance_mm", at="a pose")
         return Start(
             pose=Pose(
@@ -439,7 +440,7 @@ class StartTable(Table):
         """Refuse keys that mean nothing there."""
         for name in names:
             if getattr(self, name) is not None:
-                raise BadInputError(name, getattr(self, name), f"not together with {at}")
+                raise UnfitInputError(name, f"is given together with {at}", "leave one of them out")
 
 
 def start_given(given: object, key: str = "start") -> Start | StartPlace:
@@ -481,7 +482,9 @@ def start_from(text: str, key: str = "start") -> Start | StartPlace:
         if error.key == key:
             raise
         what = "" if error.key == "start.area" else f"{error.key.rpartition('.')[2]} "
-        raise BadInputError(key, text, f"{what}{error.allowed}") from error
+        if isinstance(error, UnfitInputError):
+            raise UnfitInputError(key, f"{what}{error.value}", error.allowed) from None
+        raise BadInputError(key, text, f"{what}{error.allowed}") from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -599,8 +602,8 @@ def shape_of(name: str, points: Sequence[Sequence[float]]) -> LineString | Polyg
         return Polygon(points)
     (x_0, y_0), (x_1, y_1) = points
     if x_0 == x_1 or y_0 == y_1:
-        allowed = "two opposite corners of a box, or three or more points"
-        raise BadInputError("start.area", f"({x_0:g}, {y_0:g}) and ({x_1:g}, {y_1:g})", allowed)
+        problem = f"({x_0:g}, {y_0:g}) and ({x_1:g}, {y_1:g}) are no opposite corners of a box"
+        raise UnfitInputError("start.area", problem, "give such, or three or more points")
     return _box(min(x_0, x_1), min(y_0, y_1), max(x_0, x_1), max(y_0, y_1))
 
 
@@ -696,7 +699,7 @@ def with_starts(world: "Map", given: Iterable[Start | StartPlace], key: str = "s
             start = one.on(world) if isinstance(one, StartPlace) else one
             _check_start(world, start)
         except BadInputError as error:
-            raise BadInputError(key, error.value, error.allowed) from error
+            raise error.under(key) from None
         starts.append(start)
     return replace(world, starts=tuple(starts))
 
@@ -710,14 +713,14 @@ def _check_start(world: "Map", start: Start) -> None:
         solid = "inside an obstacle"
     if solid:
         where = f"({spot.x:g}, {spot.y:g}) mm"
-        allowed = f"a place in free space; it is {solid} of map {world.name!r}"
-        raise BadInputError("start", where, allowed)
+        problem = f"{where} is {solid} of map {world.name!r}"
+        raise UnfitInputError("start", problem, "move it into free space")
     if start.area is not None:
         pieces_on(world, start)
 
 
 def start_pieces(
-    start: Start, free: BaseGeometry, clearance_mm: float = 0.0
+    start: Start, free: BaseGeometry, clearance_mm: float = 0.0, *, named: str = ""
 ) -> list[LineString | Polygon]:
     """Return the pieces of a start's area that are free and far enough from walls.
 
@@ -725,6 +728,8 @@ def start_pieces(
     ----------
     clearance_mm
         Least distance from walls, if it is more than the start's own.
+    named
+        What the user calls it, for the error.
 
     Raises
     ------
@@ -733,7 +738,7 @@ def start_pieces(
     """
     area = start.area
     if area is None:
-        raise BadInputError("start", "a pose", "a start with an area")
+        raise UnfitInputError("start", "a pose has no area", "give a side, a line or an area")
     clear_mm = max(start.clearance_mm, clearance_mm)
     near = shapely.intersection(free, _box_around(area, clear_mm))
     if clear_mm > _SLACK_MM:
@@ -741,12 +746,11 @@ def start_pieces(
     parts = shapely.get_parts(shapely.intersection(area, near)).tolist()
     pieces = [part for part in parts if isinstance(part, type(area)) and not part.is_empty]
     if not pieces:
-        away = (
-            f" at least {clear_mm:g} mm from walls: move it (a side by inset MM), or say a smaller "
-            "clear MM"
-        )
-        allowed = f"a place that meets free space{away if clear_mm > 0.0 else ''}"
-        raise BadInputError("start", _shape_text(area), allowed)
+        away, less = f" at least {clear_mm:g} mm from walls", ", or give a smaller clear MM"
+        if not clear_mm > 0.0:
+            away = less = ""
+        problem, remedy = f"meets no free space{away}", f"move it (a side by inset MM){less}"
+        raise UnfitInputError("start", f"{named or _shape_text(area)} {problem}", remedy)
     return pieces
 
 
@@ -784,13 +788,13 @@ def start_range(start: Start) -> BaseGeometry | None:
     return LineString([(x - dx, y - dy), (x + dx, y + dy)]) if dx + dy > 0.0 else None
 
 
-def pieces_on(world: "Map", start: Start) -> list[LineString | Polygon]:
+def pieces_on(world: "Map", start: Start, named: str = "") -> list[LineString | Polygon]:
     """Return the pieces of a start's area that poses are drawn from on a map, `start_pieces`."""
     around = _box_around(start.area or world.bounds, start.clearance_mm)
     solid = np.array(world.obstacles, dtype=np.object_)
     near = solid[shapely.intersects(shapely.box(*shapely.bounds(solid).T), around)]
     inside = shapely.intersection(world.bounds, around)
-    return start_pieces(start, shapely.difference(inside, shapely.union_all(near)))
+    return start_pieces(start, shapely.difference(inside, shapely.union_all(near)), named=named)
 
 
 def _box_around(area: BaseGeometry, clearance_mm: float) -> Polygon:

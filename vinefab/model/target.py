@@ -15,7 +15,7 @@ from pydantic import Field, PlainSerializer, PlainValidator, model_validator
 from shapely.geometry.base import BaseGeometry
 from typing_extensions import Doc
 
-from vinefab.core.errors import BadInputError, inside
+from vinefab.core.errors import BadInputError, UnfitInputError, inside
 from vinefab.core.plain_text import counted
 from vinefab.core.table import Table, validated
 from vinefab.core.validation import LARGEST_MM, Floats, Ints
@@ -64,15 +64,17 @@ class Target(Table):
     @model_validator(mode="after")
     def _one_place(self) -> "Target":
         if (self.point_mm is None) == (self.area_mm is None):
-            raise BadInputError("point_mm", self.point_mm, "a point_mm or an area_mm, one of them")
+            raise UnfitInputError(
+                "", "a target needs a point_mm or an area_mm, one of them", "give one"
+            )
         if len(self.name) > _MOST_LETTERS or not self.name.isprintable():
             allowed = f"at most {_MOST_LETTERS} printable characters"
             raise BadInputError("name", self.name, allowed)
         if self.area_mm is not None:
             corners = len(set(self.area_mm))
             if corners < 3 or not shapely.Polygon(self.area_mm).is_valid:
-                allowed = "3 corners or more, whose sides do not cross"
-                raise BadInputError("area_mm", counted(corners, "corner"), allowed)
+                problem = f"its {counted(corners, 'corner')} enclose no area"
+                raise UnfitInputError("area_mm", problem, "give 3 or more whose sides do not cross")
         return self
 
     @property
@@ -122,7 +124,8 @@ def targets_given(given: object, key: str = "") -> tuple[Target, ...]:
     taken = Counter(one.name for one in found if one.name)
     for place, one in enumerate(found, start=1):
         if taken[one.name] > 1:
-            raise BadInputError(f"{key}[{place}].name", one.name, "one target of each name")
+            problem = f"another target is called {one.name!r}"
+            raise UnfitInputError(f"{key}[{place}].name", problem, "give each its own name")
     letters = (product(string.ascii_uppercase, repeat=length) for length in count(1))
     free = (name for some in letters for name in map("".join, some) if name not in taken)
     return tuple(one if one.name else one.changed(name=next(free)) for one in found)
@@ -153,10 +156,10 @@ def target_from(text: str, key: str = "target") -> Target:
         within = {"tolerance_mm": float(tolerance)} if sign else {}
         return Target(name=named.strip(), point_mm=(x_mm, y_mm), **within)
     except BadInputError as error:
-        raise BadInputError(key, text, f"{error.key} {error.allowed}") from error
-    except ValueError as error:
+        raise error.under(f"{key} {text}: {error.key}") from None
+    except ValueError:
         allowed = "[NAME=]X,Y or [NAME=]X,Y+-TOLERANCE, in mm"
-        raise BadInputError(key, text, allowed) from error
+        raise BadInputError(key, text, allowed) from None
 
 
 def target_text(target: Target) -> str:
@@ -193,8 +196,8 @@ def check_targets(world: "Map", targets: Sequence[Target], key: str = "targets[{
             if is_free:
                 continue
         named = f"{target.name} at {target.place_text}" if target.name else target.place_text
-        allowed = f"a place in free space; it is {solid} of map {world.name!r}"
-        raise BadInputError(key.format(place), named, allowed)
+        problem = f"{named} is {solid} of map {world.name!r}"
+        raise UnfitInputError(key.format(place), problem, "move it into free space")
 
 
 def out_of_reach(

@@ -23,7 +23,7 @@ import numpy as np
 import scipy  # its parts load at their first use
 from pydantic import Field
 
-from vinefab.core.errors import BadInputError, VinefabError, values_hidden
+from vinefab.core.errors import BadInputError, UnfitInputError, VinefabError, values_hidden
 from vinefab.core.limits import rad
 from vinefab.core.plain_text import counted
 from vinefab.core.table import TablePart, validated
@@ -267,15 +267,17 @@ _NO_OBSERVATIONS = (".jpg", ".jpeg", ".png", ".html")
 def read_observations(paths: Sequence[Path]) -> tuple[ObservedPhoto, ...]:
     """Return observations, each once."""
     if not paths:
-        raise BadInputError("observations", "none", "at least one JSON file of vinefab observe")
+        raise UnfitInputError("observations", "are missing", "give JSON files of vinefab observe")
     texts: dict[str, Path] = {}
     for path in paths:
         if path.suffix.lower() in _NO_OBSERVATIONS:
-            allowed = "the JSON of an observation: vinefab observe PHOTO ... --json one.json"
-            raise BadInputError("observation", path.name, allowed)
+            remedy = "give the JSON of one: vinefab observe PHOTO ... --json one.json"
+            raise UnfitInputError("observations", f"{path.name} is not an observation", remedy)
         text = read_text(path, LARGEST_OBSERVATION_BYTES)
         if text in texts:
-            raise BadInputError(str(path), f"the same as {texts[text]}", "each observation once")
+            raise UnfitInputError(
+                str(path), f"is the same as {texts[text]}", "give each observation once"
+            )
         texts[text] = path
     return tuple(_observation(text, path) for text, path in texts.items())
 
@@ -540,8 +542,8 @@ def fit_files(paths: Sequence[Path], error_deg: float = ANGLE_ERROR_DEG) -> Cont
     clear = ratio is not None and not ratio.low <= 1.0 <= ratio.high
     shapes = _shape_fit(photos, ratio.value if clear and ratio and ratio.value else 1.0)
     if threshold is None and ratio is None and breadth is None:
-        allowed = "observations with contacts that slid or stopped, or with the film's breadth"
-        raise BadInputError("contacts", "none", allowed, photos[0].file)
+        problem = "no contact slid or stopped, and no breadth of film was seen"
+        raise UnfitInputError("observations", problem, "add such photos", photos[0].file)
     half_angle = friction = None
     if (fit := threshold) is not None:
         names = ", ".join(photo.photo for photo in photos if photo.contacts)

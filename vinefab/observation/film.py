@@ -13,7 +13,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import UnfitInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map, Pose
 from vinefab.photos.photo import PhotoCamera, PlanView
@@ -137,7 +137,8 @@ def found_film(
     light, hue = _light_and_hue(view.pixels)
     inner = scipy.ndimage.binary_erosion(~solid, iterations=max(1, round(2.0 / view.mm_per_pixel)))
     if not inner.any():
-        raise BadInputError("photo", "none of the map's free space on it", "a photo of the rig")
+        problem = "none of the map's free space is on it"
+        raise UnfitInputError("photo", problem, "take one of the rig, or check the map")
     floor = _mode(hue[inner])
     core = scipy.ndimage.binary_erosion(solid, iterations=max(1, round(6.0 / view.mm_per_pixel)))
     block = np.median(hue[core], axis=0) if core.any() else None
@@ -157,8 +158,11 @@ def found_film(
         ratio = light / float(np.median(light[inner])) - 1.0
         at_base = float(np.median(ratio[strip])) if strip.any() else 0.0
         if abs(at_base) < LEAST_LIGHT_SHARE:
-            allowed = "a photo with a robot on it; --film-colour R,G,B gives its film's colour"
-            raise BadInputError("photo", "nothing at the base that differs from the floor", allowed)
+            problem = "nothing at the base differs from the floor"
+            remedy = (
+                "take a photo with a robot on it, or give its film's colour (--film-colour R,G,B)"
+            )
+            raise UnfitInputError("photo", problem, remedy)
         share = np.clip(ratio / at_base, 0.0, 1.0)
         cautions = ("film and floor have the same hue: shadows may have been taken for film",)
     share = scipy.ndimage.gaussian_filter(np.asarray(share, dtype=np.float64), 0.5)
@@ -167,8 +171,9 @@ def found_film(
     share = _without_gloss(share, view.mm_per_pixel)
     is_film = share > 0.5
     if is_film[~solid].mean() < LEAST_FILM_SHARE:
-        allowed = "a photo with a robot on it; --film-colour R,G,B gives its film's colour"
-        raise BadInputError("photo", "no film found between the obstacles", allowed)
+        problem = "no film is found between the obstacles"
+        remedy = "take a photo with a robot on it, or give its film's colour (--film-colour R,G,B)"
+        raise UnfitInputError("photo", problem, remedy)
     seen = np.median(view.pixels[is_film], axis=0).astype(int).tolist()
     return SeenFilm(
         share=share,
@@ -190,7 +195,8 @@ def outlined_film(
     """Return the film on a plan as somebody has outlined it, in map millimetres."""
     inside = _inside(outline, view)
     if not inside.any():
-        raise BadInputError("--outline", "no area on the map", "areas in the map's millimetres")
+        problem = "no area of it lies on the map"
+        raise UnfitInputError("--outline", problem, "draw areas in the map's millimetres")
     return SeenFilm(
         share=scipy.ndimage.gaussian_filter(inside.astype(np.float64), 0.5),
         view=view,

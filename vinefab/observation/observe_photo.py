@@ -18,7 +18,7 @@ from shapely.errors import ShapelyError
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.bounded import bounded
-from vinefab.core.errors import BadInputError, UnreadableFileError, located
+from vinefab.core.errors import BadInputError, UnfitInputError, UnreadableFileError, located
 from vinefab.core.limits import DEFAULT_MARKER_MM
 from vinefab.core.plain_text import counted, rounded
 from vinefab.core.table import TablePart, validated
@@ -106,16 +106,24 @@ class PhotoSetup:
             If a file cannot be read.
         """
         if rig is not None and corners_px is not None:
-            raise BadInputError("--corners", "given", "without --rig, whose markers say more")
+            raise UnfitInputError(
+                "--corners",
+                "are given together with --rig, whose markers say more",
+                "leave them out",
+            )
         if outline is not None and film_colour is not None:
-            raise BadInputError("--film-colour", "given", "without --outline, which needs none")
+            raise UnfitInputError(
+                "--film-colour",
+                "is given together with --outline, which needs none",
+                "leave it out",
+            )
         markers: tuple[CornerMarker, ...] | None = None
         height: float | None = None
         if rig is not None:
             content = json_object(read_text(rig, _MOST_OUTLINE_BYTES), rig)
             if "markers" not in content:
-                allowed = "a rig.json whose rig carries corner markers"
-                raise BadInputError("markers", None, allowed, rig)
+                remedy = "give the rig.json of one that does"
+                raise UnfitInputError("", "the rig carries no corner markers", remedy, rig)
             form = validated(_RigForm, content, rig)
             markers, height = tuple(form.markers), form.options.height_mm / form.options.scale
         if obstacle_mm is not None:
@@ -179,12 +187,12 @@ def _outline(path: Path, *, is_svg: bool) -> BaseGeometry:
             try:
                 found = shapely.from_geojson(json.dumps(content))
             except (ShapelyError, ValueError, TypeError) as error:
-                raise UnreadableFileError(path, f"is not GeoJSON: {str(error)[:100]}") from error
+                raise UnreadableFileError(path, f"is not GeoJSON: {str(error)[:100]}") from None
             parts = shapely.get_parts(shapely.get_parts(found))
             areas = [one for one in parts if isinstance(one, Polygon) and not one.is_empty]
         if not areas:
-            allowed = "closed areas: polygons of GeoJSON, or paths, polygons, rects of SVG"
-            raise BadInputError("--outline", "no areas", allowed)
+            remedy = "draw closed ones: polygons of GeoJSON, or paths, polygons, rects of SVG"
+            raise UnfitInputError("--outline", "holds no areas", remedy)
     return shapely.union_all([shapely.make_valid(area) for area in areas])
 
 
@@ -672,8 +680,8 @@ def observe_photo(  # noqa: PLR0913
         film = found_film(view, world, pose, sizes, sight, colour=setup.film_colour)
     traced = trace(film, design, world, pose)
     if not traced.branches[0].deployed:
-        where = f"none at the base ({pose.x_mm:g}, {pose.y_mm:g}) mm"
-        raise BadInputError("film", where, "a pose where the trunk leaves its base", photo.name)
+        problem = f"no film is at the base ({pose.x_mm:g}, {pose.y_mm:g}) mm"
+        raise UnfitInputError("", problem, "give the pose where the trunk leaves it", photo.name)
     sights = branch_sights(film, traced, widths)
     compared = compare_with_prediction(traced, design, world, pose, growth, sights)
     seen = Observation(
@@ -802,9 +810,9 @@ def joint_reading(seen: Observation, kpa: float) -> JointReading:
     traced = seen.traced
     shares = traced.film_explained, traced.lines_supported
     if shares[0] < _LEAST_EXPLAINED or shares[1] < _LEAST_SUPPORTED:
-        found = f"{100.0 * shares[0]:.0f} % of its film is in lines of {seen.design.name}"
-        allowed = "a photo of this coupon alone, launched from --pose"
-        raise BadInputError("photo", found, allowed, seen.photo)
+        problem = f"only {100.0 * shares[0]:.0f} % of its film is in lines of {seen.design.name}"
+        remedy = "take a photo of this coupon alone, launched from --pose"
+        raise UnfitInputError("photo", problem, remedy, seen.photo)
     return JointReading(
         coupon=seen.design.name,
         kpa=kpa,
@@ -825,8 +833,8 @@ def joint_angle_deg(traced: TracedTree, film: SeenFilm) -> float:
     """
     count = len(traced.branches)
     if count not in (2, 3):
-        allowed = "a trunk with one or two children"
-        raise BadInputError("design", counted(count, "branch"), allowed)
+        problem = f"it has {counted(count, 'branch')}"
+        raise UnfitInputError("design", problem, "give a trunk with one or two children")
     if count == 2:
         trunk, child = (branch.points_mm for branch in traced.branches)
         one, other = _heading_rad(trunk, _TRUNK), _heading_rad(child, _CHILD)
@@ -868,7 +876,9 @@ def _outer_heading_rad(
     first = np.argmax(share < 0.5, axis=1)
     rows = np.flatnonzero(first > 0)
     if len(rows) < _EDGE_POINTS // 2:
-        raise BadInputError("film", "no outer edge of a child", "a photo of the whole coupon")
+        raise UnfitInputError(
+            "film", "no child has an outer edge", "take a photo of the whole coupon"
+        )
     inner, outer = share[rows, first[rows] - 1], share[rows, first[rows]]
     steps = first[rows] - 1 + (inner - 0.5) / (inner - outer)
     off = middle[rows] + steps * outward[1]
@@ -881,7 +891,7 @@ def _heading_rad(line_mm: Floats, stretch: tuple[float, float]) -> float:
     """Return the direction of the straight line through a stretch of a centre line."""
     first, last = (round(share * len(line_mm)) for share in stretch)
     if last - first < _LEAST_POINTS:
-        raise BadInputError("film", "a branch that is not seen", "a photo of the whole coupon")
+        raise UnfitInputError("film", "a branch is not seen", "take a photo of the whole coupon")
     points = line_mm[first:last]
     along = np.linalg.svd(points - points.mean(axis=0))[2][0]
     along = along * np.sign(along @ (points[-1] - points[0]))

@@ -11,7 +11,7 @@ import scipy  # its parts load at their first use
 from numpy.typing import NDArray
 from PIL import Image
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import UnfitInputError
 from vinefab.core.extras import ensure_extra
 from vinefab.core.validation import Floats
 from vinefab.model.map import MARKER_SIDE_CELLS, CornerMarker
@@ -88,7 +88,8 @@ def measured_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int,
     found: dict[int, FoundMarker] = {}
     for number, square in zip([] if numbers is None else numbers.ravel(), corners, strict=True):
         if int(number) in found:
-            raise BadInputError("marker", f"{number} twice in the photo", "each once", photo.name)
+            problem = "stands twice in the photo"
+            raise UnfitInputError(f"marker {number}", problem, "show each once", photo.name)
         rough = (square.reshape(4, 2).astype(np.float64) + 0.5) * times
         bits = np.asarray(cv2.aruco.generateImageMarker(known, int(number), MARKER_SIDE_CELLS))
         found[int(number)] = _fitted(stored, rough, bits > 0)
@@ -217,15 +218,13 @@ def marker_points(photo: Photo, markers: Sequence[CornerMarker]) -> ControlPoint
     missing = sorted(marker.number for marker in markers if marker.number not in found)
     if len(seen) < FEWEST_MARKERS:
         numbers = ", ".join(map(str, missing))
-        raise BadInputError(
-            "markers",
-            f"{len(seen)} of {len(markers)} (not seen: {numbers})",
-            f"at least {FEWEST_MARKERS} seen whole and sharp, with white around them",
-            photo.name,
-        )
+        problem = f"{len(seen)} of {len(markers)} are seen (not {numbers})"
+        remedy = f"show {FEWEST_MARKERS} or more whole and sharp, with white around them"
+        raise UnfitInputError("markers", problem, remedy, photo.name)
     heights = {marker.z_mm for marker in seen}
     if len(heights) > 1:
-        raise BadInputError("markers", f"at heights {sorted(heights)}", "one height", photo.name)
+        problem = f"they lie at heights {sorted(heights)}"
+        raise UnfitInputError("markers", problem, "lay them at one height", photo.name)
     return ControlPoints(
         points_px=np.concatenate([found[marker.number].corners_px for marker in seen]),
         points_mm=np.concatenate([marker.corners_mm for marker in seen]),

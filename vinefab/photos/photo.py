@@ -22,7 +22,7 @@ import scipy  # its parts load at their first use
 from numpy.typing import NDArray
 from PIL import Image, ImageOps, UnidentifiedImageError
 
-from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.errors import UnfitInputError, UnreadableFileError
 from vinefab.core.foreign import reading
 from vinefab.core.plain_text import visible
 from vinefab.core.validation import Floats, frozen_floats, number, positive
@@ -98,14 +98,14 @@ def _decoded(path: Path, data: bytes) -> tuple[NDArray[np.uint8], float | None]:
             with suppress(OSError, ValueError, SyntaxError, LookupError, TypeError, struct.error):
                 upright = ImageOps.exif_transpose(image)
             pixels = _rgb(upright)
-    except UnidentifiedImageError as error:
-        raise UnreadableFileError(path, "is not a PNG or JPEG picture, or is damaged") from error
-    except Image.DecompressionBombError as error:
-        raise UnreadableFileError(path, f"has more than {MOST_MEGAPIXELS} megapixels") from error
+    except UnidentifiedImageError:
+        raise UnreadableFileError(path, "is not a PNG or JPEG picture, or is damaged") from None
+    except Image.DecompressionBombError:
+        raise UnreadableFileError(path, f"has more than {MOST_MEGAPIXELS} megapixels") from None
     except UnreadableFileError:
         raise
     except (OSError, ValueError, SyntaxError, EOFError, struct.error) as error:
-        raise UnreadableFileError(path, f"is damaged: {error}") from error
+        raise UnreadableFileError(path, f"is damaged: {error}") from None
     return pixels, focal_35mm_mm
 
 
@@ -181,8 +181,8 @@ class ControlPoints:
         object.__setattr__(self, "points_mm", frozen_floats("points_mm", self.points_mm, 2))
         number("z_mm", self.z_mm, -1e6, 1e6, "mm")
         if len(self.points_px) != len(self.points_mm) or len(self.points_px) < 2:
-            counts = f"{len(self.points_px)} in the photo, {len(self.points_mm)} in the map"
-            raise BadInputError("points", counts, "the same number, at least two")
+            counts = f"{len(self.points_px)} are in the photo, {len(self.points_mm)} in the map"
+            raise UnfitInputError("points", counts, "give the same number, at least two")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -246,12 +246,12 @@ def fit_camera(photo: Photo, control: ControlPoints) -> PhotoCamera:
     homography = plane_homography(control)
     depth = np.column_stack([control.points_mm, np.ones(len(control.points_mm))]) @ homography[2]
     if not (depth > 0.0).all() and not (depth < 0.0).all():
-        allowed = "four corners in the same order in photo and map"
-        raise BadInputError("points", "no view of a plane", allowed)
+        remedy = "give four corners in the same order in photo and map"
+        raise UnfitInputError("points", "they are no view of a plane", remedy)
     # Rows run down, y runs up: seen from above the determinant is negative.
     if np.linalg.det(homography) * np.sign(depth[0]) > 0.0:
-        allowed = "corners in the same order in photo and map, seen from above"
-        raise BadInputError("points", "a mirror image", allowed)
+        remedy = "give corners in the same order in photo and map, seen from above"
+        raise UnfitInputError("points", "they are a mirror image", remedy)
     residual = projected(inverse(homography), control.points_px) - control.points_mm
     perspective = len(control.points_px) >= _FEWEST_OF_PERSPECTIVE
     pose = _Pose.of(photo, control, homography) if perspective else None
@@ -284,7 +284,7 @@ def plane_homography(control: ControlPoints) -> Floats:
     theirs = (control.points_px * (1.0, -1.0)) @ (1.0, 1.0j)
     spread = ours - ours.mean()
     if np.abs(spread).max() == 0.0 or np.abs(theirs - theirs.mean()).max() == 0.0:
-        raise BadInputError("points", "at the same place", "points apart from each other")
+        raise UnfitInputError("points", "they lie at the same place", "give points apart")
     turn = np.vdot(spread, theirs - theirs.mean()) / np.vdot(spread, spread)
     offset = theirs.mean() - turn * ours.mean()
     across, down = [turn.real, -turn.imag, offset.real], [-turn.imag, -turn.real, -offset.imag]
@@ -308,23 +308,23 @@ def fitted_homography(control: ControlPoints) -> Floats:
         return (projected(np.append(values, 1.0).reshape(3, 3), ours) - theirs).ravel()
 
     if abs(rough[2, 2]) < 1e-9:
-        raise BadInputError("points", "on a line", _NOT_ON_A_LINE)
+        raise UnfitInputError("points", "they lie on a line", _NOT_ON_A_LINE)
     fit = scipy.optimize.least_squares(off, (rough / rough[2, 2]).ravel()[:8], method="lm")
     unit = np.append(fit.x, 1.0).reshape(3, 3)
     if abs(np.linalg.det(unit)) < 1e-6:
-        raise BadInputError("points", "on a line", _NOT_ON_A_LINE)
+        raise UnfitInputError("points", "they lie on a line", _NOT_ON_A_LINE)
     matrix = inverse(to_unit_px) @ unit @ to_unit_mm
     return np.asarray(matrix / matrix[2, 2])
 
 
-_NOT_ON_A_LINE = "four points of which no three lie on a line"
+_NOT_ON_A_LINE = "give four points of which no three lie on a line"
 
 
 def _normalizing(points: Floats) -> Floats:
     """Return the homography that moves points' middle to the origin and makes them of size one."""
     middle, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
     if size == 0.0:
-        raise BadInputError("points", "at the same place", "points apart from each other")
+        raise UnfitInputError("points", "they lie at the same place", "give points apart")
     return np.array([[1, 0, -middle[0]], [0, 1, -middle[1]], [0, 0, size]]) / size
 
 
@@ -471,8 +471,8 @@ def rectified(
     step = fine if mm_per_pixel is None else positive("mm_per_pixel", mm_per_pixel)
     columns, rows = (max(1, round(size / step)) for size in (right - left, top - low))
     if columns * rows > MOST_MEGAPIXELS * 1_000_000:
-        allowed = f"so large that the plan has at most {MOST_MEGAPIXELS} megapixels"
-        raise BadInputError("mm_per_pixel", step, allowed, photo.name)
+        problem = f"{step:g} make a plan of more than {MOST_MEGAPIXELS} megapixels"
+        raise UnfitInputError("mm_per_pixel", problem, "give more", photo.name)
     to_map = np.array([[step, 0.0, left], [0.0, -step, top], [0.0, 0.0, 1.0]])
     # Coarser plans are taken from a smaller photo: single pixels of it would be noise.
     times = max(1, int(step / fine + 1e-6))
@@ -522,7 +522,9 @@ def most_pixels_per_mm(homography: Floats, area_mm: AreaMm) -> float:
     corners = np.array([(left, low), (right, low), (right, top), (left, top)])
     depth = np.column_stack([corners, np.ones(4)]) @ homography[2]
     if not ((depth > 0.0).all() or (depth < 0.0).all()):
-        raise BadInputError("area_mm", area_mm, "an area of which the camera sees all corners")
+        raise UnfitInputError(
+            "area_mm", "the camera does not see all its corners", "give a smaller area"
+        )
     step = 1e-3 * min(right - left, top - low)
     here = projected(homography, corners)
     along = projected(homography, corners + np.array([step, 0.0])) - here

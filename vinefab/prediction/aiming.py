@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import UnfitInputError
 from vinefab.core.limits import deg, rad
 from vinefab.core.plain_text import counted
 from vinefab.core.progress import each, phase
@@ -119,7 +119,9 @@ def held_against(
 ) -> list[Design]:
     """Return a design and its rival: the plain vine of its length unless another is given."""
     if alone and against is not None:
-        raise BadInputError("--alone", "together with --against", "one of them")
+        raise UnfitInputError(
+            "--alone", "is given together with --against", "leave one of them out"
+        )
     if against is not None:
         return [design, against]
     return [design] if alone or not design.levels else [design, plain_vine_of(design)]

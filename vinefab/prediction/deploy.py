@@ -18,8 +18,8 @@ import shapely
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.codec import Record
-from vinefab.core.errors import BadInputError
-from vinefab.core.plain_text import counted
+from vinefab.core.errors import BadInputError, UnfitInputError
+from vinefab.core.plain_text import agreeing, counted
 from vinefab.core.validation import Floats, positive, whole
 from vinefab.core.view import (
     Answer,
@@ -222,7 +222,8 @@ def places_text(title: str, places: tuple[BranchPlace, ...]) -> list[str]:
     named = [f"{place.branch} at ({place.x_mm:.1f}, {place.y_mm:.1f})" for place in places]
     hidden = len(named) - _MOST_NAMED
     more = f" and {hidden} more" if hidden > 0 else ""
-    return [f"{title}: {', '.join(named[:_MOST_NAMED])}{more} mm"]
+    branch = agreeing(len(named), "branch", "branches")
+    return [f"{title}: {branch} {', '.join(named[:_MOST_NAMED])}{more} mm"]
 
 
 def _place(
@@ -318,8 +319,10 @@ class DeployedDesign(Result):
             (
                 *self._out_of_reach,
                 *stayed_text([bool(self.deployment.deployed[0])], self.design, self.options),
-                *places_text("no room to start for branch", self.without_room),
-                *places_text("wedged: branch", wedged(self.design, self.deployment, self.options)),
+                *places_text("no room to start", self.without_room),
+                *places_text(
+                    "stopped in a corner", wedged(self.design, self.deployment, self.options)
+                ),
             )
         )
 
@@ -408,7 +411,7 @@ def deploy(
 def first_start(world: Map) -> Pose:
     """Return the pose of a map's first start, or raise BadInputError if it has none."""
     if not world.starts:
-        raise BadInputError("--pose", None, f"X,Y,DEG, as map {world.name} has no start")
+        raise UnfitInputError("--pose", f"map {world.name!r} has no start", "give X,Y,DEG")
     return world.starts[0].pose
 
 
@@ -438,7 +441,9 @@ def deploy_from_starts(
     """
     for world in maps:
         if not world.starts:
-            raise BadInputError(f"--map {world.name}", "without a start", "maps with starts")
+            raise UnfitInputError(
+                "--map", f"map {world.name!r} has no start", "give it one (--start)"
+            )
     options = growth_on_maps(design, given).options
     terrains = [(world, Terrain.of(world)) for world in maps]
     return tuple(
@@ -466,8 +471,8 @@ def grow_design(
     given = as_growth(growth, **shortcuts)
     (place,) = RunContext.of(design).with_places([as_map(world, "world")])
     if pose is None and not place.starts:
-        allowed = f"(x_mm, y_mm, heading_deg), as map {place.name} has no start"
-        raise BadInputError("pose", None, allowed)
+        problem = f"map {place.name!r} has no start"
+        raise UnfitInputError("pose", problem, "give (x_mm, y_mm, heading_deg)")
     start = None if pose is None else Pose.of(pose)
     deploys = as_grown(design) if design.build.compensation == "none" else design
     grown = deploy(deploys, place, start, given)

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from shapely import LineString
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.limits import MOST_SEED, deg, rad
 from vinefab.core.plain_text import counted, one_line
@@ -334,7 +334,7 @@ def score_design_on_task(
         The growth model's choices; those that the design was trained with if None.
     """
     if not maps:
-        raise BadInputError("--maps", "none", "at least one map")
+        raise UnfitInputError("--maps", "there are none", "give at least one")
     options = options or GrowthChoice.of([design]).options
     task = plan.task
     if isinstance(task, str):

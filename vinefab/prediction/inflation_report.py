@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.errors import BadInputError, VinefabError
+from vinefab.core.errors import BadInputError, UnfitInputError, VinefabError
 from vinefab.core.plain_text import GENERATOR, counted, one_line, rounded
 from vinefab.core.progress import each, phase
 from vinefab.core.validation import Floats, Ints
@@ -124,12 +124,12 @@ class DeployedPattern:
             if joint.problem:
                 # The triangles' own words say nothing to the designer.
                 why = joint.problem.partition(": outline is")[0]
-                allowed = (
-                    f"a design whose joints deploy as designed; {why}. Change the angle or the "
-                    f"number of branches of level {joint.level}, make it narrower, give its "
-                    "fillet another radius, or lower the pressure"
+                remedy = (
+                    f"change the angle or the number of branches of level {joint.level}, make it "
+                    "narrower, give its fillet another radius, or lower the pressure"
                 )
-                raise BadInputError("design", design.name, allowed)
+                problem = f"its joints do not deploy as designed: {why}"
+                raise UnfitInputError(f"design {design.name}", problem, remedy)
         strain = strain_of(design, profile.material, design.build.widths_mm[0])
         with phase("whole body under pressure"):
             robot = inflated_robot(pattern.flat, hoop_strain=strain, across=across)
@@ -430,8 +430,8 @@ def inflate_design(
     if across > most >= 4:
         raise BadInputError("across", across, f"4 to {most} for {design.name}: memory")
     if most < 4:
-        allowed = f"one that {MOST_CORNERS:,} corners of triangles fill: fewer or shorter branches"
-        raise BadInputError("design", design.name, allowed)
+        problem = f"{MOST_CORNERS:,} corners of triangles do not fill it"
+        raise UnfitInputError(f"design {design.name}", problem, "make fewer or shorter branches")
     notes, other = [], None
     deployed = DeployedPattern.of(design, profile, across)
     choice = _OTHER[design.build.compensation]
@@ -441,8 +441,7 @@ def inflate_design(
             with phase(f"the pattern {_HOW[choice]}"):
                 other = DeployedPattern.of(changed, profile, across)
         except VinefabError as error:
-            why = error.allowed if isinstance(error, BadInputError) else str(error)
-            notes.append(f"{_HOW[choice]}, it cannot be inflated; that takes {why}")
+            notes.append(f"{_HOW[choice]}, it cannot be inflated: {error}")
     film = profile.material
     strain = _strain(design, film, design.build.widths_mm[0])
     if strain > MOST_STRAIN:

@@ -15,7 +15,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.limits import deg, rad
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import Batch, BlockMapper, GrowthBlock, Launches, TerrainSet, Workspace
@@ -159,8 +159,9 @@ class PoseTrial:
         room = self.prepared.terrain.free_space(self.radius_mm)
         if room.is_empty:
             diameter_mm = inflated_diameter_mm(self.design.build.widths_mm[0])
-            allowed = f"a map with room for the trunk, {diameter_mm:.1f} mm wide when inflated"
-            raise BadInputError(f"map {self.prepared.world.name}", "no such place", allowed)
+            problem = f"it has no room for the trunk, {diameter_mm:.1f} mm wide when inflated"
+            remedy = "narrow the trunk, or widen the map"
+            raise UnfitInputError(f"map {self.prepared.world.name!r}", problem, remedy)
         return room
 
     def placed(self, poses: Floats, draws: PoseDraws) -> Floats:
@@ -309,15 +310,15 @@ class BaseRegion:
                 place = start_from(where, "--where")
             except BadInputError as error:
                 allowed = f"{', '.join(WHERE)}, or {error.allowed}"
-                raise BadInputError("--where", where, allowed) from error
+                raise BadInputError("--where", where, allowed) from None
             there = with_starts(world, [place], "--where")
             starts, areas = _start_places(trial, there)
             words, start = f"at {where}", there.starts[0]
             if start.spread_heading_rad > 0.0:
                 turns = (start.pose.heading_rad, start.spread_heading_rad)
         if border.is_empty and starts.is_empty and areas.is_empty:
-            allowed = f"a part of map {world.name} with room for the trunk, such as anywhere"
-            raise BadInputError("--where", where, allowed)
+            problem = f"{where} has no room for the trunk on map {world.name!r}"
+            raise UnfitInputError("--where", problem, "name another part, such as anywhere")
         return cls(
             room=room,
             border=border,

@@ -14,7 +14,7 @@ from manifold3d import Manifold
 from shapely import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.plain_text import agreeing, counted
 from vinefab.model.map import Map
 from vinefab.rig.part import GRID_MM, MOST_PARTS, Printer, Rig, RigOptions, RigPart, manifold_of
@@ -263,8 +263,8 @@ def loose_pieces(
     pieces = polygon_parts(*whole, *divided, Polygon())
     pieces, _ = without_slivers(pieces, options.sliver_mm)
     if len(pieces) > most:
-        allowed = f"at most {most} loose pieces: --most-parts allows more, --style plate needs none"
-        raise BadInputError("parts", len(pieces), allowed)
+        problem = f"the rig has {len(pieces)} loose pieces, and {most} are allowed"
+        raise UnfitInputError("parts", problem, "give more --most-parts, or --style plate")
     middles = shapely.get_coordinates(shapely.centroid(pieces))
     order = np.lexsort((middles[:, 0], np.round(middles[:, 1] / 20.0)))
     return tuple(
@@ -511,5 +511,6 @@ def _cut(rig: Rig, bodies: list[Manifold], z_mm: float) -> list[BaseGeometry]:
 def _body(part: RigPart) -> Manifold:
     body = manifold_of(part.vertices_mm, part.faces)
     if body.is_empty():
-        raise BadInputError(f"part {part.name}", body.status().name, "triangles that bound a solid")
+        problem = f"its triangles bound no solid ({body.status().name})"
+        raise UnfitInputError(f"part {part.name}", problem, "report it")
     return body

@@ -27,7 +27,7 @@ from shapely.affinity import affine_transform, rotate, translate
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.limits import deg
 from vinefab.core.validation import Floats
 from vinefab.model.design import Design
@@ -239,7 +239,8 @@ def base_holder(
     if isinstance(made, BaseHolder):
         return made, made.notes
     if asked:
-        raise BadInputError("base_start", asked, f"a start where a holder can stand: {made}")
+        problem = f"no holder can stand at start {asked}: {made}"
+        raise UnfitInputError("base_start", problem, "name another start")
     return None, (f"start {number} has no base holder: {made}",)
 
 

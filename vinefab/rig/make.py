@@ -15,7 +15,7 @@ from shapely import LineString, Point, Polygon, box
 from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.errors import BadInputError, ReadBackError
+from vinefab.core.errors import BadInputError, ReadBackError, UnfitInputError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted, one_line
 from vinefab.core.progress import each, phase
@@ -639,9 +639,9 @@ def make_rig(
     walled = bounds.area < bounds.convex_hull.area * (1.0 - _CONVEX)
     solid = walled or any(obstacle.intersects(bounds) for obstacle in world.obstacles)
     if not (solid or request.allow_empty):
-        allowed = "at least one in the bounds, or bounds with a corner to go around; --allow-empty"
-        key = f"map {world.name}: number of obstacles"
-        raise BadInputError(key, 0, f"{allowed} makes a bare tray")
+        problem = "no obstacle is in its bounds, and these have no corner to go around"
+        remedy = "add one, or give --allow-empty for a bare tray"
+        raise UnfitInputError(f"map {world.name!r}", problem, remedy)
     with phase("solids of the rig"):
         rig, pieces, why_style = _built(world, printer, options)
         rig, fixtures = with_fixtures(rig, world, request.design)

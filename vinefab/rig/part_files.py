@@ -464,7 +464,7 @@ def read_threemf(data: bytes) -> tuple[ReadPart, ...]:
     try:
         return tuple(_placed_parts(data))
     except (ValueError, LookupError, SyntaxError, zipfile.BadZipFile) as error:
-        raise UnreadableFileError("3MF data", f"cannot be read: {error}") from error
+        raise UnreadableFileError("3MF data", f"cannot be read: {error}") from None
 
 
 def _placed_parts(data: bytes) -> Iterator[ReadPart]:

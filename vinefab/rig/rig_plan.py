@@ -18,7 +18,7 @@ from shapely import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map, Start
@@ -38,10 +38,9 @@ _MITRE_LIMIT = 5.0
 def refuse_fine(world: Map, source: Path | None = None) -> None:
     """Refuse, before any long work, a map with too many corners; ``source`` is its file."""
     if world.wall_count > MOST_CORNERS:
-        simpler = "import the drawing again (vinefab map import --simplify-mm)"
-        allowed = f"at most {MOST_CORNERS} for a rig; {simpler}"
-        key = f"map {world.name}: number of corners"
-        raise BadInputError(key, world.wall_count, allowed, source)
+        problem = f"it has {world.wall_count} corners, and a rig may have {MOST_CORNERS}"
+        remedy = "import the drawing again (vinefab map import --simplify-mm)"
+        raise UnfitInputError(f"map {world.name!r}", problem, remedy, source)
 
 
 def polygon_parts(*shapes: BaseGeometry | Polygons) -> Polygons:
@@ -547,9 +546,9 @@ def grid_of(
     columns, rows = turned if turn else straight
     if columns * rows > options.most_parts:
         plate = f"a plate of {width_mm:.0f} x {depth_mm:.0f} mm on {printer.name}"
-        allowed = f"at most {options.most_parts} for {plate}: a larger bed, a smaller scale, or "
-        allowed += "more --most-parts"
-        raise BadInputError("parts", columns * rows, allowed)
+        problem = f"{plate} needs {columns * rows} parts, and {options.most_parts} are allowed"
+        remedy = "use a larger bed or a smaller scale, or give more --most-parts"
+        raise UnfitInputError("parts", problem, remedy)
     return columns, rows, turn
 
 

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from vinefab.core.errors import BadInputError, UnknownNameError, WorkersLostError
+from vinefab.core.errors import BadInputError, UnfitInputError, UnknownNameError, WorkersLostError
 from vinefab.core.extras import ensure_extra
 from vinefab.core.front_door import imported_later
 from vinefab.core.hashing import sha256_of
@@ -387,8 +387,8 @@ class WorkerPayload:
         try:
             data = serialized(spec)
         except (pickle.PicklingError, AttributeError, TypeError) as error:
-            allowed = "a penalty and a task that can be pickled"
-            raise BadInputError("--cluster", str(error), allowed) from error
+            problem = f"penalty or task cannot be pickled ({error})"
+            raise UnfitInputError("--cluster", problem, "define them in a module") from None
         return cls(
             name=sha256_of(data),
             spec=data,
@@ -502,8 +502,9 @@ class DaskEvaluator:
         try:
             client = distributed.Client(**where, timeout=CONNECT_S)  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:
-            allowed = f"a running dask scheduler ({' '.join(str(error).split())[:80]})"
-            raise BadInputError("--cluster", self.address, allowed) from error
+            problem = f"no dask scheduler answers at {self.address}"
+            problem += f" ({' '.join(str(error).split())[:80]})"
+            raise UnfitInputError("--cluster", problem, "start one, or check the address") from None
         with client:
             yield client
 
@@ -643,7 +644,7 @@ def _check_tls_files(address: str) -> None:
                 Path(file).read_bytes()
         security.get_connection_args("client")  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TypeError) as error:  # an SSLError is an OSError
-        raise BadInputError("--cluster", address, f"{allowed} ({error})") from error
+        raise BadInputError("--cluster", address, f"{allowed} ({error})") from None
     for name, file in given[:2]:  # the key may be part of the certificate's file
         if file is None:
             raise BadInputError("--cluster", address, f"{allowed} ({name} is not set)")
@@ -677,17 +678,17 @@ def _evaluated(payload: WorkerPayload, x: Floats, conditions: bytes) -> bytes:
     own = package_versions(payload.versions)
     if own != dict(payload.versions):
         other = next(name for name in payload.versions if own.get(name) != payload.versions[name])
-        allowed = f"{other} {payload.versions[other]}, as the run has"
-        raise BadInputError("a worker's version", f"{other} {own.get(other)}", allowed)
+        problem = f"it has {other} {own.get(other)}, and the run {payload.versions[other]}"
+        raise UnfitInputError("a worker", problem, "install the version of the run")
     try:
         with _BUILDING:
             evaluator = _evaluator(payload.name, payload.spec)
     except UnknownNameError as error:
-        missing = f"without {error.kind} {error.name!r}"
         why = f" ({error.problem})" if error.problem else ""
-        raise BadInputError("a worker", missing, f"{_INSTALLED}{why}") from None
+        problem = f"it has no {error.kind} {error.name!r}{why}"
+        raise UnfitInputError("a worker", problem, _INSTALLED) from None
     except (ImportError, AttributeError) as error:
-        raise BadInputError("a worker", f"incomplete: {error}", _INSTALLED) from None
+        raise UnfitInputError("a worker", f"it is incomplete: {error}", _INSTALLED) from None
     met = _conditions(conditions)
     if not any(known is met for known, _ in evaluator.ready):
         evaluator.prepare_launches([met])
@@ -696,7 +697,7 @@ def _evaluated(payload: WorkerPayload, x: Floats, conditions: bytes) -> bytes:
     return serialized((evaluations, Work.total([spent for _, spent in parts])))
 
 
-_INSTALLED = "workers with the same packages installed as where the run began"
+_INSTALLED = "install the same packages on workers as where the run began"
 _BUILDING = threading.Lock()
 
 

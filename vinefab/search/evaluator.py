@@ -19,7 +19,7 @@ from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from vinefab.core.codec import Record
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.foreign import broken, calling, is_own
 from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
@@ -549,14 +549,13 @@ class Evaluator:
         """
         settings, evaluation = spec.settings, spec.settings.evaluation
         if not spec.maps:
-            raise BadInputError("maps", "none", "at least one map")
+            raise UnfitInputError("maps", "there are none", "give at least one")
         if evaluation.fabricable and spec.penalty is None:
-            raise BadInputError(
-                "evaluation.fabricable", "true, without a penalty", "false, or a penalty function"
-            )
+            problem = "is true, and there is no penalty"
+            raise UnfitInputError("evaluation.fabricable", problem, "give one, or set it to false")
         space = Space(settings.space, settings.build)
         if len(space) == 0:
-            raise BadInputError("space", "every variable fixed", "at least one with a range")
+            raise UnfitInputError("space", "fixes every variable", "give at least one a range")
         if evaluation.maps_per_generation > len(spec.maps):
             key, allowed = (
                 "evaluation.maps_per_generation",
@@ -565,10 +564,8 @@ class Evaluator:
             raise BadInputError(key, evaluation.maps_per_generation, allowed)
         weight, counts_joints = evaluation.joint_weight, isinstance(spec.penalty, SpacePenalty)
         if weight > 0.0 and not (evaluation.fabricable and counts_joints and settings.build.pieces):
-            allowed = (
-                "0: joints are counted only with build.pieces and evaluation.fabricable = true"
-            )
-            raise BadInputError("evaluation.joint_weight", weight, allowed)
+            problem = "joints are counted only with build.pieces and evaluation.fabricable = true"
+            raise UnfitInputError("evaluation.joint_weight", problem, "set it to 0, or set these")
         penalty = spec.penalty if evaluation.fabricable else None
         share = evaluation.pose_range
         maps = tuple(PreparedMap.of(with_pose_range(world, share)) for world in spec.maps)

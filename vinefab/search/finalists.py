@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.limits import rad
 from vinefab.core.plain_text import counted
 from vinefab.core.progress import each, phase
@@ -340,7 +340,7 @@ def best_points(history: Sequence[Generation], space: Space, count: int) -> list
     """Return the points of the best designs of a run, best first, each design once."""
     points = [x for x, _ in _ranked(history, space, count)]
     if not points:
-        raise BadInputError("space", "no point of it was a design", "bounds that hold designs")
+        raise UnfitInputError("space", "no point of it was a design", "give other bounds")
     return points
 
 

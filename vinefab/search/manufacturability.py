@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from vinefab.core.errors import BadInputError, values_hidden
+from vinefab.core.errors import BadInputError, UnfitInputError, values_hidden
 from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats
@@ -192,6 +192,10 @@ def refuse_infeasible_space(query: SpaceQuery) -> None:
             raise violation
 
 
+def _unfit(rule: Rule, key: str, problem: str, remedy: str) -> UnfitInputError:
+    return UnfitInputError(key, f"{problem} ({rule.id})", f"{remedy}, {_OTHERWISE}")
+
+
 def _no(rule: Rule, key: str, value: object, allowed: str) -> BadInputError:
     return BadInputError(key, value, f"{allowed} ({rule.id}), {_OTHERWISE}")
 
@@ -215,7 +219,12 @@ def _build(query: SpaceQuery) -> Iterator[BadInputError]:
     for rule, key, value, words in checked:
         for finding in report.blocking:
             if finding.rule == rule.id:
-                yield _no(rule, key, value, words.format(finding.limit) or finding.message)
+                problem, _, remedy = finding.message.rpartition(": ")
+                yield (
+                    _no(rule, key, value, words.format(finding.limit))
+                    if words
+                    else _unfit(rule, key, problem, remedy)
+                )
 
 
 def _widths(query: SpaceQuery) -> Iterator[BadInputError]:
@@ -255,19 +264,16 @@ def _pouch(query: SpaceQuery) -> Iterator[BadInputError]:
             check_pouch, "build.pouch.length_mm", pouch.length_mm, f"at least {least_mm:g} mm"
         )
     if pouch.flat_width_mm <= leaf_mm:
-        words = f"{pouch.flat_width_mm:g} mm wide"
-        yield _no(
-            check_pouch, "build.pouch", words, f"wider than the narrowest leaf, {leaf_mm:g} mm"
-        )
+        problem = f"{pouch.flat_width_mm:g} mm are no wider than the narrowest leaf, {leaf_mm:g} mm"
+        yield _unfit(check_pouch, "build.pouch", problem, "widen the pouch")
     alone = build.changed(widths_mm=(leaf_mm,)).build(1)
     vine = Design(name="vine", trunk_length_mm=_VINE_MM, build=alone)
     full = 100.0 * max(
         occupancies(vine, query.film_mm, query.limit(check_packing, "packing")), default=0.0
     )
     if full > query.limit(check_packing) * (1.0 + ROUNDING):
-        words = f"{pouch.flat_width_mm:g} mm wide"
-        allowed = f"narrower, or wider leaves: its film would fill {full:.0f} % of the narrowest"
-        yield _no(check_packing, "build.pouch", words, allowed)
+        problem = f"its film would fill {full:.0f} % of the narrowest leaf"
+        yield _unfit(check_packing, "build.pouch", problem, "narrow the pouch, widen the leaves")
 
 
 def _angles(query: SpaceQuery) -> Iterator[BadInputError]:
@@ -306,10 +312,10 @@ def _bed(query: SpaceQuery) -> Iterator[BadInputError]:
     vine = Design(name="vine", trunk_length_mm=length.low, build=build)
     if excess_mm(capsules_of(flat_layout(vine), build), query.sheet_mm) > 0.0:
         wide_mm, high_mm = query.sheet_mm
-        allowed = f"a trunk that fits {wide_mm:g} x {high_mm:g} mm with its tail"
+        problem = f"the shortest trunk and its tail do not fit {wide_mm:g} x {high_mm:g} mm"
         if build.tail_mm > length.low:
-            yield _no(check_bed, "build.tail_mm", build.tail_mm, allowed)
-        yield _no(check_bed, key, _ends(length), allowed)
+            yield _unfit(check_bed, "build.tail_mm", problem, "shorten the tail")
+        yield _unfit(check_bed, key, problem, "allow shorter trunks")
 
 
 def film_in_trunk(query: SpaceQuery, design: Design) -> tuple[float, float]:
@@ -348,25 +354,19 @@ def _least(query: SpaceQuery) -> Iterator[BadInputError]:
         branches = [level.branches for level in design.levels]
         wide_mm = [math.ceil(10.0 * mm * full / most) / 10.0 for mm in design.build.widths_mm]
         values = wide_mm[: len(settings.build.widths_mm)] or wide_mm[0]
-        allowed = (
-            f"fewer, or {settings.build.widths_key} = {values}: their film would fill {full:.0f} % "
-            "of the trunk"
-        )
-        yield _no(check_packing, "space.branches", f"at least {branches} by level", allowed)
+        problem = f"the film of {branches} branches by level would fill {full:.0f} % of the trunk"
+        remedy = f"allow fewer, or set {settings.build.widths_key} = {values}"
+        yield _unfit(check_packing, "space.branches", problem, remedy)
     if not _grows(query, design):
         pressed = design.changed(build=design.build.changed(pressure_kpa=10_000.0))
         if _grows(query, pressed):
-            allowed = "more: no leaf of the space grows to its tip with it"
-            yield _no(check_window, "build.pressure_kpa", design.build.pressure_kpa, allowed)
+            problem = f"no leaf of the space grows to its tip at {design.build.pressure_kpa:g} kPa"
+            yield _unfit(check_window, "build.pressure_kpa", problem, "raise it")
             return
-        allowed = (
-            "another trunk or ratio: growth through the leaves needs the trunk's burst pressure"
-        )
-        build, key = settings.build, "build.width_ratio"
-        given = (
-            (build.widths_key, build.widths_value) if build.widths_mm else (key, build.width_ratio)
-        )
-        yield _no(check_window, *given, allowed)
+        build = settings.build
+        key = build.widths_key if build.widths_mm else "build.width_ratio"
+        problem = "growth through the leaves needs more pressure than the trunk stands"
+        yield _unfit(check_window, key, problem, "narrow the trunk, or widen the leaves")
 
 
 _WIDTHS = {"trunk_width_mm", "widths_mm"}
@@ -536,11 +536,11 @@ def refuse_starts_without_room(evaluator: Evaluator, conditions: Conditions) -> 
         prepared, pose = stuck
         key = "maps.start" if given else f"start of map {prepared.world.name!r}"
         where = f"({pose.x_mm:g}, {pose.y_mm:g}), heading {np.degrees(pose.heading_rad):.0f} deg"
-        allowed = (
-            f"a pose that a robot can leave: the trunk stops after {grown_mm:.0f} mm (simulated), "
-            "less than its own width: turn or move the start"
+        problem = (
+            f"from {where} the trunk stops after {grown_mm:.0f} mm (simulated), less than its own "
+            "width"
         )
-        raise BadInputError(key, where, allowed)
+        raise UnfitInputError(key, problem, "turn or move the start")
 
 
 def _has_room(prepared: PreparedMap, pose: Pose, radius_mm: float) -> bool:
@@ -559,12 +559,12 @@ def _narrow(evaluator: Evaluator, prepared: PreparedMap, pose: Pose, key: str) -
     radius_mm, build = evaluator.radii_mm[0], evaluator.space.build
     away_mm, width_mm = _away_mm(prepared, pose), build.build(1).widths_mm[0]
     most_mm = np.floor(10.0 * width_mm * away_mm / radius_mm) / 10.0
-    helps = f", or {build.widths_key} of at most {most_mm:g}" if most_mm >= 1.0 else ""
-    allowed = (
-        f"a place with room: it is {away_mm:.3g} mm from a wall of map {prepared.world.name!r}, "
-        f"and a trunk of {width_mm:g} mm needs {radius_mm:.1f} mm{helps}"
+    helps = f", or set {build.widths_key} to at most {most_mm:g}" if most_mm >= 1.0 else ""
+    problem = (
+        f"({pose.x_mm:g}, {pose.y_mm:g}) is {away_mm:.3g} mm from a wall of map "
+        f"{prepared.world.name!r}, and a trunk of {width_mm:g} mm needs {radius_mm:.1f} mm"
     )
-    return BadInputError(key, f"({pose.x_mm:g}, {pose.y_mm:g})", allowed)
+    return UnfitInputError(key, problem, f"move it to a place with room{helps}")
 
 
 MOST_SECONDS, MOST_CHANGES = 4.0, 3
@@ -801,7 +801,7 @@ def rules_broken(evaluator: Evaluator, x: Iterable[Floats]) -> str:
         found = evaluator.broken(evaluator.space.design(point)) or ()
         rules.update(sorted({f"{finding.rule} ({finding.title})" for finding in found}))
     named = ", ".join(rule for rule, _ in rules.most_common(2))
-    return named or "the rules of the quick penalty"
+    return named or "limits that the penalty of the search has alone"
 
 
 def advice(evaluator: Evaluator, history: Sequence[Generation]) -> str:

@@ -13,7 +13,7 @@ import shapely
 
 from vinefab.core.atomic import folder_to_fill
 from vinefab.core.compiling import precompile, tuned_meanwhile
-from vinefab.core.errors import BadInputError, located, values_hidden
+from vinefab.core.errors import BadInputError, UnfitInputError, located, values_hidden
 from vinefab.core.foreign import calling, ensure_type, is_own
 from vinefab.core.front_door import imported_later
 from vinefab.core.progress import Progress, announce, each, phase
@@ -187,8 +187,9 @@ class Search:
         asked = started(config, settings.optimizer.name, evaluator.space.axes, population, seed)
         check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
         if settings.start_from and not isinstance(asked, StartingOptimizer):
-            allowed = "nothing there: only the optimizer islands begins at designs"
-            raise BadInputError("optimizer.start_from", settings.optimizer.name, allowed)
+            problem = f"optimizer {settings.optimizer.name!r} cannot begin at designs"
+            remedy = "leave it out, or use the optimizer islands"
+            raise UnfitInputError("optimizer.start_from", problem, remedy)
         with calling(f"optimizer {settings.optimizer.name!r}", asked):
             if settings.objectives and isinstance(asked, FrontOptimizer):
                 asked.set_lowest(evaluator.lowest)
@@ -209,8 +210,8 @@ class Search:
         evaluator.launches(conditions)
         space = evaluator.space
         if int(space.batch(np.zeros((1, len(space)))).sizes[0]) > MOST_BRANCHES:
-            allowed = f"designs with at most {MOST_BRANCHES} branches; the smallest has more"
-            raise BadInputError("space", "too many levels or branches", allowed)
+            problem = f"its smallest design has more than {MOST_BRANCHES} branches"
+            raise UnfitInputError("space", problem, "allow fewer levels or branches")
         space.refuse_limits_without_designs()
         refuse_starts_without_room(evaluator, conditions)
         refuse_distant_targets(evaluator.spec)
@@ -287,18 +288,19 @@ class Search:
     def _without_rules(self, finalists: Sequence[Finalist]) -> tuple[str, ...]:
         """Return the reason for a winner's missed targets: the rules, or the space; empty without.
 
-        A short search that no rule stops tells them apart.
+        A short search without rules tells them apart.
         """
         settings, targets = self.settings, finalists[0].score.targets
         asked = self.evaluator.penalty is not None and not settings.objectives
         if targets is None or targets.all_touched or not asked:
             return ()
-        with phase("a search that no rule stops"):
+        with phase("a search without rules"):
             free = Search.of(without_rules(settings), self.maps, optimizer=self.own_optimizer).run()
         if free.targets is None or len(free.targets.missed) >= len(targets.missed):
-            return ("robots that no rule stops touch no more: what is missing is length or levels",)
+            return ("robots that may break the rules touch no more: length or levels are missing",)
         rules = rules_broken(self.evaluator, [one.x for one in free.finalists])
-        return (f"robots that no rule stops: {free.targets.headline}; they break {rules}",)
+        more = f"robots that may break the rules touch more ({free.targets.headline})"
+        return (f"{more}, but break {rules}",)
 
     def _generation(
         self,
@@ -317,7 +319,7 @@ class Search:
         shaped = asked.ndim == 2 and len(asked) > 0 and asked.shape[1] == len(self.evaluator.space)
         if not (shaped and asked.dtype.kind == "f" and ((asked >= 0.0) & (asked <= 1.0)).all()):
             key = f"optimizer {self.settings.optimizer.name}"
-            raise BadInputError(key, "points outside the space", "numbers from 0 to 1")
+            raise UnfitInputError(key, "it asks for points outside the space", "ask for 0 to 1")
         # Copied, because an optimizer may reuse the arrays that it returns or is given.
         x = np.array(asked, dtype=np.float64)
         with ledger.spending("evaluating"):
@@ -604,11 +606,13 @@ def _raised(settings: RunSettings, limits: Mapping[str, float], folder: Path) ->
     archive = RunArchive.read(path)
     stopped = why_stop(archive.history, raised.search)
     if archive.stopped and stopped is not None:
-        option, value = next(iter(limits.items()))
+        option = next(iter(limits))
         if stopped in ("generations", "evaluations", "wall_time"):
             name = "wall_time_s" if stopped == "wall_time" else stopped
-            allowed = f"more of {limit_option(name)}, by which the run has stopped"
+            problem = f"the run has stopped by {limit_option(name)}"
+            remedy = f"give more of {limit_option(name)}"
         else:
-            allowed = "nothing: the run has stopped because its best design improves no more"
-        raise BadInputError(limit_option(option), value, allowed, path)
+            problem = "the run has stopped because its best design improves no more"
+            remedy = "begin another run"
+        raise UnfitInputError(limit_option(option), problem, remedy, path)
     return raised

@@ -17,6 +17,7 @@ from vinefab.core.errors import (
     CannotWriteError,
     ForeignFileError,
     InterruptedRunError,
+    UnfitInputError,
     UnreadableFileError,
 )
 from vinefab.core.plain_text import counted
@@ -220,7 +221,8 @@ def list_runs(folders: Sequence[Path]) -> RunListing:
     for folder in folders:
         below = records_in(folder)
         if not below:
-            raise BadInputError("DIR", str(folder), f"a folder with a {RECORD_FILE} in it or below")
+            problem = f"no {RECORD_FILE} is in {folder} or below"
+            raise UnfitInputError("DIR", problem, "name the folder of a run")
         for path in below:
             paths.setdefault(Path(os.path.realpath(path)), path)
     rows, broken = [], []
@@ -239,11 +241,12 @@ def write_best(listing: RunListing, path: Path, *, force: bool = False) -> bool:
     """Write the best winner of runs that differ in their seed alone; return whether all ended."""
     kinds = {row.seedless_run for row in listing.rows}
     if len(kinds) != 1:
-        allowed = "with folders whose runs differ in their seed alone"
-        raise BadInputError("--best", f"{counted(len(kinds), 'kind')} of runs", allowed)
+        problem = f"these are {counted(len(kinds), 'kind')} of runs"
+        remedy = "name folders whose runs differ in their seed alone"
+        raise UnfitInputError("--best", problem, remedy)
     summary = SeedSummary.of(listing.rows)
     if not summary.ended:
-        raise BadInputError("--best", "no run that has ended", "once a run has ended")
+        raise UnfitInputError("--best", "no run has ended", "wait for one")
     archive = RunArchive.read(Path(summary.ended[0].folder) / RECORD_FILE)
     write_text(path, design_text(archive.result().best), force=force)
     if archive.recipe is not None:

@@ -15,7 +15,7 @@ from annotated_types import Ge, Le, Unit
 from pydantic import BeforeValidator, ConfigDict, Field, InstanceOf, model_validator
 from typing_extensions import Doc
 
-from vinefab.core.errors import BadInputError, located, nearest, values_hidden
+from vinefab.core.errors import BadInputError, UnfitInputError, located, nearest, values_hidden
 from vinefab.core.limits import MOST_FIRST_SEED
 from vinefab.core.plain_text import counted, visible
 from vinefab.core.registry import with_parameters
@@ -304,7 +304,7 @@ def with_limits(search: SearchSettings, limits: Mapping[str, float]) -> SearchSe
     try:
         return search.changed(**limits)
     except BadInputError as error:
-        raise BadInputError(limit_option(error.key), error.value, error.allowed) from error
+        raise error.under(limit_option(error.key)) from None
 
 
 # --- As plain values ------------------------------------------------------------------------------
@@ -395,8 +395,10 @@ def read_run(name_or_path: str | PathLike[str]) -> RunSettings:
             if key in task.objectives and key != task.name:
                 others[key] = cast("Mapping[str, object]", parameters.pop(key))
             elif key in TASKS:
-                allowed = f"no table: {key!r} is not another task among task.objectives"
-                raise BadInputError(f"task.{key}", "a table", allowed)
+                problem = "the table is for another task, which is not among task.objectives"
+                raise UnfitInputError(
+                    f"task.{key}", problem, "add it there, or leave the table out"
+                )
         # Islands do best only where designs have to be manufacturable.
         best = "islands" if file.evaluation.fabricable else "cmaes"
         settings = RunSettings(
@@ -445,7 +447,7 @@ def _read_files_in(content: dict[str, Any], folder: Path) -> None:
             growth |= {**measured_values(contacts), **growth, "contacts": contacts}
         except BadInputError as error:
             key = f"growth.contacts.{error.key}".removesuffix(".contacts")
-            raise BadInputError(key, error.value, error.allowed) from error
+            raise error.under(key) from None
 
 
 def _refuse_together(file: RunFile) -> None:
@@ -455,10 +457,10 @@ def _refuse_together(file: RunFile) -> None:
         raise BadInputError("space.most_branches", space.most_branches, "a valid integer")
     if "widths_mm" in build.model_fields_set:
         if "trunk_width_mm" in build.model_fields_set:
-            allowed = "not together with build.widths_mm"
-            raise BadInputError("build.trunk_width_mm", build.trunk_width_mm, allowed)
+            problem = "is given together with build.widths_mm"
+            raise UnfitInputError("build.trunk_width_mm", problem, "leave one of them out")
         if not build.widths_mm:
-            raise BadInputError("build.widths_mm", [], "at least the trunk's width")
+            raise UnfitInputError("build.widths_mm", "is empty", "give at least the trunk's width")
     if space.symmetric:
         given = {f"space.level {level.number}": level.growth_percent for level in space.level}
         if "growth_percent" in space.model_fields_set:
@@ -477,13 +479,16 @@ def _with_files(maps: MapSettings, folder: Path) -> MapSettings:
     if "files" not in maps.model_fields_set:
         return maps
     for name in maps.model_fields_set - {"files", "start"}:
-        raise BadInputError(f"maps.{name}", getattr(maps, name), "not together with maps.files")
+        raise UnfitInputError(
+            f"maps.{name}", "is given together with maps.files", "leave one of them out"
+        )
     if not maps.files:
-        raise BadInputError("maps.files", [], "at least one map file")
+        raise UnfitInputError("maps.files", "is empty", "name at least one map file")
     for index, file in enumerate(maps.files, start=1):
         if not (folder / file).is_file():
-            allowed = f"a map file, relative to the folder of the run file: {folder / file}"
-            raise BadInputError(f"maps.files[{index}]", str(file), allowed)
+            problem = f"there is no file {folder / file}"
+            remedy = "name a map file, relative to the folder of the run file"
+            raise UnfitInputError(f"maps.files[{index}]", problem, remedy)
     paths = tuple(folder / name for name in maps.files)
     return MapSettings(count=len(paths), files=paths, start=maps.start)
 
@@ -497,7 +502,8 @@ def _points(
     for place, name in enumerate(given, start=1):
         file, key = path.parent / name, f"optimizer.start_from[{place}]"
         if not file.is_file() and name not in {*names("design"), *user_names("design")}:
-            raise BadInputError(key, name, f"a design file, {file}, or the name of a design")
+            problem = f"there is neither a file {file} nor a design called {name!r}"
+            raise UnfitInputError(key, problem, "name a design or its file")
         with values_hidden():
             design = Design.read(file if file.is_file() else name)
         if not low <= design.depth <= high:
@@ -522,7 +528,7 @@ def check_objectives(objectives: Sequence[str], task: str, optimizer: str) -> No
             )
             raise BadInputError(key, name, allowed)
         if list(objectives).count(name) > 1:
-            raise BadInputError(key, name, "each objective once")
+            raise UnfitInputError(key, f"{name!r} stands there twice", "name each objective once")
     if task not in objectives:
         raise BadInputError(key, list(objectives), f"the task's score, {task!r}, among them")
     if len(objectives) < 2:
@@ -531,7 +537,8 @@ def check_objectives(objectives: Sequence[str], task: str, optimizer: str) -> No
         )
         raise BadInputError(key, list(objectives), allowed)
     if optimizer != "nsga2":
-        raise BadInputError("optimizer.name", optimizer, "'nsga2' for several objectives")
+        problem = f"{optimizer!r} has one objective, and task.objectives names several"
+        raise UnfitInputError("optimizer.name", problem, "use 'nsga2', or name one objective")
 
 
 # --- Tasks of a run -------------------------------------------------------------------------------
@@ -550,7 +557,7 @@ def keys_of_other_task(name: str) -> Iterator[None]:
         yield
     except BadInputError as error:
         key = error.key.replace("task.", f"task.{name}." if name else "task.", 1)
-        raise BadInputError(key, error.value, error.allowed) from error
+        raise error.under(key) from None
 
 
 def run_task(settings: RunSettings) -> Task | None:

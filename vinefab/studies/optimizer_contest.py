@@ -236,8 +236,8 @@ def _recorded(record: Path) -> dict[str, ContestRow]:
         os.truncate(record, len("".join(f"{line}\n" for line in lines).encode()))
     try:
         rows = [ContestRow.of_json(line) for line in lines[1:]]
-    except ValueError as error:
-        raise UnreadableFileError(record, "is not a record of a comparison") from error
+    except ValueError:
+        raise UnreadableFileError(record, "is not a record of a comparison") from None
     return {row.key: row for row in rows}
 
 

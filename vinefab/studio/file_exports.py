@@ -326,7 +326,7 @@ def export_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     except ForeignFileError as error:
         # What the page can do about a file that is not vinefab's: nothing is forced.
         problem = f"it {error.problem}; choose another name"
-        raise CannotWriteError(error.path, problem) from error
+        raise CannotWriteError(error.path, problem) from None
 
 
 def _commands(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
@@ -412,7 +412,7 @@ def _named(source: ExportSource, folder: Path) -> Iterator[None]:
     except (BadInputError, UnknownNameError) as error:
         if error.source not in names:
             raise
-        raise error.at(names[error.source]) from error
+        raise error.at(names[error.source]) from None
 
 
 def _kind(name: object, given: Mapping[str, Any]) -> Export:
@@ -649,7 +649,7 @@ def stored_state(path: Path) -> dict[str, Any]:
     try:
         stored = json.loads(script[1])
     except (ValueError, RecursionError) as error:
-        raise UnreadableFileError(path, f"its state is not JSON: {error}") from error
+        raise UnreadableFileError(path, f"its state is not JSON: {error}") from None
     schema = stored.get("schema") if isinstance(stored, dict) else None
     if schema != _SCHEMA:
         raise BadInputError("schema", schema, _SCHEMA, path)
@@ -678,9 +678,9 @@ def stored_state(path: Path) -> dict[str, Any]:
             try:  # as it is written, once it has shown that it can be read
                 text = map_text(Map.read(source["file"]))
             except BadInputError as error:
-                raise BadInputError(f"map.{error.key}", error.value, error.allowed, path) from error
+                raise error.under(f"map.{error.key}", path) from None
             except UnreadableFileError as error:
-                raise UnreadableFileError(path, f"its map {error.problem}") from error
+                raise UnreadableFileError(path, f"its map {error.problem}") from None
             StudioState.of(state)  # before anything is written
     except (BadInputError, UnknownNameError) as error:  # the snapshot is named, not the page
         raise (error.at(path) if error.source in {None, PAGE} else error) from error

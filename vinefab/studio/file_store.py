@@ -363,7 +363,7 @@ class FileStore:
         try:
             content = json.loads(read_text(path, 2 * LARGEST_AUTOSAVE_BYTES))
         except (ValueError, RecursionError) as error:
-            raise UnreadableFileError(path, f"is not JSON: {error}") from error
+            raise UnreadableFileError(path, f"is not JSON: {error}") from None
         if not isinstance(content, dict) or content.get("schema") != AUTOSAVE_SCHEMA:
             raise UnreadableFileError(path, f"is not a recovery file ({AUTOSAVE_SCHEMA})")
         with located(path):

@@ -263,8 +263,8 @@ def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, An
         "problems": [
             *unknown,
             *stayed_text([bool(deployment.deployed[0])], state.design, state.growth),
-            *places_text("no room for the body of", lost),
-            *places_text("stuck in a corner", wedged(state.design, deployment, state.growth)),
+            *places_text("no room to start", lost),
+            *places_text("stopped in a corner", wedged(state.design, deployment, state.growth)),
         ],
     }
     return answer | (_scores(deployment, prepared_map(state)) if with_scores else {})

@@ -186,7 +186,7 @@ def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[
     try:
         text = tomli_w.dumps(content)
     except (TypeError, ValueError) as error:
-        raise BadInputError("settings", str(error), "texts, numbers and lists", PAGE) from error
+        raise BadInputError("settings", str(error), "texts, numbers and lists", PAGE) from None
     # Each list of plain values in one line, as people write them.
     text = _LIST.sub(lambda found: f"[{', '.join(found[1].split(_BETWEEN))[4:-2]}]", text)
     return {**files, RUN_FILE: head + text}

@@ -378,7 +378,7 @@ class SearchManager:
                         isinstance(error, BadInputError | UnknownNameError)
                         and error.source == source
                     ):
-                        raise error.at(PAGE) from error
+                        raise error.at(PAGE) from None
                     raise
             return self._begin(self._arguments(folder / RUN_FILE, folder), folder, written)
 
@@ -548,7 +548,7 @@ class SearchManager:
             )
         except OSError as error:
             errors.close()
-            raise CannotWriteError(folder, f"no process ({error.strerror})") from error
+            raise CannotWriteError(folder, f"no process ({error.strerror})") from None
         self._running = RunningSearch(
             folder=folder,
             command=command,
@@ -637,7 +637,7 @@ class SearchManager:
         try:
             is_taken = folder.exists() and not (folder.is_dir() and not any(folder.iterdir()))
         except OSError as error:
-            raise UnreadableFileError(folder, error.strerror or "is not readable") from error
+            raise UnreadableFileError(folder, error.strerror or "is not readable") from None
         if is_taken or folder in self.roots:
             raise BadInputError("folder", given, "a new folder, or an empty one", PAGE)
         return folder

@@ -273,7 +273,7 @@ def bound_socket(port: int) -> socket.socket:
     except OSError as error:
         bound.close()
         allowed = f"a port that is free ({error.strerror}); 0 takes any"
-        raise BadInputError("--port", port, allowed) from error
+        raise BadInputError("--port", port, allowed) from None
     return bound
 
 

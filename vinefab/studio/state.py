@@ -153,7 +153,7 @@ def world_of(content: Mapping[str, Any]) -> Map:
     try:
         return replace(world, targets=targets_given(targets, "map.targets"))
     except BadInputError as error:
-        raise BadInputError(error.key, error.value, error.allowed, PAGE) from error
+        raise error.at(PAGE) from None
 
 
 def pose_content(pose: Pose) -> dict[str, float]:
@@ -168,8 +168,8 @@ def start_of(given: object) -> Pose | None:
     place = mapping_at("pose", given)
     try:
         return Pose.of((place["x_mm"], place["y_mm"], place["heading_deg"]))
-    except KeyError as error:
-        raise BadInputError("pose", dict(place), "x_mm, y_mm and heading_deg", PAGE) from error
+    except KeyError:
+        raise BadInputError("pose", dict(place), "x_mm, y_mm and heading_deg", PAGE) from None
 
 
 @lru_cache(maxsize=32)
@@ -237,7 +237,7 @@ def _apply(edit: Any, obstacles: list[Polygon], frames: list[Frame | None], key:
         try:
             frame = validated(Frame, {**old.content, **mapping_at(key, rest[1])})
         except BadInputError as error:
-            raise BadInputError(f"{key}.{error.key}", error.value, error.allowed, PAGE) from error
+            raise error.under(f"{key}.{error.key}", PAGE) from None
         obstacles[index], frames[index] = old.taken_to(frame, obstacles[index]), frame
 
 
@@ -278,7 +278,7 @@ class Family(Table):
         try:
             return validated(cls, given, PAGE)
         except BadInputError as error:
-            raise BadInputError(f"family.{error.key}", error.value, error.allowed, PAGE) from error
+            raise error.under(f"family.{error.key}", PAGE) from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import UnfitInputError
 from vinefab.core.front_door import imported_later
 from vinefab.core.validation import Floats, Ints, frozen_floats
 from vinefab.model.map import Map
@@ -160,7 +160,9 @@ class MapContext:
         """Return the context of a map; ``free`` is its free space where that is known."""
         free = world.free_space if free is None else free
         if not free.area > 0.0:
-            raise BadInputError(f"map {world.name}", "no free space", "some free space")
+            raise UnfitInputError(
+                f"map {world.name!r}", "obstacles fill it", "leave free space in it"
+            )
         return cls(
             free=free,
             area_mm2=free.area,

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator
 from shapely.geometry.base import BaseGeometry
 from typing_extensions import Doc
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import UnfitInputError
 from vinefab.core.table import Table
 from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, Ints
 from vinefab.growth.batch import Batch, GrowthBlock, Launches
@@ -304,8 +304,8 @@ def check_targets_on(task: Task, worlds: Sequence[Map]) -> None:
     aimed = [bool(task_targets(task, world)) for world in worlds]
     if any(aimed) and not all(aimed):
         bare = worlds[aimed.index(False)].name
-        allowed = "targets on every map, or targets of the task, which hold on all"
-        raise BadInputError("maps", f"map {bare!r} without targets", allowed)
+        remedy = "give it some, or give the task its own, which hold on all maps"
+        raise UnfitInputError("maps", f"map {bare!r} has no targets, and others have", remedy)
 
 
 def touched_targets(

@@ -56,7 +56,7 @@ def test_slivers_go_and_long_ones_are_refused():
     found, changes = repaired([(0, 0), (0.01, 0), (0, 0.01)])
     assert found == []
     assert changes.counts["slivers_dropped"] == 1
-    with pytest.raises(BadInputError, match="without area, 50 mm long"):
+    with pytest.raises(BadInputError, match="an outline 50 mm long has no area"):
         repaired([(0, 0), (50, 0), (0, 0)])
 
 

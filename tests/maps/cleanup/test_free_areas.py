@@ -146,13 +146,13 @@ def test_a_drawing_with_bounds_is_read_as_ever(tmp_path):
 @pytest.mark.parametrize(
     ("options", "roles", "message"),
     [
-        ({"bounds": "box"}, (), "bounds is 'box'; allowed: nothing with --drawn free"),
-        ({"wall_mm": 2.0}, (), "wall_mm is 2.0; allowed: nothing with --drawn free"),
+        ({"bounds": "box"}, (), "bounds means nothing with --drawn free"),
+        ({"wall_mm": 2.0}, (), "wall_mm means nothing with --drawn free"),
         ({"drawn": "solid"}, (), "drawn is 'solid'; allowed: obstacles or free"),
         (
             {},
             ("bounds",),
-            r"drawn is 'free'; allowed: obstacles, as the source calls features\[1\]",
+            r"drawn: the source calls features\[1\]",
         ),
     ],
 )

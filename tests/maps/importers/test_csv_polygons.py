@@ -80,17 +80,17 @@ def test_scale_simplify_and_start(reading):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "without outlines"),
-        ("polygon,x_mm,y_mm\n", "without outlines"),
+        ("", "has no outlines"),
+        ("polygon,x_mm,y_mm\n", "has no outlines"),
         ("hello\nworld\n", "line 1 is 'hello'; allowed: polygon,x_mm,y_mm"),
         (BLANK_LINES + "1,2,3\n", "line 11 is '1,2,3'; allowed: the columns x, y"),
         (WITH_HEADER + "pillar,nan,4\n", "line 10 is 'nan'; allowed: a finite number"),
         (WITH_HEADER + "room,1,4\n", "line 10: polygon is 'room'; allowed: points of one polygon"),
         ("a,0,0,wall\n", "line 1: role is 'wall'"),
-        ("0,0\n0,1e15\n1,0\n", "drawing is '1e[+]15 mm wide"),
-        ("0,0\n1e-5,0\n0,1e-5\n", "--scale-mm-per-unit sets the unit"),
+        ("0,0\n0,1e15\n1,0\n", "the drawing is 1e[+]15 mm wide"),
+        ("0,0\n1e-5,0\n0,1e-5\n", "set its unit \\(--scale-mm-per-unit\\)"),
         ("0,0\n9,0\n9,9\n\n50,0\n60,0\n60,9\n", r"outside of the largest outline"),
-        ("1,1\n2,2\n", "without area"),
+        ("1,1\n2,2\n", "has no area"),
     ],
 )
 def test_bad_lines_are_named(reading, text, message):

@@ -85,7 +85,7 @@ def test_degrees_named_in_geojson_are_refused_too(tmp_path):
 def test_of_several_layers_one_must_be_chosen(tmp_path):
     path = written(tmp_path / "site.gpkg", [ROOM], "EPSG:32632", layer="rooms")
     written(path, [PILLAR], "EPSG:32632", layer="rocks")
-    with pytest.raises(BadInputError, match=r"--layer is missing; allowed: one of rooms, rocks"):
+    with pytest.raises(BadInputError, match=r"--layer is missing; give one of rooms, rocks"):
         import_map(path, ImportOptions())
     assert len(import_map(path, ImportOptions(layers=("rooms",))).obstacles) == 0
     both = import_map(path, ImportOptions(layers=("rooms", "rocks")))

@@ -15,7 +15,7 @@ from vinefab.maps.importers.importers import import_map
 LAYERS = ("one", "two")
 
 ADVICE = {
-    r"here ([0-9.e+-]+) would do": lambda match, _: {"join_mm": float(match[1])},
+    r"here --join-mm ([0-9.e+-]+) would do": lambda match, _: {"join_mm": float(match[1])},
     r"smaller --join-mm": lambda _, options: {"join_mm": 0.1 * (options.join_mm or 1e-3)},
     r"--wall-mm": lambda *_: {"wall_mm": 0.5},
     r"--open drop": lambda *_: {"open_lines": "drop"},
@@ -130,7 +130,7 @@ def test_a_gap_that_may_not_be_joined_is_not_advised(tmp_path):
         geojson([([(0, 120), (0, 0), (600, 0), (600, 600), (0, 600), (0, 170)], False)])
     )
     error = refused(path, ImportOptions())
-    assert "here 50.05 would do" in error.allowed
+    assert "here --join-mm 50.05 would do" in error.allowed
     assert followed(path, ImportOptions()) == 3
     assert import_map(path, ImportOptions(join_mm=50.05)).free_space.area > 3e5
 

@@ -295,7 +295,7 @@ def test_short_entities_are_what_drawing_programs_write(drawn):
 
 
 def test_only_text_is_no_drawing(drawn):
-    with pytest.raises(BadInputError, match=r"without outlines: .*'text': 1"):
+    with pytest.raises(BadInputError, match=r"has no outlines: .*'text': 1"):
         drawn("<text>hello</text>", frame="")
 
 

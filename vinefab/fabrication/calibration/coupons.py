@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from shapely import box
 
-from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.core.errors import BadInputError, UnfitInputError, UnknownNameError
 from vinefab.core.limits import STANDARD_GRAVITY_M_S2
 from vinefab.core.plain_text import GENERATOR
 from vinefab.core.validation import Floats
@@ -354,8 +354,9 @@ def coupon_sheets(
     for piece in sorted(pieces, key=lambda piece: -_size(piece)[1]):
         width, height = _size(piece)
         if width > room[0] or height > room[1]:
-            allowed = f"a bed of at least {width:.0f} x {height:.0f} mm for coupon {piece.name}"
-            raise BadInputError("machine bed", f"{bed_x:g} x {bed_y:g} mm usable", allowed)
+            problem = f"coupon {piece.name} needs {width:.0f} x {height:.0f} mm of the bed, and "
+            problem += f"{bed_x:g} x {bed_y:g} mm are usable"
+            raise UnfitInputError("machine", problem, "use a machine with a larger bed")
         if x > 0.0 and x + width > room[0]:
             x, y, row = 0.0, y + row + COUPON_GAP_MM, 0.0
         if y > 0.0 and y + height > room[1]:
@@ -459,9 +460,9 @@ def sealing_operation(profile: LaserProfile) -> Operation:
         found = profile.recipe.by_operation.get(operation)
         if found is not None and found.by_laser:
             return operation
-    raise BadInputError(
-        f"recipe {profile.recipe.name}", "sealed by hand", "a recipe whose laser makes the seam"
-    )
+    problem = "its seam is sealed by hand"
+    remedy = "name a recipe whose laser makes it"
+    raise UnfitInputError(f"recipe {profile.recipe.name}", problem, remedy)
 
 
 def line_settings(
@@ -791,7 +792,7 @@ def _readings(lines: list[str], path: Path) -> Iterator[Reading]:
             cells = [cell.strip() for cell in next(csv.reader([line], strict=True))]
         except csv.Error as error:
             allowed = f"comma-separated cells ({error})"
-            raise BadInputError("line", line, allowed, place) from error
+            raise BadInputError("line", line, allowed, place) from None
         if not header:
             if not {"measure", "setting", "value", "unit"} <= set(cells) <= set(_COLUMNS):
                 raise BadInputError("header", ",".join(cells), ",".join(_COLUMNS), place)
@@ -834,8 +835,8 @@ def _reading(row: dict[str, str], place: str) -> Reading:
 def _number(text: str, key: str, place: str) -> float:
     try:
         value = float(text)
-    except ValueError as error:
-        raise BadInputError(key, text, "a number", place) from error
+    except ValueError:
+        raise BadInputError(key, text, "a number", place) from None
     if not 0.0 <= value <= _LARGEST:
         raise BadInputError(key, text, f"a finite number, 0 or more, at most {_LARGEST:g}", place)
     return value

@@ -16,7 +16,7 @@ from functools import cache
 import numpy as np
 import scipy  # its parts load at their first use
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.calibration.coupons import Reading, Results, joint_designs
@@ -118,9 +118,8 @@ def solve_equations(
     rows, goal = matrix * weights[:, None], target * weights
     singular = np.linalg.svd(rows, compute_uv=False)
     if len(equations) < len(names) or singular[-1] < _LEAST_SINGULAR * singular[0]:
-        given = counted(len(equations), "reading")
-        allowed = f"readings that tell {' and '.join(names)} apart"
-        raise BadInputError(key, given, allowed)
+        problem = f"{counted(len(equations), 'reading')} do not tell {' and '.join(names)} apart"
+        raise UnfitInputError(key, problem, "add readings of other pieces")
     found, *_ = np.linalg.lstsq(rows, goal, rcond=None)
     stated = sigmas[0] is not None
     spread = like
@@ -141,13 +140,11 @@ def stated_weights(sigmas: Sequence[float | None], unknowns: int, key: str) -> F
     """Return one over each reading's uncertainty, or ones where none is stated."""
     stated = [sigma for sigma in sigmas if sigma is not None]
     if stated and len(stated) < len(sigmas):
-        allowed = "an uncertainty for every reading of this kind, or for none"
-        raise BadInputError(f"{key} uncertainty", f"{len(stated)} of {len(sigmas)}", allowed)
+        problem = f"{len(stated)} of {len(sigmas)} readings have one"
+        raise UnfitInputError(f"{key} uncertainty", problem, "give all of them one, or none")
     if not stated and len(sigmas) <= unknowns:
-        allowed = f"at least {unknowns + 1} for {counted(unknowns, 'unknown')}"
-        raise BadInputError(
-            key, f"{len(sigmas)} without uncertainty", f"{allowed}, or uncertainties"
-        )
+        problem = f"{counted(len(sigmas), 'reading')} cannot tell {counted(unknowns, 'unknown')}"
+        raise UnfitInputError(key, problem, f"give {unknowns + 1} or more, or their uncertainty")
     if any(sigma <= 0.0 for sigma in stated):
         raise BadInputError(f"{key} uncertainty", min(stated), "above 0")
     return 1.0 / np.array(stated) if stated else np.ones(len(sigmas))
@@ -209,8 +206,9 @@ def fit_growth(paths: Sequence[GrownPath], usual: Mapping[str, float]) -> dict[s
             value=usual[worst], uncertainty=_USUAL_DOUBT * usual[worst], readings=0
         )
     else:
-        allowed = "paths that differ in length and in their turns, some without turns"
-        raise BadInputError("growth", f"{counted(len(paths), 'path')} of too few kinds", allowed)
+        problem = f"{counted(len(paths), 'path')} are too alike"
+        remedy = "add paths that differ in length and in their turns, some without turns"
+        raise UnfitInputError("growth", problem, remedy)
     centre = {name: one.value for name, one in found.items()}
     for name, one in kept.items():
         values = {other: constant.value for other, constant in kept.items()}
@@ -229,8 +227,8 @@ def _fit_some(paths: Sequence[GrownPath], known: Mapping[str, float]) -> dict[st
     names = [name for name in GROWTH_CONSTANTS if name not in known]
     weights = stated_weights([path.sigma_kpa for path in paths], len(GROWTH_CONSTANTS), "growth")
     if len(paths) < len(GROWTH_CONSTANTS):
-        allowed = "at least 4 paths for 4 unknowns (Y, f, T, mu)"
-        raise BadInputError("growth", counted(len(paths), "path"), allowed)
+        problem = f"{counted(len(paths), 'path')} cannot tell 4 unknowns (Y, f, T, mu)"
+        raise UnfitInputError("growth", problem, "measure at least 4 paths")
     measured = np.array([path.pressure_kpa for path in paths])
     stated = paths[0].sigma_kpa is not None
     if not stated:
@@ -325,11 +323,12 @@ def fit_modulus(results: Results, profile: LaserProfile) -> dict[str, Estimate]:
     half = found.half_width()
     if half > _MOST_DOUBT * found.value:
         least = 1.0 / max(found.value + half, 1e-9)
-        raise BadInputError(
-            "modulus_mpa",
-            f"a stretch of {found.value:.2g} +- {half:.2g} per MPa (95 %)",
-            "girths that grow by more than their scatter: take the highest pressure that the seam"
-            f" bears. The modulus is above {least:.2g} MPa",
+        problem = (
+            f"girths stretch by {found.value:.2g} +- {half:.2g} per MPa (95 %), no more than they "
+            f"scatter: the modulus is above {least:.2g} MPa"
+        )
+        raise UnfitInputError(
+            "modulus_mpa", problem, "take the highest pressure that the seam bears"
         )
     modulus = 1.0 / found.value
     return {

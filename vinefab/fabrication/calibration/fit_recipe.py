@@ -20,7 +20,7 @@ from typing import Any
 import scipy  # its parts load at their first use
 import tomli_w
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.plain_text import GENERATOR, counted, visible
 from vinefab.core.validation import number as checked_number
 from vinefab.core.view import Block, Data, Notes, WrittenResult
@@ -248,12 +248,12 @@ def _offset_mm(results: Results, profile: LaserProfile) -> float:
     if results.offset_mm is None:
         return recipe_mm
     if abs(results.offset_mm - recipe_mm) > 1e-6:
-        raise BadInputError(
-            "weldcut_offset_mm",
-            results.offset_mm,
-            f"{recipe_mm:g}, that of recipe {profile.recipe.name}; name the recipe that the"
-            " coupons were cut with",
+        problem = (
+            f"the coupons have {results.offset_mm:g}, and recipe {profile.recipe.name} has "
+            f"{recipe_mm:g}"
         )
+        remedy = "name the recipe that they were cut with"
+        raise UnfitInputError("weldcut_offset_mm", problem, remedy)
     return recipe_mm
 
 
@@ -407,7 +407,7 @@ def children_out(results: Results) -> tuple[MeasuredShare, ...]:
     return tuple(shares)
 
 
-_LEAST = "at least one reading; two of kerf_piece and one of seam are enough to begin"
+_LEAST = "measure at least one; two of kerf_piece and one of seam are enough to begin"
 
 
 def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
@@ -428,10 +428,10 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
     """
     name = profile.recipe.name
     if results.recipe and results.recipe != name:
-        allowed = f"{name}, or --recipe {results.recipe}"
-        raise BadInputError("recipe of the coupons", results.recipe, allowed)
+        problem = f"the coupons are of recipe {results.recipe}, and {name} is asked for"
+        raise UnfitInputError("recipe", problem, f"give --recipe {results.recipe}")
     if not results.readings:
-        raise BadInputError("value", "empty in every row", _LEAST)
+        raise UnfitInputError("value", "it is empty in every row", _LEAST)
     parts, numbers, remarks = _Parts(), dict[str, Estimate](), list[str]()
     known = profile.material.shrinkage_percent
     left = 1.0 - known.value / 100.0
@@ -476,7 +476,7 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
         if len(errors) == 1:
             raise errors[0]
         reasons = "; ".join(f"{group}: {error}" for group, error in parts.refused.items())
-        raise BadInputError("results", "no group that can be fitted", f"at least one ({reasons})")
+        raise UnfitInputError("", "no group can be fitted", f"measure more ({reasons})")
     if kept := [place for place, number in numbers.items() if number.readings == 0]:
         remarks.append(
             f"{' and '.join(kept)}: the readings say less than the published fit (assumed for this"
@@ -615,10 +615,9 @@ def _growth(results: Results) -> dict[str, Estimate]:
     if not readings and not widths:
         return {}
     if len(widths) != 1 or not readings:
-        allowed = "one growth_width, and the pressures along the paths that this tube was grown"
-        raise BadInputError(
-            "growth", f"{counted(len(widths), 'width')}, {counted(len(readings), 'path')}", allowed
-        )
+        problem = f"{counted(len(widths), 'width')} and {counted(len(readings), 'path')} are given"
+        remedy = "give one growth_width, and the pressures along the paths of this tube"
+        raise UnfitInputError("growth", problem, remedy)
     width_mm = _positive(widths[0], "mm", "a width")
     published = FITTED.at_diameter(inflated_diameter_mm(width_mm), FITTED_DIAMETER_MM.value)
     usual = {name: getattr(published, name).value for name in GROWTH_CONSTANTS}

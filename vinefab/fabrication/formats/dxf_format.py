@@ -138,7 +138,7 @@ def read_dxf(text: str) -> ReadDrawing:
             ),
         )
     except (DXFError, BadInputError) as error:
-        raise UnreadableFileError("DXF text", f"not a DXF file of ours: {error}") from error
+        raise UnreadableFileError("DXF text", f"not a DXF file of ours: {error}") from None
 
 
 def _path(polyline: LWPolyline | Polyline) -> DrawnPath:

@@ -159,7 +159,7 @@ def read_lightburn(text: str) -> ReadDrawing:
             oddities=tuple(odd),
         )
     except (ET.ParseError, BadInputError, KeyError, ValueError) as error:
-        raise UnreadableFileError("LightBurn text", f"not a project of ours: {error}") from error
+        raise UnreadableFileError("LightBurn text", f"not a project of ours: {error}") from None
 
 
 def _value(cut: ET.Element, name: str) -> str:

@@ -177,7 +177,7 @@ def read_svg(text: str) -> ReadDrawing:
             oddities=tuple(odd),
         )
     except (ET.ParseError, BadInputError) as error:
-        raise UnreadableFileError("SVG text", f"not an SVG file of ours: {error}") from error
+        raise UnreadableFileError("SVG text", f"not an SVG file of ours: {error}") from None
 
 
 def _size(root: ET.Element, key: str) -> tuple[float, str]:

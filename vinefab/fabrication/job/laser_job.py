@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.plain_text import counted
 from vinefab.fabrication.job.marks import fold_ticks, marks_of
 from vinefab.fabrication.job.passes import BodyPaths, body_paths, in_order, piece_ends, sleeve_size
@@ -123,7 +123,8 @@ def _pieces_job(
     """
     if sheet.beside:
         other = sheet.beside[0].name
-        raise BadInputError("--with", other, f"nothing: {design.name} is cut in separate pieces")
+        problem = f"{design.name} is cut in pieces, and {other} finds no room with them"
+        raise UnfitInputError("--with", problem, "make a sheet of each")
     bodies = {
         piece.label: body_paths(
             design, profile, separate=sheet.separate, ends=piece_ends(partition, piece)
@@ -278,8 +279,8 @@ def _placed_robots(design: Design, profile: LaserProfile, sheet: SheetOptions) -
     named: dict[str, Design] = {}  # a name identifies paths, labels and findings
     for one in designs:
         if named.setdefault(one.name, one) != one:
-            allowed = "designs of different names on one sheet, or the same design again"
-            raise BadInputError("name", f"{one.name} twice", allowed)
+            problem = f"two designs of one sheet are called {one.name}"
+            raise UnfitInputError("name", problem, "rename one of them")
     bodies = {
         name: body_paths(one, profile, separate=sheet.separate) for name, one in named.items()
     }

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import LARGEST_MM, Floats, number, positive
 from vinefab.maps.cleanup.drawn_shapes import (
@@ -215,7 +215,8 @@ def enclose(
     parts = different_parts(parts, join_mm, changes)
     named = [part for part in parts if part.role == "bounds"]
     if len(named) > 1:
-        raise BadInputError("bounds", counted(len(named), "outline"), "exactly one")
+        problem = f"{counted(len(named), 'outline')} are called bounds, and a map has one"
+        raise UnfitInputError("bounds", problem, "call the others obstacles, or nothing")
     if mode == "box" and not named:
         x_min, y_min, x_max, y_max = shapely.total_bounds([part.polygon for part in parts])
         box = shapely.box(
@@ -250,12 +251,11 @@ def enclose(
         spot = shapely.get_coordinates(shapely.point_on_surface(beyond))[0]
         box = outer.shell.bounds
         low, high = (changes.frame.place(corner) for corner in (box[:2], box[2:]))
-        raise BadInputError(
+        raise UnfitInputError(
             f"{part.where} at {changes.frame.place(spot)}",
-            f"outside of the largest outline ({low} to {high})",
-            f"drawings whose largest outline contains all others; {changes.layer_advice}"
-            "--bounds largest to cut off what is outside, --bounds box to put a rectangle around"
-            f"{advice}",
+            f"lies outside of the largest outline ({low} to {high}), which must contain all others",
+            f"{changes.layer_advice}--bounds largest cuts off all that is outside, --bounds box "
+            f"puts a rectangle around{advice}",
         )
     rest += (
         [outer]
@@ -372,9 +372,8 @@ def free_areas(parts: list[SolidRegion], join_mm: float, changes: Changes) -> Fr
     """
     named = [part for part in parts if part.role == "bounds"]
     if named:
-        raise BadInputError(
-            "drawn", "free", f"obstacles, as the source calls {named[0].where} bounds"
-        )
+        problem = f"the source calls {named[0].where} bounds, so its areas are no free space"
+        raise UnfitInputError("drawn", problem, "give --drawn obstacles")
     fills = [part.polygon for part in parts if part.filled and part.role is None]
     rocks = [part.polygon for part in parts if part.role == "obstacle"]
     outlines = _nested(parts, changes)
@@ -386,7 +385,7 @@ def free_areas(parts: list[SolidRegion], join_mm: float, changes: Changes) -> Fr
     changes.add("outlines_in_areas_made_obstacles", len(inner))
     areas = np.array([*fills, *outer], dtype=np.object_)
     if len(areas) == 0:
-        raise BadInputError("drawing", "no areas", "at least one filled area or closed outline")
+        raise UnfitInputError("", "the drawing has no area", "fill one, or close an outline")
     patches = _patches(areas, join_mm) if join_mm > 0.0 else []
     changes.add("gaps_between_areas_closed", len(patches))
     union = shapely.union_all([*areas, *patches])
@@ -394,7 +393,9 @@ def free_areas(parts: list[SolidRegion], join_mm: float, changes: Changes) -> Fr
         union = shapely.difference(union, shapely.union_all([*rocks, *inner]))
     found = sorted(polygons_of(union), key=lambda part: -part.area)
     if not found:
-        raise BadInputError("drawing", "no free space", "free space between the obstacles")
+        raise UnfitInputError(
+            "", "obstacles leave no free space", "check which outlines are obstacles"
+        )
     return FreeAreas(parts=found, united=len(areas))
 
 
@@ -532,7 +533,7 @@ class AssembleOptions(ImportOptions):
             raise BadInputError("drawn", self.drawn, " or ".join(DRAWN))
         for name in ("bounds", "wall_mm") if self.drawn == "free" else ():
             if getattr(self, name) is not None:
-                raise BadInputError(name, getattr(self, name), "nothing with --drawn free")
+                raise UnfitInputError(name, "means nothing with --drawn free", "leave it out")
         if self.open_lines not in (None, "refuse", "drop"):
             raise BadInputError("open", self.open_lines, "refuse or drop")
 
@@ -628,8 +629,10 @@ def _regions(
     found = [*_filled(shapes, options, changes), *_outlines(shapes, options, changes)]
     if not found:
         dropped = changes.counts.get("slivers_dropped")
-        value = f"no outlines but {dropped} without area" if dropped else "no outlines"
-        raise BadInputError("drawing", value, "at least one closed outline")
+        problem = "the drawing has no outlines"
+        if dropped:
+            problem += f" but {dropped} without area"
+        raise UnfitInputError("", problem, "draw at least one closed outline")
     return found
 
 
@@ -780,7 +783,9 @@ def _free_regions(world: Map) -> list[Polygon]:
 def _start(world: Map, options: AssembleOptions) -> tuple[Start, dict[str, object]]:
     regions = _free_regions(world)
     if not regions:
-        raise BadInputError("drawing", "no free space", "free space between the obstacles")
+        raise UnfitInputError(
+            "", "obstacles leave no free space", "check which outlines are obstacles"
+        )
     areas = [region.area for region in regions]
     facts: dict[str, object] = {}
     if len(regions) > 1:
@@ -792,12 +797,12 @@ def _start(world: Map, options: AssembleOptions) -> tuple[Start, dict[str, objec
         largest = regions[int(np.argmax(areas))]
         radius = shapely.maximum_inscribed_circle(largest, max(1e-3 * max(world.size_mm), 1e-3))
         if radius.length < _LEAST_CLEARANCE_MM:
-            raise BadInputError(
-                "drawing", f"free space {2.0 * radius.length:.2g} mm wide", "room for a start"
-            )
+            problem = f"the free space is {2.0 * radius.length:.2g} mm wide: no room for a start"
+            raise UnfitInputError("", problem, "check the unit (--scale-mm-per-unit)")
         return roomiest_start(largest, radius), facts
     spot = shapely.points(options.start.x_mm, options.start.y_mm)
     if not shapely.intersects(regions, spot).any():
         place = f"({options.start.x_mm:g}, {options.start.y_mm:g}) mm"
-        raise BadInputError("start", place, "a place in the free space of the map")
+        problem = f"{place} lies outside of the free space of the map"
+        raise UnfitInputError("start", problem, "move it inside")
     return Start(pose=options.start), facts

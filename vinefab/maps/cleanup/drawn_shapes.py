@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.validation import LARGEST_MM, Floats, Ints, positive
 from vinefab.model.start import refuse_jagged
 
@@ -103,13 +103,15 @@ def framed(points: Floats, frame: SourceFrame) -> tuple[SourceFrame, float]:
     # Halves first: the difference of two huge numbers may not be finite.
     size_mm = float(max(0.5 * high - 0.5 * low)) * frame.scale_mm_per_unit * 2.0
     if size_mm == 0.0:
-        raise BadInputError("drawing", "one single point", "lines, outlines or areas")
-    if not _LEAST_SIZE_MM <= size_mm <= LARGEST_MM:
-        raise BadInputError(
-            "drawing",
-            f"{size_mm:.6g} mm wide at {frame.scale_mm_per_unit:g} mm per unit",
-            f"{_LEAST_SIZE_MM:g} to {LARGEST_MM:g} mm; --scale-mm-per-unit sets the unit",
+        raise UnfitInputError(
+            "", "the drawing is one single point", "draw lines, outlines or areas"
         )
+    if not _LEAST_SIZE_MM <= size_mm <= LARGEST_MM:
+        problem = (
+            f"the drawing is {size_mm:.6g} mm wide at {frame.scale_mm_per_unit:g} mm per unit, and "
+            f"{_LEAST_SIZE_MM:g} to {LARGEST_MM:g} mm are allowed"
+        )
+        raise UnfitInputError("", problem, "set its unit (--scale-mm-per-unit)")
     reach_mm = float(np.abs(frame.to_map(np.array([low, high]))).max())
     if reach_mm <= min(_FAR * size_mm, LARGEST_MM):
         return frame, size_mm
@@ -201,11 +203,9 @@ def ring_polygons(
                 return polygons
     size_mm = float(max(np.ptp(points, axis=0)))
     if may_be_line and size_mm > 10.0 * sliver_mm2**0.5:
-        raise BadInputError(
-            f"{where} at {changes.frame.place(points[0])}",
-            f"an outline without area, {size_mm:.4g} mm long",
-            f"outlines of more than {sliver_mm2:.3g} mm2; --wall-mm makes lines walls",
-        )
+        problem = f"an outline {size_mm:.4g} mm long has no area (at most {sliver_mm2:.3g} mm2)"
+        place = f"{where} at {changes.frame.place(points[0])}"
+        raise UnfitInputError(place, problem, "--wall-mm makes lines walls")
     changes.add("slivers_dropped")
     changes.most("largest_sliver_dropped_mm", size_mm)
     return []
@@ -453,13 +453,13 @@ def refuse_open(
     count = len(lines)
     named = "; ".join(open_places(lines[:_MOST_NAMED], changes))
     more = f"; and {count - _MOST_NAMED} more" if count > _MOST_NAMED else ""
-    here = "" if closing_mm is None else f"; here {closing_mm:.4g} would do"
-    return BadInputError(
-        f"{'an open line' if count == 1 else f'{count} open lines'}: {named}{more}",
-        "not closed",
-        f"outlines whose ends meet within --join-mm ({join_mm:.4g}{here}); "
-        f"{changes.layer_advice}or --wall-mm W to make lines walls, or --open drop to leave "
-        "them out",
+    here = "" if closing_mm is None else f" (here --join-mm {closing_mm:.4g} would do)"
+    lines_do = "a line does" if count == 1 else f"{count} lines do"
+    return UnfitInputError(
+        "",
+        f"{lines_do} not close within --join-mm ({join_mm:.4g}): {named}{more}",
+        f"join the ends{here}, {changes.layer_advice}give --wall-mm W to make lines walls, or "
+        "--open drop to leave them out",
     )
 
 

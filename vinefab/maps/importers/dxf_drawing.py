@@ -315,10 +315,10 @@ def import_dxf(path: Path, options: ImportOptions) -> Map:
     try:
         drawing = _drawing(document, options.layers)
     except (BadInputError, UnknownNameError) as error:
-        raise error.at(path) from error
+        raise error.at(path) from None
     except _BROKEN as error:
         problem = " ".join(str(error).split()) or type(error).__name__
-        raise UnreadableFileError(path, f"is a damaged DXF file: {problem[:120]}") from error
+        raise UnreadableFileError(path, f"is a damaged DXF file: {problem[:120]}") from None
     if repaired:
         drawing = replace(drawing, facts={**drawing.facts, "faults_mended_by_reader": repaired})
     return replace(drawing_map(path, drawing, options), environment="dxf")
@@ -349,7 +349,7 @@ def _recovered(path: Path, data: bytes) -> tuple[Document, int]:
         document, auditor = recover.read(io.BytesIO(data))
     except (OSError, *_BROKEN) as error:
         problem = " ".join(str(error).split()) or type(error).__name__
-        raise UnreadableFileError(path, f"is not a DXF file: {problem[:120]}") from error
+        raise UnreadableFileError(path, f"is not a DXF file: {problem[:120]}") from None
     for fix in (*auditor.fixes, *auditor.errors):
         if fix.code in _GUESSED:
             raise UnreadableFileError(path, f"is a damaged DXF file: {fix.message}")
@@ -413,7 +413,7 @@ class _Walk(DrawingReader):
                 except _INCONSISTENT as error:
                     problem = " ".join(str(error).split()) or type(error).__name__
                     allowed = "a consistent entity"
-                    raise BadInputError(where, problem[:80], allowed) from error
+                    raise BadInputError(where, problem[:80], allowed) from None
                 self.read[kind] += 1
         return found
 

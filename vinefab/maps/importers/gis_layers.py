@@ -111,7 +111,7 @@ def _drawing(path: Path, options: ImportOptions) -> SourceDrawing:
         UnicodeError,  # names of columns in another encoding than the .cpg says; of files
     ) as error:
         problem = " ".join(str(error).replace(str(path), "").split())
-        raise UnreadableFileError(path, f"cannot be read by GDAL: {problem[:200]}") from error
+        raise UnreadableFileError(path, f"cannot be read by GDAL: {problem[:200]}") from None
     systems = len(set(found.systems.values()))
     if systems > 1:
         raise BadInputError("layers", f"in {systems} reference systems", "one for all")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Literal
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.limits import number, positive
 from vinefab.core.plain_text import counted
 
@@ -76,7 +76,9 @@ class PhotoOptions:
         if self.marker_count is not None:
             number("marker_count", self.marker_count, 1, 50)
             if self.marker_mm is None:
-                raise BadInputError("marker_count", self.marker_count, "with --marker-mm")
+                raise UnfitInputError(
+                    "marker_count", "needs the size of the markers", "give --marker-mm"
+                )
         number("height_mm", self.height_mm, 0.0, 1e5, "mm")
         if self.threshold is not None:
             number("threshold", self.threshold, 0.0, 255.0)
@@ -86,26 +88,23 @@ class PhotoOptions:
         given = [key for key in wanted.values() if getattr(self, key) is not None]
         count = len(self.points_px)
         if count and count not in wanted:
-            raise BadInputError(
-                "points", counted(count, "point"), "two, or the four of a rectangle"
-            )
+            problem = f"{counted(count, 'point')} {'is' if count == 1 else 'are'} given"
+            raise UnfitInputError("points", problem, "give two, or the four of a rectangle")
         if count and given != [wanted[count]]:
             option = "--" + wanted[count].replace("_", "-")
             found = ", ".join(given).replace("_", "-") or "nothing"
-            raise BadInputError(
-                "points", f"{counted(count, 'point')} with {found}", f"with {option}"
-            )
+            problem = f"{counted(count, 'point')} are given with {found}"
+            raise UnfitInputError("points", problem, f"give them with {option}")
         with_markers = self.marker_mm is not None and given == ["distance_mm"]
         if given and not count and not with_markers:
             need = {"distance_mm": "two", "rectangle_mm": "four"}[given[0]]
-            raise BadInputError(given[0], getattr(self, given[0]), f"with {need} --points")
+            raise UnfitInputError(given[0], "needs points of the photo", f"give {need} --points")
         colour = self.colour
         if colour is not None and self.threshold is not None:
-            raise BadInputError(
+            raise UnfitInputError(
                 "threshold",
-                self.threshold,
-                "with dark or light obstacles; a colour has its "
-                "tolerance: --obstacles R,G,B,TOLERANCE",
+                "is for dark or light obstacles, and a colour has its tolerance",
+                "give --obstacles R,G,B,TOLERANCE",
             )
 
     def ensure_one_scale(self, mm_per_pixel: float | None) -> None:
@@ -119,7 +118,9 @@ class PhotoOptions:
         if not names:
             raise BadInputError("scale of the photo", None, SCALES)
         if len(names) > 1:
-            raise BadInputError(names[1], given[names[1]], f"not together with {names[0]}")
+            raise UnfitInputError(
+                names[1], f"is given together with {names[0]}", "leave one of them out"
+            )
 
     def refuse(self, source: Path) -> None:
         """Raise BadInputError naming an option that was given: the file is not a photo."""
@@ -127,8 +128,8 @@ class PhotoOptions:
             value = getattr(self, field.name)
             if value != field.default:
                 option = {"points_px": "points", "crop_mm": "crop"}.get(field.name, field.name)
-                allowed = f"only for photos and scans ({', '.join(PHOTO_SUFFIXES)})"
-                raise BadInputError(option, value, allowed, source)
+                problem = f"is for photos and scans ({', '.join(PHOTO_SUFFIXES)}) alone"
+                raise UnfitInputError(option, problem, "leave it out", source)
 
     @property
     def colour(self) -> tuple[float, ...] | None:
@@ -208,4 +209,4 @@ class ImportOptions:
             value = getattr(self, name)
             if value is not None and value != ():
                 option = {"open_lines": "open", "layers": "layer"}.get(name, name)
-                raise BadInputError(option, value, f"nothing for {kind}", source)
+                raise UnfitInputError(option, f"means nothing for {kind}", "leave it out", source)

@@ -11,7 +11,7 @@ import scipy  # its parts load at their first use
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from vinefab.core.errors import BadInputError, located
+from vinefab.core.errors import BadInputError, UnfitInputError, located
 from vinefab.core.plain_text import visible
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats
@@ -165,22 +165,23 @@ class _Scene:
         control = _control(photo, chosen, found, mm_per_pixel)
         camera = fit_camera(photo, control)
         if chosen.height_mm > 0.0 and camera.focal_px is None:
-            raise BadInputError(
+            raise UnfitInputError(
                 "height_mm",
-                chosen.height_mm,
-                "with four --points or markers, in a photo whose EXIF data say the focal length "
-                "(35 mm), or taken so obliquely that its perspective does",
+                "needs a photo that tells its focal length (35 mm), in its EXIF data or by an "
+                "oblique view, and four points or markers",
+                "give them (--points)",
             )
         area = _area_mm(photo, camera, control, chosen)
         left, low, right, top = area
         if chosen.marker_mm is not None and chosen.distance_mm is None:
             size, most = max(right - left, top - low), _MOST_SIDES * chosen.marker_mm
             if size > most:
-                allowed = (
-                    f"at most {most:g} mm by markers of {chosen.marker_mm:g} mm; larger markers, "
-                    "--crop, or the distance of two markers: --distance-mm"
+                problem = (
+                    f"it is {size:.0f} mm wide, and markers of {chosen.marker_mm:g} mm measure "
+                    f"{most:g} mm at most"
                 )
-                raise BadInputError("size of the map", f"{size:.0f} mm", allowed)
+                remedy = "lay larger ones, or give --crop or their distance (--distance-mm)"
+                raise UnfitInputError("map", problem, remedy)
         # Edges in a photo are known better than to a pixel; a scan keeps its own pixels.
         share = 1.0 if len(control.points_px) == 2 else 0.5
         pixel = 1.0 / most_pixels_per_mm(camera.homography, area)
@@ -264,14 +265,15 @@ def _control(
         turns = sides[:, 0] * ahead[:, 1] - sides[:, 1] * ahead[:, 0]
         if not (turns < 0.0).all():  # rows run down
             given = "; ".join(f"{x:g},{y:g}" for x, y in points)
-            raise BadInputError(
-                "points", given, "the lower left corner first, then counter-clockwise around"
-            )
+            problem = f"{given} do not run counter-clockwise from the lower left corner"
+            raise UnfitInputError("points", problem, "give them in that order")
         return ControlPoints(points_px=points, points_mm=corners, noise_px=_POINT_NOISE_PX)
     if mm_per_pixel is None:
         apart = float(np.hypot(*(points[1] - points[0])))
         if apart < 2.0 or chosen.distance_mm is None:
-            raise BadInputError("points", chosen.points_px, "two at least 2 pixels apart")
+            raise UnfitInputError(
+                "points", "they lie less than 2 pixels apart", "give two farther apart"
+            )
         scale = chosen.distance_mm / apart
     else:
         points = np.array([(0.0, 0.0), (photo.width_px, photo.height_px)])
@@ -298,9 +300,8 @@ def _area_mm(
     back = inverse(camera.homography)
     depth = np.column_stack([np.vstack([corners, control.points_px[:1]]), np.ones(5)]) @ back[2]
     if (depth * depth[-1] <= 0.0).any():
-        raise BadInputError(
-            "crop", None, "LEFT,LOW,RIGHT,TOP in mm of the map: the photo shows the horizon"
-        )
+        remedy = "give --crop LEFT,LOW,RIGHT,TOP in mm of the map"
+        raise UnfitInputError("", "the photo shows the horizon", remedy)
     seen = projected(back, corners)
     return (*seen.min(axis=0).tolist(), *seen.max(axis=0).tolist())
 
@@ -309,25 +310,29 @@ def _ensure_trusted(seen: Mapping[int, FoundMarker], chosen: PhotoOptions) -> No
     """Refuse markers that are too few, too blurred or too unlike a marker to give a scale."""
     key, kind = "markers in the photo", "ArUco markers (DICT_4X4_50)"
     if not seen:
-        allowed = f"one or more {kind}, seen whole and sharp, white around them"
-        raise BadInputError(key, "0", allowed)
+        remedy = f"show one or more {kind}, whole and sharp, white around them"
+        raise UnfitInputError(key, "there are none", remedy)
     wanted = chosen.marker_count or (1 if chosen.distance_mm is None else 2)
     if len(seen) < wanted:
         numbers = ", ".join(map(str, sorted(seen)))
-        allowed = f"{wanted} {kind}, seen whole and sharp, white around them"
-        raise BadInputError(key, f"{len(seen)} (number {numbers})", allowed)
+        problem = f"there {'is' if len(seen) == 1 else 'are'} {len(seen)} (number {numbers})"
+        remedy = f"show {wanted} {kind}, whole and sharp, white around them"
+        raise UnfitInputError(key, problem, remedy)
     for name, one in sorted(seen.items()):
         cell_px = one.side_px / MARKER_SIDE_CELLS
         if one.blur_px > _MOST_BLUR_CELLS * cell_px:
-            found = f"spread by {one.blur_px:.1f} px (measured), {cell_px:.1f} px to a cell"
-            allowed = (
-                f"edges spread by at most {_MOST_BLUR_CELLS:g} of a cell: a sharper or nearer photo"
+            problem = (
+                f"its edges are spread by {one.blur_px:.1f} px (measured), and a cell of "
+                f"{cell_px:.1f} px allows {_MOST_BLUR_CELLS * cell_px:.1f}"
             )
-            raise BadInputError(f"marker {name}", found, allowed)
+            raise UnfitInputError(f"marker {name}", problem, "take a sharper or nearer photo")
         if one.misfit > _MOST_MISFIT:
-            found = f"{100.0 * one.misfit:.0f} % unlike its picture (measured)"
-            allowed = f"at most {100.0 * _MOST_MISFIT:.0f} %: flat, evenly lit, without glare"
-            raise BadInputError(f"marker {name}", found, allowed)
+            problem = (
+                f"{100.0 * one.misfit:.0f} % of it are unlike its picture (measured), and "
+                f"{100.0 * _MOST_MISFIT:.0f} % are allowed"
+            )
+            remedy = "lay it flat and evenly lit, without glare"
+            raise UnfitInputError(f"marker {name}", problem, remedy)
 
 
 def _placing_mm(
@@ -361,11 +366,13 @@ def _placing_mm(
         _MOST_OFF_SHARE * max(right - left, top - low),
     )
     if found and within_mm > most:
-        allowed = (
-            f"at most {100.0 * _MOST_OFF_SHARE:g} % of the map: more or larger markers around it, "
-            "a sharper or nearer photo, --crop, or --distance-mm between two markers"
+        most_percent = 100.0 * _MOST_OFF_SHARE
+        problem = f"walls may be {within_mm:.0f} mm off, more than {most_percent:g} % of the map"
+        remedy = (
+            "lay more or larger markers around it, take a sharper or nearer photo, or give --crop "
+            "or the distance of two markers (--distance-mm)"
         )
-        raise BadInputError("scale of the photo", f"walls may be {within_mm:.0f} mm off", allowed)
+        raise UnfitInputError("scale of the photo", problem, remedy)
     return within_mm
 
 
@@ -455,11 +462,8 @@ def _two_tones(bright: NDArray[np.float32]) -> tuple[float, float]:
         between = np.nan_to_num(below * (total - below) * (high - low) ** 2)
     best = int(between.argmax())
     if not high[best] - low[best] >= _LEAST_CONTRAST:
-        raise BadInputError(
-            "threshold",
-            None,
-            "--threshold 0 to 255 (no two tones are seen in the photo), or --obstacles R,G,B",
-        )
+        problem = "no two tones are seen in the photo"
+        raise UnfitInputError("", problem, "give --threshold 0 to 255, or --obstacles R,G,B")
     return float(low[best]), float(high[best])
 
 
@@ -493,9 +497,9 @@ def _world(
     chosen = replace(options, simplify_mm=simplify_mm, least_obstacle_mm2=least_mm2)
     world = raster_map(visible(path.stem), free[::-1], placement, chosen, facts)
     if not world.obstacles:
-        allowed = (
-            "one or more: --obstacles dark, light or R,G,B; --threshold 0 to 255; "
-            f"--least-obstacle-mm2 below {least_mm2:g}"
+        remedy = (
+            "give --obstacles dark, light or R,G,B, --threshold 0 to 255, or --least-obstacle-mm2 "
+            f"below {least_mm2:g}"
         )
-        raise BadInputError("obstacles in the photo", "0", allowed)
+        raise UnfitInputError("", "no obstacles are seen in the photo", remedy)
     return replace(world, environment="photo")

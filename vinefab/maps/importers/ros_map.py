@@ -52,12 +52,12 @@ def _read_values(path: Path, data: bytes) -> tuple[Values, Values | None]:
             warnings.simplefilter("error", Image.DecompressionBombWarning)
             image = Image.open(io.BytesIO(data))
             image.load()
-    except (Image.DecompressionBombWarning, Image.DecompressionBombError) as error:
-        raise UnreadableFileError(path, "is an image of more than 89 million pixels") from error
-    except UnidentifiedImageError as error:
-        raise UnreadableFileError(path, "is not an image; allowed: PGM, PNG, BMP") from error
+    except (Image.DecompressionBombWarning, Image.DecompressionBombError):
+        raise UnreadableFileError(path, "is an image of more than 89 million pixels") from None
+    except UnidentifiedImageError:
+        raise UnreadableFileError(path, "is not an image; allowed: PGM, PNG, BMP") from None
     except (OSError, ValueError, SyntaxError, EOFError) as error:
-        raise UnreadableFileError(path, f"is not an image that can be read: {error}") from error
+        raise UnreadableFileError(path, f"is not an image that can be read: {error}") from None
     if image.mode in _DEEP:
         return np.asarray(image, dtype=np.float64)[::-1] * _DEEP_TO_BYTE, None
     if image.mode in _GREY:
@@ -220,9 +220,9 @@ def _read_ros_yaml(path: Path) -> _RosMap:
         data = yaml.load(text, _PlainLoader)  # noqa: S506  a SafeLoader
     except yaml.MarkedYAMLError as error:
         where = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
-        raise UnreadableFileError(path, f"is not YAML: {where}{error.problem}") from error
+        raise UnreadableFileError(path, f"is not YAML: {where}{error.problem}") from None
     except (yaml.YAMLError, RecursionError) as error:
-        raise UnreadableFileError(path, f"is not YAML: {error}") from error
+        raise UnreadableFileError(path, f"is not YAML: {error}") from None
     if not isinstance(data, dict):
         raise UnreadableFileError(path, "is not a ROS map: no keys such as image and resolution")
     with located(path):

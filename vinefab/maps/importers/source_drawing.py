@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from vinefab.core.errors import BadInputError, located
+from vinefab.core.errors import BadInputError, UnfitInputError, located
 from vinefab.core.plain_text import counted, visible
 from vinefab.core.validation import Floats, number, positive
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
@@ -171,9 +171,9 @@ class DrawingItem(Drawn[Ring]):
                 for group in (self.rings, self.holes)
             )
         except BadInputError as error:
-            raise BadInputError(self.where, error.value, error.allowed) from error
+            raise error.under(self.where) from None
         if not all(np.isfinite(ring).all() for ring in (*rings, *holes)):
-            raise BadInputError(self.where, "a curve that is not finite", "finite numbers")
+            raise UnfitInputError(self.where, "a curve is not finite", "draw it anew")
         same = {one.name: getattr(self, one.name) for one in fields(self)}
         return DrawnShape(**same | {"rings": rings, "holes": holes})
 
@@ -214,14 +214,15 @@ def drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> M
         options.refuse(("unknown", "least_obstacle_mm2"), "a drawing", path)
         if not drawing.items:
             held = drawing.facts.get("ignored") or "nothing"
-            raise BadInputError("drawing", f"without outlines: {held}", "lines, outlines or areas")
+            problem = f"the drawing has no outlines: {held}"
+            raise UnfitInputError("", problem, "draw lines, outlines or areas")
         given = options.scale_mm_per_unit
         scale = drawing.mm_per_unit if given is None else given
         corners = []  # of every item's bounding box
         for item in drawing.items:
             hull = np.concatenate([ring.hull() for ring in (*item.rings, *item.holes)])
             if not np.isfinite(hull).all():
-                raise BadInputError(item.where, "a coordinate that is not finite", "finite numbers")
+                raise UnfitInputError(item.where, "a coordinate is not finite", "draw it anew")
             corners += [hull.min(axis=0), hull.max(axis=0)]
         frame, size_mm = framed(
             np.array(corners),
@@ -233,7 +234,8 @@ def drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> M
         shapes = tuple(item.flat(tolerance_mm / scale) for item in drawing.items)
         points = sum(len(ring) for shape in shapes for ring in (*shape.rings, *shape.holes))
         if points > _MOST_POINTS:
-            raise BadInputError("drawing", counted(points, "point"), f"at most {_MOST_POINTS}")
+            problem = f"the drawing has {counted(points, 'point')}, and {_MOST_POINTS} are allowed"
+            raise UnfitInputError("", problem, "simplify it (--simplify-mm)")
         facts = {
             "source": path.name,
             **drawing.facts,

@@ -73,7 +73,7 @@ def read_nodes(path: Path) -> Node:
     try:
         parser.Parse(data, True)  # noqa: FBT003  expat's isfinal
     except (expat.ExpatError, ValueError, LookupError) as error:
-        raise UnreadableFileError(path, f"is not SVG: {error}") from error
+        raise UnreadableFileError(path, f"is not SVG: {error}") from None
     if builder.root is None or builder.root.tag != "svg":
         raise UnreadableFileError(path, "is not SVG: its root is not <svg>")
     return builder.root
@@ -261,8 +261,8 @@ def _numbers(text: str, key: str) -> list[float]:
     words = re.findall(rf"{NUMBER}|[^\s,]", text)
     try:
         values = [float(word) for word in words]
-    except ValueError as error:
-        raise BadInputError(key, text, "numbers") from error
+    except ValueError:
+        raise BadInputError(key, text, "numbers") from None
     if not all(abs(value) <= LARGEST_NUMBER for value in values):
         raise BadInputError(key, text, f"numbers up to {LARGEST_NUMBER:g}")
     return values
@@ -432,8 +432,8 @@ def import_svg(path: Path, options: ImportOptions) -> Map:
     try:
         with located(path), np.errstate(over="ignore", invalid="ignore"):
             drawing = _drawing(root, options)
-    except RecursionError as error:
-        raise UnreadableFileError(path, "has elements nested too deep") from error
+    except RecursionError:
+        raise UnreadableFileError(path, "has elements nested too deep") from None
     return replace(drawing_map(path, drawing, options), environment="svg")
 
 
@@ -614,7 +614,7 @@ def svg_outlines(node: Node) -> list[Subpath]:
             with reading_element("d", data):
                 return path_outlines(data)
     except BadInputError as error:
-        raise BadInputError(f"{node.where}: {error.key}", error.value, error.allowed) from error
+        raise error.under(f"{node.where}: {error.key}") from None
     if node.tag in ("polyline", "polygon"):
         values = numbers(node, "points")
         if len(values) % 2:

@@ -84,7 +84,7 @@ class RunContext(Table):
             return validated(cls, known)
         except BadInputError as error:
             key = f"origin.{error.key}"
-            raise BadInputError(key, error.value, error.allowed, f"design {design.name}") from error
+            raise error.under(key, f"design {design.name}") from None
 
     @property
     def kept(self) -> dict[str, Any]:

@@ -15,7 +15,13 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError, nearest
+from vinefab.core.errors import (
+    BadInputError,
+    UnfitInputError,
+    UnknownNameError,
+    UnreadableFileError,
+    nearest,
+)
 
 KINDS = {
     "design": "designs",
@@ -160,10 +166,10 @@ def read_bytes(path: Path, most_bytes: int = 1 << 30) -> bytes:
     try:
         too_large = path.stat().st_size > most_bytes
         data = b"" if too_large else path.read_bytes()
-    except PermissionError as error:
-        raise UnreadableFileError(path, "no permission to read it") from error
+    except PermissionError:
+        raise UnreadableFileError(path, "no permission to read it") from None
     except OSError as error:
-        raise UnreadableFileError(path, f"cannot be read: {error.strerror}") from error
+        raise UnreadableFileError(path, f"cannot be read: {error.strerror}") from None
     if too_large:
         raise UnreadableFileError(path, f"is larger than {most_bytes} bytes")
     return data
@@ -182,7 +188,7 @@ def read_text(path: Path, most_bytes: int = 1 << 30) -> str:
                     f"is a {kind} picture; vinefab map import makes a map of one, vinefab observe "
                     "reads a photo of a grown robot"
                 )
-        raise UnreadableFileError(path, problem) from error
+        raise UnreadableFileError(path, problem) from None
 
 
 _PICTURES: dict[str, tuple[bytes, ...]] = {
@@ -199,7 +205,7 @@ def json_object(text: str, path: Path) -> dict[str, Any]:
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise UnreadableFileError(path, f"is not JSON: {str(error)[:100]}") from error
+        raise UnreadableFileError(path, f"is not JSON: {str(error)[:100]}") from None
     if not isinstance(content, dict):
         raise UnreadableFileError(path, "is not a JSON object")
     return content
@@ -237,15 +243,16 @@ def path_inside(
         path = path_given(key, given)
         too_long = any(len(part.encode()) > _LONGEST_NAME for part in path.parts)
     except BadInputError as error:
-        raise error.at(source) from error
+        raise error.at(source) from None
     except UnicodeEncodeError:  # halves of letters
         too_long = True
     if too_long or len(str(given)) > _LONGEST_PATH:
-        raise BadInputError(key, given, "a path of ordinary length", source)
+        raise UnfitInputError(key, "the path is too long", "shorten it", source)
     real = Path(os.path.realpath((base or folders[0]) / path))
     if not is_inside(real, (*folders, *shipped)):
         shown = " or ".join(dict.fromkeys(map(str, folders)))
-        raise BadInputError(key, given, f"a path in {shown}", source)
+        problem = f"{str(given)!r} leads out of {shown}"
+        raise UnfitInputError(key, problem, "name a file inside", source)
     return real
 
 

@@ -8,7 +8,13 @@ from pathlib import Path
 import shapely
 
 from vinefab.core.atomic import ensure_writable, write_files, write_text
-from vinefab.core.errors import BadInputError, ForeignFileError, UnknownNameError, nearest
+from vinefab.core.errors import (
+    BadInputError,
+    ForeignFileError,
+    UnfitInputError,
+    UnknownNameError,
+    nearest,
+)
 from vinefab.core.limits import rad
 from vinefab.core.plain_text import one_line, readable
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, read_text, shipped_root
@@ -46,8 +52,8 @@ def write_starter(
         allowed = f"one of {', '.join(_STARTER_KINDS)}{nearest(kind, _STARTER_KINDS)}"
         raise BadInputError("kind", kind, allowed)
     if kind == "map" and original is not None:
-        allowed = "not with a map: vinefab map makes and imports them"
-        raise BadInputError("original", original, allowed)
+        problem = "a map is copied from no other"
+        raise UnfitInputError("original", problem, "make or import one: vinefab map")
     suffix = ".geojson" if kind == "map" else ".toml"
     if out.suffix.lower() != suffix:
         raise BadInputError("file", str(out), f"a file name ending in {suffix}")
@@ -106,7 +112,9 @@ def _named_copy(kind: str, original: str, name: str) -> str:
     path = locate(_STARTERS[kind][0], original)
     text = read_text(path, LARGEST_TOML_BYTES)
     if not re.search(rf'(?m)^schema = "vinefab/{kind}-', text):
-        raise BadInputError("schema", path.name, f"a file of the kind {kind}", path)
+        raise UnfitInputError(
+            "schema", f"{path.name} is not a {kind}", f"name a file of the kind {kind}", path
+        )
     top, table, rest = text.partition("\n[")  # a run file need not name itself, its parts do
     named = re.sub(r'(?m)^name = "[^"]*"', f'name = "{name}"', top, count=1) + table + rest
     return (

@@ -34,15 +34,15 @@ def toml_content(text: str, path: str | Path) -> dict[str, Any]:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         hint = ", but JSON, as maps are (--map)" if text.lstrip()[:1] == "{" else ""
-        raise UnreadableFileError(path, f"is not TOML{hint}: {error}") from error
-    except ValueError as error:
+        raise UnreadableFileError(path, f"is not TOML{hint}: {error}") from None
+    except ValueError:
         # Python refuses to read integers of so many digits.
         found = _LONG_INTEGER.search(text)
         line = text.count("\n", 0, found.start() if found else 0) + 1
         problem = f"line {line}: an integer of over 4300 digits; allowed: at most 64 bits"
-        raise UnreadableFileError(path, problem) from error
-    except RecursionError as error:
-        raise UnreadableFileError(path, "is not readable TOML: nested too deep") from error
+        raise UnreadableFileError(path, problem) from None
+    except RecursionError:
+        raise UnreadableFileError(path, "is not readable TOML: nested too deep") from None
     with located(path):
         check_plain(content, finite=False)
     return content

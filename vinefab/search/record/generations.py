@@ -7,7 +7,7 @@ from typing import Any, Self, cast
 import numpy as np
 
 from vinefab.core.codec import Record
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.plain_text import counted
 from vinefab.core.progress import Progress
@@ -259,19 +259,20 @@ class RunIdentity:
     def differs_from(self, recorded: "RunIdentity") -> BadInputError | None:
         """Return the error that keeps this run from resuming a record, or None."""
         if self.versions["vinefab"] != recorded.versions["vinefab"]:
-            wanted = f"vinefab {recorded.versions['vinefab']}, which began the run"
-            return BadInputError("--resume", f"vinefab {self.versions['vinefab']}", wanted)
+            began = f"vinefab {recorded.versions['vinefab']}"
+            problem = f"{began} began the run, and this is vinefab {self.versions['vinefab']}"
+            return UnfitInputError("--resume", problem, f"resume it with {began}")
         difference = first_difference(self._portable_settings, recorded._portable_settings)
         if difference is not None:
             key, mine, before = difference
             name = key.removeprefix("search.")
             raised = f"; {limit_option(name)} raises it" if name in LIMIT_NAMES else ""
-            allowed = f"{before!r}, with which the run began{raised}; another run, another folder"
             as_in_file = f"optimizer.{name}" if name != key else key
-            return BadInputError(as_in_file, mine, allowed)
+            problem = f"{mine!r} is asked for, and the run began with {before!r}"
+            return UnfitInputError(as_in_file, problem, f"give another run another folder{raised}")
         if self.maps != recorded.maps:
-            allowed = "the maps with which the run began; another run, another folder"
-            return BadInputError("maps", "other maps", allowed)
+            problem = "are not those with which the run began"
+            return UnfitInputError("maps", problem, "give another run another folder")
         return None
 
 

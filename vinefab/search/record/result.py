@@ -18,7 +18,12 @@ from shapely.errors import ShapelyError
 
 from vinefab.core.atomic import write_text
 from vinefab.core.codec import Record, from_json
-from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError, VinefabError
+from vinefab.core.errors import (
+    CannotWriteError,
+    UnfitInputError,
+    UnreadableFileError,
+    VinefabError,
+)
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import MeanValue
@@ -625,17 +630,17 @@ def system_errors(path: Path) -> Iterator[None]:
         yield
     except VinefabError:
         raise
-    except sqlite3.IntegrityError as error:
+    except sqlite3.IntegrityError:
         problem = BUSY
-        raise CannotWriteError(path, problem) from error
+        raise CannotWriteError(path, problem) from None
     except sqlite3.OperationalError as error:
-        raise CannotWriteError(path, _system_problem(error) or str(error)) from error
+        raise CannotWriteError(path, _system_problem(error) or str(error)) from None
     except sqlite3.DatabaseError as error:
-        raise UnreadableFileError(path, str(error)) from error
+        raise UnreadableFileError(path, str(error)) from None
     except UnicodeDecodeError as error:  # SQLite quotes damaged bytes
-        raise UnreadableFileError(path, f"is damaged or no record ({error})") from error
+        raise UnreadableFileError(path, f"is damaged or no record ({error})") from None
     except OSError as error:
-        raise CannotWriteError(path, error.strerror or str(error)) from error
+        raise CannotWriteError(path, error.strerror or str(error)) from None
 
 
 _NO_ROOM = "the disk is full, or a file may not become so large (ulimit -f)"
@@ -671,13 +676,13 @@ def damage_errors(path: Path) -> Iterator[None]:
         yield
     except (sqlite3.Error, *_DAMAGE) as error:
         if problem := _system_problem(error):
-            raise CannotWriteError(path, problem) from error
+            raise CannotWriteError(path, problem) from None
         reason = " ".join(str(error).split())[:120]
-        raise UnreadableFileError(path, f"is damaged or no record ({reason})") from error
+        raise UnreadableFileError(path, f"is damaged or no record ({reason})") from None
     except OSError as error:
         if isinstance(error, VinefabError):
             raise
-        raise UnreadableFileError(path, error.strerror or str(error)) from error
+        raise UnreadableFileError(path, error.strerror or str(error)) from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -819,7 +824,7 @@ class RunArchive:
     def result(self) -> RunResult:
         """Return the result of a run that has ended."""
         if not self.finalists:
-            raise BadInputError(str(self.path), "a run that has not ended", "one that has")
+            raise UnfitInputError(str(self.path), "the run has not ended", "resume it (--resume)")
         if not self.sessions:
             raise UnreadableFileError(self.path, "is damaged: the row of its session is missing")
         run_id = self.identity.run_id

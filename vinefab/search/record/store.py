@@ -16,7 +16,12 @@ import numpy as np
 
 from vinefab.core.atomic import folder_to_fill, lock_folder
 from vinefab.core.codec import Record, from_json, json_of
-from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
+from vinefab.core.errors import (
+    BadInputError,
+    UnfitInputError,
+    UnknownNameError,
+    UnreadableFileError,
+)
 from vinefab.core.plain_text import GENERATOR
 from vinefab.core.progress import announce, is_heard
 from vinefab.model.map import Map
@@ -123,7 +128,9 @@ class RunStore:
         """
         path = folder / RECORD_FILE
         if path.exists() and not resume:
-            raise BadInputError("--out", str(folder), "a folder without a run, or --resume")
+            raise UnfitInputError(
+                "--out", f"{folder} holds a run", "give another folder, or --resume"
+            )
         with folder_to_fill(folder):
             lock = lock_folder(folder, BUSY)
             is_new = not path.exists()

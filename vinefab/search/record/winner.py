@@ -57,13 +57,17 @@ class RuleScores:
     def words(self) -> tuple[str, str]:
         """What facts and tables call it."""
         if self.option == "branch_contact":
-            return "at branches", "at the body of another branch a tip passes or stops"
+            return "where branches meet", "at the body of another branch a tip passes or stops"
         return "over emergence", "a child comes out with a probability of"
 
     @property
     def choice_words(self) -> tuple[str, ...]:
         """Its choices as they are shown."""
         return tuple(one if isinstance(one, str) else f"{one:.3g}" for one in self.choices)
+
+
+_WHERE = {"pass": "if tips pass", "stop": "if tips stop"}
+"""Choices of `growth.branch_contact` as words."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -196,10 +200,10 @@ class WinnerPrediction(Record):
             Fact(
                 f"{self.title} {rule.words[0]}",
                 ", ".join(
-                    f"{choice}: {value.mean:.3f}"
+                    f"{value.mean:.3f} {_WHERE.get(choice, f'at {choice}')}"
                     for choice, value in zip(rule.choice_words, rule.unseen, strict=True)
                 ),
-                detail=f"mean where {rule.words[1]} (growth.{rule.option})",
+                detail=f"means over the same poses (growth.{rule.option})",
                 standing=f"simulated, {_short(rule.standing)}",
             )
             for rule in self.rules

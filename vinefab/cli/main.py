@@ -188,11 +188,11 @@ _HOW_TO_CITE = (
     f"Cite vinefab {__version__} and Glick et al., Branching Vine Robots for Unmapped Environments "
     "(2022), doi 10.3389/frobt.2022.838913. Licence: MIT."
 )
-WIDEST = 100
 
 
 def _width() -> int:
-    return min(WIDEST, shutil.get_terminal_size((80, 24)).columns)
+    widest = 100
+    return min(widest, shutil.get_terminal_size((80, 24)).columns)
 
 
 def program_help(width: int = 0) -> str:

@@ -316,13 +316,13 @@ class _Beginning(Repr):
         return super().repr_str(readable(x), level)
 
     def repr_int(self, x: int, level: int) -> str:  # noqa: ARG002  reprlib passes it
-        if abs(x) < _MOST_PRINTED:
+        most_printed = 10**60
+        if abs(x) < most_printed:
             return repr(x)
-        return f"a whole number of about {int(x.bit_length() * _DIGITS_PER_BIT)} digits"
+        digits_per_bit = 0.30103
+        return f"a whole number of about {int(x.bit_length() * digits_per_bit)} digits"
 
 
-_MOST_PRINTED = 10**60
-_DIGITS_PER_BIT = 0.30103
 _BEGINNING = _Beginning()
 
 

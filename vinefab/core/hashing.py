@@ -43,7 +43,6 @@ def fingerprint(*parts: object) -> str:
 
 
 MANIFEST_NAME = "MANIFEST.sha256"
-_HASH_AND_GAP = 66
 _OF_LINES = "# sha256 of the lines below: "
 
 
@@ -65,7 +64,8 @@ def is_manifest_as_written(text: str) -> bool:
 def listed_in(text: str) -> list[tuple[str, str]]:
     """Return the file names in a manifest, each with its SHA-256 digest."""
     lines = [line for line in text.splitlines() if not line.startswith("#")]
-    return [(line[_HASH_AND_GAP:], line[: _HASH_AND_GAP - 2]) for line in lines]
+    hash_and_gap = 66
+    return [(line[hash_and_gap:], line[: hash_and_gap - 2]) for line in lines]
 
 
 def digests_in(text: str) -> dict[str, str]:

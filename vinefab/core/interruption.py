@@ -35,8 +35,6 @@ REQUESTS = tuple(
 _FROM_TERMINAL = tuple(request for request in REQUESTS if request is not signal.SIGTERM)
 """What a terminal sends to all processes of a command; SIGTERM is how its own end them."""
 
-_AGAIN_S = 0.05
-"""Until a request is repeated that came where no exception can be raised."""
 
 _LOADING_S = 5.0
 """So long a request waits at most for modules that are being loaded."""
@@ -147,7 +145,8 @@ def _loads_module(frame: FrameType | None) -> bool:
 
 
 def _repeat_soon(number: int) -> None:
-    timer = threading.Timer(_AGAIN_S, _repeat, (number,))
+    again_s = 0.05  # until a request is repeated that came where no exception can be raised
+    timer = threading.Timer(again_s, _repeat, (number,))
     timer.daemon = True
     timer.start()
 

@@ -54,11 +54,6 @@ def whole(key: str, value: int, low: int, high: int) -> int:
     return int(value)
 
 
-DEEPEST_NESTING = 32
-"""Of tables and lists in each other, in a file; ours need five."""
-_MOST_BITS = 63
-
-
 def check_plain(content: object, *, finite: bool = True) -> None:
     """Raise BadInputError where nested tables and lists hold what no file of ours may hold.
 
@@ -67,10 +62,11 @@ def check_plain(content: object, *, finite: bool = True) -> None:
     it allows, NaN and infinity.
     """
     open_values: list[tuple[str, int, object]] = [("", 0, content)]
+    deepest_nesting = 32  # of tables and lists in each other, in a file; ours need five
     while open_values:
         key, depth, value = open_values.pop()
-        if depth > DEEPEST_NESTING:
-            raise BadInputError(_shortened(key), "nested deeper", f"{DEEPEST_NESTING} levels")
+        if depth > deepest_nesting:
+            raise BadInputError(_shortened(key), "nested deeper", f"{deepest_nesting} levels")
         if isinstance(value, Mapping):
             children = [(f"{key}.{name}" if key else str(name), value[name]) for name in value]
         elif isinstance(value, list):
@@ -85,7 +81,8 @@ def check_plain(content: object, *, finite: bool = True) -> None:
 def _check_plain_value(key: str, value: object, *, finite: bool) -> None:
     if finite and isinstance(value, float) and not math.isfinite(value):
         raise BadInputError(_shortened(key), value, "a finite number")
-    if isinstance(value, int) and value.bit_length() > _MOST_BITS:
+    most_bits = 63
+    if isinstance(value, int) and value.bit_length() > most_bits:
         raise BadInputError(_shortened(key), value, "whole numbers of at most 64 bits")
     if isinstance(value, str) and any("\ud800" <= letter <= "\udfff" for letter in value):
         raise BadInputError(_shortened(key), value, "text without halves of letters (surrogates)")

@@ -111,16 +111,14 @@ class Number:
         return f"{value if self.per == 1.0 else value / self.per:{self.form}}"
 
 
-LEAST_P = 0.001
-
-
 def p_value(p: float, decimals: int | None = None) -> Number:
     """Return a p-value as it is shown, not closer than 0.001.
 
     >>> str(p_value(0.0123)), str(p_value(2e-9))
     ('0.012', '< 0.001')
     """
-    return Number(p, form=".3f", least=LEAST_P, decimals=decimals)
+    least_p = 0.001
+    return Number(p, form=".3f", least=least_p, decimals=decimals)
 
 
 def p_equation(p: float) -> str:
@@ -324,10 +322,6 @@ class Origin:
         )
 
 
-_MOST_LINES = 60
-"""Of a result where Python shows it."""
-
-
 class Result:
     """What a verb returns: its `view` is shown by every medium."""
 
@@ -377,7 +371,8 @@ class Result:
 
     def __repr__(self) -> str:
         every = tuple(lines(self.view()))
-        shown, hidden = every[:_MOST_LINES], len(every[_MOST_LINES:])
+        most_lines = 60  # of a result where Python shows it
+        shown, hidden = every[:most_lines], len(every[most_lines:])
         more = [f"... {hidden} more lines: print(*result.summary, sep='\\n')"] if hidden else []
         return "\n".join([f"<{type(self).__name__}>", *shown, *more])
 

@@ -41,9 +41,6 @@ else:  # ezdxf takes long to load
 MANY_BRANCHES = 1500
 """The paths of larger designs take long: they are made only where nothing else forbids cutting."""
 
-MOST_CORRIDORS = 50
-"""Most corridors of a map that are checked for the widest branch, narrowest first."""
-
 
 def map_corridors(world: Map, design: Design) -> MapCorridors:
     """Return the narrowest corridors of a map for a design."""
@@ -66,6 +63,8 @@ def corridors_in(
     """
     bodies_mm = [inflated_diameter_mm(width) / scale for width in design.build.widths_mm]
     starts_mm = [(start.pose.x_mm, start.pose.y_mm) for start in world.starts]
+    # Most corridors of a map that are checked for the widest branch, narrowest first.
+    most_corridors = 50
     return MapCorridors(
         name=name or world.name,
         corridors=tuple(
@@ -75,7 +74,7 @@ def corridors_in(
                 y_mm=passage.middle_mm[1],
                 dead_end_mm=scale * passage.dead_end_mm,
             )
-            for passage in narrow_passages(free, MOST_CORRIDORS, bodies_mm, starts_mm)
+            for passage in narrow_passages(free, most_corridors, bodies_mm, starts_mm)
         ),
     )
 

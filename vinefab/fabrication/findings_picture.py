@@ -456,7 +456,6 @@ MOST_MARKED = 60
 
 _TEXT_MM = 5.0
 _SIGN_MM = 4.0
-_LINE_MM = 9.0
 _LEADER_MM = (12.0, 20.0, 30.0, 42.0, 56.0, 72.0, 90.0, 110.0)
 _CORNERS = {Severity.ERROR: 0, Severity.WARNING: 3, Severity.INFO: 4}
 """An error's marker is a circle, a warning's a triangle, a note's a square."""
@@ -472,17 +471,18 @@ def annotated_job(job: Job, findings: Sequence[Finding]) -> Job:
         legend.append(f"and {len(open_) - len(chosen)} more that are not drawn")
     wide, high = job.sheet_width_mm, job.sheet_height_mm
     bed = np.array([[0.0, 0.0], [wide, 0.0], [wide, high], [0.0, high]])
-    height_mm = job.sheet_height_mm + _LINE_MM * (len(legend) + 1)
+    line_mm = 9.0
+    height_mm = job.sheet_height_mm + line_mm * (len(legend) + 1)
     doc = [*_markers(job, chosen)]
     doc.append(("bed", Contour.polyline(bed, closed=True)))
     for number, line in enumerate(legend, start=1):  # from the top, above the bed's frame
-        corner = _LINE_MM, height_mm - number * _LINE_MM
+        corner = line_mm, height_mm - number * line_mm
         doc += [(f"legend: {line}", stroke) for stroke in lettered(line, corner, _TEXT_MM)]
     paths = [LaserPath(operation=Operation.DOC, contour=one, label=label) for label, one in doc]
     widest_mm = max((text_width_mm(line, _TEXT_MM) for line in legend), default=0.0)
     return replace(
         job,
-        sheet_width_mm=max(job.sheet_width_mm, widest_mm + 2.0 * _LINE_MM),
+        sheet_width_mm=max(job.sheet_width_mm, widest_mm + 2.0 * line_mm),
         sheet_height_mm=height_mm,
         paths=(*outline, *paths),
     )

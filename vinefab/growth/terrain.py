@@ -27,11 +27,6 @@ least half a grid step away from it. Needle gaps and overlaps that come from rou
 after it, and touching has one meaning everywhere.
 """
 
-SNAP = 1e-9
-"""A start outside by up to this share of the map's size is moved onto the nearest wall."""
-
-WARM_UP_QUERIES = 64
-"""So many queries of prepared polygons build their index (one is not enough for GEOS 3.14)."""
 
 _BUILD_LOCK = RLock()
 """Threads share terrains; no thread may rebuild or drop the terrain that another one builds."""
@@ -61,8 +56,6 @@ FEW_CORNERS = 1_000
 MANY_NOTCHES = 200
 """Fewer cost little, and stay."""
 
-PAIRS_AT_ONCE = 1_000_000
-"""Pairs of walls that are looked at together: about 100 MB."""
 
 WALLS_PER_PIECE = 32
 """Walls that are thickened together: few, because each meets all others that are near it."""
@@ -107,6 +100,8 @@ class Terrain:
 
     def free_space(self, radius_mm: float = 0.0) -> BaseGeometry:
         """Return the free space of the centreline of a body of some radius, as polygons."""
+        # So many queries of prepared polygons build their index (one is not enough for GEOS 3.14).
+        warm_up_queries = 64
         with _BUILD_LOCK:
             self._shrink(radius_mm)
             free = self._free[radius_mm]
@@ -116,7 +111,7 @@ class Terrain:
                     # GEOS builds its indices not here but after some queries within the polygons'
                     # box. Two threads that come first at the same time both build them, and free
                     # each other's memory.
-                    corners = np.resize(shapely.get_coordinates(free), (WARM_UP_QUERIES, 2))
+                    corners = np.resize(shapely.get_coordinates(free), (warm_up_queries, 2))
                     shapely.contains_xy(free, corners)
                     shapely.shortest_line(free, shapely.points(corners))
             return free
@@ -197,7 +192,9 @@ class Terrain:
 
     @property
     def _snap_mm(self) -> float:
-        return SNAP / GRID * self.grid_mm
+        # A start outside by up to this share of the map's size is moved onto the nearest wall.
+        snap = 1e-9
+        return snap / GRID * self.grid_mm
 
     def _snapped(
         self, x_mm: float, y_mm: float, radius_mm: float, within_mm: float
@@ -585,7 +582,8 @@ def _crowded(
     crowded = np.zeros(len(cell), dtype=np.bool_)
     starts = np.flatnonzero(_are_mixed(wall, rings, first, item, near_mm)[cell])
     begin, end = first[cell[starts]], first[cell[starts] + 1]
-    batch = np.cumsum(end - begin) // PAIRS_AT_ONCE
+    pairs_at_once = 1_000_000  # pairs of walls that are looked at together: about 100 MB
+    batch = np.cumsum(end - begin) // pairs_at_once
     for some in np.split(np.arange(len(starts)), np.flatnonzero(np.diff(batch)) + 1):
         owner, listed = _expanded(begin[some], end[some] - 1)
         owner, other = starts[some[owner]], item[listed]

@@ -31,16 +31,10 @@ _EXACT_SHARE = 1e-9
 _PARALLEL_RAD = 1e-6
 """Walls whose directions differ by less are parallel."""
 
-_WIDENING = 1.3
-"""Two narrow places are one passage unless the free space between them widens by this factor."""
-
-_FEW_PIECES = 2.0
-"""The search begins with circles over no more median pieces of wall: few pairs to look at."""
 
 _LEAST_SHARE = 0.1
 """A dead end of at least this share of its free part is not a notch, however wide the body is."""
 
-_PAIRS_AT_ONCE = 2_000_000
 
 _SOME_PAIRS = 5e5
 """For fewer pairs of walls in a round it does not matter how they are found."""
@@ -179,8 +173,10 @@ class _Walls:
         # walls of short pieces are far apart.
         spread_mm = 0.5 * self.size_mm / np.sqrt(len(self.start) + 1.0)
         self.typical_mm = spread_mm
+        # The search begins with circles over no more median pieces of wall: few pairs to look at.
+        few_pieces = 2.0
         if len(self.lines):
-            typical_mm = _FEW_PIECES * float(np.median(shapely.length(self.lines)))
+            typical_mm = few_pieces * float(np.median(shapely.length(self.lines)))
             self.typical_mm = min(spread_mm, typical_mm)
 
     def gaps(self, least_mm: float, most_mm: float) -> list[Floats]:
@@ -343,7 +339,8 @@ class _Walls:
 
     def _near(self, shapes: NDArray[np.object_], reach_mm: float) -> Iterator[tuple[Ints, Ints]]:
         """Yield pairs of a shape and a wall within reach, in batches that bound the memory."""
-        step = max(1, int(_PAIRS_AT_ONCE / max(1.0, self._neighbour_count(reach_mm))))
+        pairs_at_once = 2_000_000
+        step = max(1, int(pairs_at_once / max(1.0, self._neighbour_count(reach_mm))))
         for begin in range(0, len(shapes), step):
             pair = self.tree.query(
                 shapes[begin : begin + step], predicate="dwithin", distance=reach_mm
@@ -420,9 +417,9 @@ def _belongs(walls: _Walls, gaps: _Gaps, number: int, kept: list[int]) -> bool:
     is_open = walls.is_free(way.reshape(-1, 2)).reshape(_SAMPLES, -1).all(axis=0)
     sides = (ends + share[..., None] * (others - ends)).reshape(-1, 2)
     bulge = np.where(walls.is_free(sides), walls.clearance(sides), 0.0)
-    keeps_narrow = (
-        bulge.reshape(_SAMPLES, -1, 2).max(axis=(0, 2)) <= 0.5 * (_WIDENING - 1.0) * width
-    )
+    # Two narrow places are one passage unless the free space between them widens by this factor.
+    widening = 1.3
+    keeps_narrow = bulge.reshape(_SAMPLES, -1, 2).max(axis=(0, 2)) <= 0.5 * (widening - 1.0) * width
     return bool((is_open & keeps_narrow).any())
 
 

@@ -18,7 +18,6 @@ from vinefab.model.start import area_notes, start_pieces
 
 _STREAM = 1201
 _TRIES = 1000
-_RAYS = 72
 _START_SPREAD_RAD = math.radians(30.0)
 
 
@@ -175,7 +174,8 @@ def roomiest_start(free: Polygon, radius: LineString) -> Start:
     """
     x, y = (round(float(value), 3) for value in shapely.get_coordinates(radius)[0])
     clearance_mm = float(shapely.distance(free.boundary, shapely.points(x, y)))
-    angles = np.arange(_RAYS) * 2.0 * math.pi / _RAYS
+    rays = 72
+    angles = np.arange(rays) * 2.0 * math.pi / rays
     points, ring = shapely.get_coordinates(shapely.get_rings(free), return_index=True)
     same = ring[1:] == ring[:-1]
     away = points - np.array([x, y])

@@ -29,21 +29,13 @@ from vinefab.model.tree import BranchTree, branch_tree
 from vinefab.observation.film import SeenFilm
 from vinefab.physics.tube import inflated_radius_mm
 
-SHORT_MM = 3.0
-SHORT_SHARE = 0.03
-"""A branch ended early if it is shorter than planned by more than both of these."""
-
 _TURNS_DEG = (0.0, -1.5, 1.5, -3.0, 3.0, -6.0, 6.0, -10.0, 10.0)
 """Launch headings around the planned one from which a branch's courses are simulated."""
 
-_STOPS_DEG = (0.0, 5.0, 15.0, 90.0)
-"""Head-on half-angles of these courses: from sliding everywhere to stopping at the first wall."""
 
 BLUR_MM = 1.2
 """Film so near to a tube may be its blurred edge."""
 
-LEAST_LENGTH_MM = 2.0
-"""Shorter stumps of branches cannot be told from their parents' ends."""
 
 _GAP_MM = 3.0
 """Shorter stretches without film do not end a branch."""
@@ -52,8 +44,6 @@ _KINK_MM, _BEND_MM, _KINK_DEG = 1.5, 0.2, 12.0
 """Each kink of a course counts as so many millimetres of its film less, so that kinks need a
 reason; corners of a smooth bend, of fewer degrees, cost hardly anything: real branches bend."""
 
-_REASON_MM = 3.0
-"""An end that the model explains, at full length or at a wall, counts as so much film more."""
 
 _UNSEEN, _UNSEEN_LEAF = 0.03, 0.15
 """Area of a course where film cannot be seen counts as this share of it being floor. Children that
@@ -62,16 +52,8 @@ are seen farther on speak for a parent that is not, and they come later."""
 _COVERED = 0.03
 """Area of a course that others cover counts as this share of it being floor."""
 
-_MOST_TURN_MM = 40.0
-"""A run of film in another direction than planned counts as at most so much film less."""
-
-_STEEP_STOP_MM = 15.0
-"""A stop at a wall met outside of the contact range counts as so much film less."""
 
 _ROUNDS = 4
-
-_PAIRED = 12
-"""So many courses of each of two siblings are tried together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -271,7 +253,8 @@ class _Tracing:
     def _best_few(self, courses: list[_Course]) -> list[_Course]:
         """Return the courses that cover most film if no other branch did."""
         alone = {id(c): float(self.coarse.value[c.cells].sum()) + c.worth for c in courses}
-        return sorted(courses, key=lambda course: -alone[id(course)])[:_PAIRED]
+        paired = 12  # so many courses of each of two siblings are tried together
+        return sorted(courses, key=lambda course: -alone[id(course)])[:paired]
 
     def _worth_of(self, pair: tuple[_Course, _Course], cover: NDArray[np.int64]) -> float:
         """Return the joint gain of two courses, given all others."""
@@ -302,24 +285,31 @@ class _Tracing:
         base, heading = launched
         radius, length = self.radius_mm[branch], float(self.tree.length_mm[branch])
         found: list[_Course] = []
+        # A stop at a wall met outside of the contact range counts as so much film less.
+        steep_stop_mm = 15.0
+        # Head-on half-angles of these courses: from sliding everywhere to stopping at the first
+        # wall.
+        stops_deg = (0.0, 5.0, 15.0, 90.0)
         for turn in _TURNS_DEG:
             known: set[bytes] = set()
-            for half_angle in _STOPS_DEG:
+            for half_angle in stops_deg:
                 chain = self._simulated(base, heading + rad(turn), rad(half_angle), branch)
                 if chain.tobytes() not in known:
                     # Small turns are the uncertainty of the parent's heading.
                     cost = 0.15 * radius * abs(turn)
                     if half_angle > CONTACT_ANGLES_DEG[-1]:
-                        cost += 2.0 * radius * _STEEP_STOP_MM
+                        cost += 2.0 * radius * steep_stop_mm
                     self._propose(found, branch, chain, cost)
                 known.add(chain.tobytes())
+        # A run of film in another direction than planned counts as at most so much film less.
+        most_turn_mm = 40.0
         for chain in _runs(self.film, base, heading, radius, length):
             begin = _cut(chain, 4.0 * radius)
             way = begin[-1] - begin[0]
             turn = deg(float(np.arctan2(way[1], way[0]))) - deg(heading)
             turn = abs((turn + 180.0) % 360.0 - 180.0)
             # Joints are some degrees off; more than that is another branch, or a wall's work.
-            cost = 2.0 + min(_MOST_TURN_MM * 2.0, 0.15 * turn + 0.03 * turn**2)
+            cost = 2.0 + min(most_turn_mm * 2.0, 0.15 * turn + 0.03 * turn**2)
             self._propose(found, branch, chain, cost * radius)
         return found
 
@@ -330,12 +320,15 @@ class _Tracing:
         radius, planned = self.radius_mm[branch], float(self.tree.length_mm[branch])
         chain = _simplified(chain, 0.4)
         line = LineString(chain)
-        if line.length < LEAST_LENGTH_MM:
+        least_length_mm = 2.0  # shorter stumps of branches cannot be told from their parents' ends
+        if line.length < least_length_mm:
             return
         is_leaf = not (self.tree.parent == branch).any()
         reached = _film_along(self.film, chain, radius)
+        # An end that the model explains, at full length or at a wall, counts as so much film more.
+        reason_mm = 3.0
         for length in {line.length, min(line.length, reached)}:
-            if length < LEAST_LENGTH_MM:
+            if length < least_length_mm:
                 continue
             part = _cut(chain, length)
             cells = self.coarse.tube(self.film, part, radius)
@@ -349,7 +342,7 @@ class _Tracing:
             worth -= (_UNSEEN_LEAF if is_leaf else _UNSEEN) * unseen
             if length == line.length:
                 # It ends where the model says why: at its length, or at a wall.
-                worth += 2.0 * radius * _REASON_MM
+                worth += 2.0 * radius * reason_mm
             early = is_early(length, planned)
             around = self.coarse.tube(self.film, part, radius + BLUR_MM)
             found.append(_Course(part, cells, around, worth, early))
@@ -376,7 +369,10 @@ class _Tracing:
 
 def is_early(length_mm: float, planned_mm: float) -> bool:
     """Tell whether a branch of some length ended before its planned length."""
-    return planned_mm - length_mm > max(SHORT_MM, SHORT_SHARE * planned_mm)
+    # A branch ended early if it is shorter than planned by more than both of these.
+    short_share = 0.03
+    short_mm = 3.0
+    return planned_mm - length_mm > max(short_mm, short_share * planned_mm)
 
 
 # --- A coarse raster, on which courses are compared -----------------------------------------------
@@ -539,7 +535,6 @@ def _runs(
     return done[:24]
 
 
-_STRIDE_MM = 2.0
 _TURN_BY_OFF, _MOST_TURN = 0.06, 0.06
 """In radians for each millimetre off the film's middle, and at most, in each stride."""
 
@@ -557,15 +552,16 @@ def _followed(
     angle = np.array([way for _, way in begun])
     left = np.array([length - _length(chain) for chain, _ in begun])
     runs = [[point] for point in place]
-    gap, alive = np.zeros(len(begun)), left > _STRIDE_MM
+    stride_mm = 2.0
+    gap, alive = np.zeros(len(begun)), left > stride_mm
     out = np.arange(-1.9 * radius, 1.9 * radius + 0.25, 0.5)
     middle = len(out) // 2
-    for stride in range(int(left.max() / _STRIDE_MM) + 1):
+    for stride in range(int(left.max() / stride_mm) + 1):
         if not alive.any():
             break
         way = np.column_stack([np.cos(angle), np.sin(angle)])
         side = np.column_stack([-way[:, 1], way[:, 0]])
-        step = np.minimum(_STRIDE_MM, left - stride * _STRIDE_MM).clip(0.0)
+        step = np.minimum(stride_mm, left - stride * stride_mm).clip(0.0)
         ahead = place + step[:, None] * way
         across = (ahead[:, None, :] + out[None, :, None] * side[:, None, :]).reshape(-1, 2)
         seen = film.at(across, radius).reshape(len(begun), -1) > 0.5
@@ -575,11 +571,11 @@ def _followed(
         width = 0.5 * (high + low)
         is_tube = (width > 1.1 * radius) & (width < 2.7 * radius) & seen[:, middle]
         off = np.where(is_tube, 0.25 * (high - low), 0.0)
-        first = stride * _STRIDE_MM < radius  # the base lies within the parent's film
+        first = stride * stride_mm < radius  # the base lies within the parent's film
         off = np.where(first, 0.0, off)
         place = ahead + np.clip(0.5 * off, -1.0, 1.0)[:, None] * side
         angle = angle + np.clip(_TURN_BY_OFF * off, -_MOST_TURN, _MOST_TURN)
-        gap = np.where(gone & ~first, gap + _STRIDE_MM, 0.0)
+        gap = np.where(gone & ~first, gap + stride_mm, 0.0)
         alive &= (step > 0.0) & (gap <= _GAP_MM)
         for run, point, going in zip(runs, place, alive.tolist(), strict=True):
             if going:

@@ -173,7 +173,6 @@ def _log_likelihood(
     return table
 
 
-LARGEST_OBSERVATION_BYTES = 1 << 26
 MOST_CONTACTS = 10_000
 MOST_TRACED = 200_000
 """Points of one traced branch."""
@@ -269,11 +268,12 @@ def read_observations(paths: Sequence[Path]) -> tuple[ObservedPhoto, ...]:
     if not paths:
         raise UnfitInputError("observations", "are missing", "give JSON files of vinefab observe")
     texts: dict[str, Path] = {}
+    largest_observation_bytes = 1 << 26
     for path in paths:
         if path.suffix.lower() in _NO_OBSERVATIONS:
             remedy = "give the JSON of one: vinefab observe PHOTO ... --json one.json"
             raise UnfitInputError("observations", f"{path.name} is not an observation", remedy)
-        text = read_text(path, LARGEST_OBSERVATION_BYTES)
+        text = read_text(path, largest_observation_bytes)
         if text in texts:
             raise UnfitInputError(
                 str(path), f"is the same as {texts[text]}", "give each observation once"
@@ -384,15 +384,6 @@ SHAPE_ANGLES_DEG = tuple(np.arange(0.0, 45.01, SHAPE_STEP_DEG).tolist())
 
 SHAPE_ERRORS_MM = tuple(np.geomspace(2.0, 64.0, 11).tolist())
 """Errors of shapes that are tried: at least what tracing leaves [assumed]."""
-
-TAILS = 3.0
-"""Degrees of freedom of the distribution of shape errors [assumed]: outliers are expected."""
-
-COMPARED = 64
-"""Places along a branch at which two shapes are compared."""
-
-FEWEST_RATIOS = 3
-"""So many contacts give a ratio of widths."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -590,12 +581,10 @@ def _few(photos: int) -> str:
 # --- The half-angle from contacts -----------------------------------------------------------------
 
 
-_STEEP_DEG = 89.0
-"""Tangents end here: no friction is measured by a tip that stops at every angle."""
-
-
 def _tangent(angle_deg: float) -> float:
-    return round(math.tan(rad(min(angle_deg, _STEEP_DEG))), 4)
+    # Tangents end here: no friction is measured by a tip that stops at every angle.
+    steep_deg = 89.0
+    return round(math.tan(rad(min(angle_deg, steep_deg))), 4)
 
 
 def _threshold_notes(
@@ -637,11 +626,13 @@ def _shape_fit(photos: Sequence[ObservedPhoto], width_ratio: float) -> ShapeFit 
     # Children follow their parents: the branches of a photo count as one observation together.
     weight = np.concatenate([np.full(len(table), 1.0 / len(table)) for table in known])
     likely = np.full(len(SHAPE_ANGLES_DEG), -np.inf)
+    # Degrees of freedom of the distribution of shape errors [assumed]: outliers are expected.
+    tails = 3.0
     for error_mm in SHAPE_ERRORS_MM:
         # A t distribution of two coordinates: a branch that went another way for a different
         # reason is an outlier, and does not decide alone.
-        far = np.log1p(squared / (TAILS * error_mm**2))
-        log = -weight @ (0.5 * (TAILS + 2.0) * far + 2.0 * math.log(error_mm))
+        far = np.log1p(squared / (tails * error_mm**2))
+        log = -weight @ (0.5 * (tails + 2.0) * far + 2.0 * math.log(error_mm))
         likely = np.maximum(likely, log)
     fall = 2.0 * (likely.max() - likely)
     angles = np.array(SHAPE_ANGLES_DEG)
@@ -693,7 +684,8 @@ def _mean_square_mm2(one_mm: Floats, other_mm: Floats) -> float:
     ways = [
         np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(chain, axis=0).T))]) for chain in chains
     ]
-    along = np.linspace(0.0, max(float(way[-1]) for way in ways), COMPARED)
+    compared = 64  # places along a branch at which two shapes are compared
+    along = np.linspace(0.0, max(float(way[-1]) for way in ways), compared)
     one, other = (
         np.column_stack([np.interp(along, way, chain[:, axis]) for axis in (0, 1)])
         for way, chain in zip(ways, chains, strict=True)
@@ -710,9 +702,10 @@ def _over_photos(
     """Return the ratio of widths with its t interval over photos, and notes about it."""
     each = [np.array(some) for some in values if len(some)]
     count = sum(len(some) for some in each)
-    if count < FEWEST_RATIOS:
+    fewest_ratios = 3  # so many contacts give a ratio of widths
+    if count < fewest_ratios:
         few = f"{counted(count, 'contact')} with a distance from a wall: too few for a body width"
-        return None, [f"{few} (from {FEWEST_RATIOS} on)"]
+        return None, [f"{few} (from {fewest_ratios} on)"]
     notes, units = list[str](), np.array([float(np.median(some)) for some in each])
     if len(units) == 1:
         units = each[0]

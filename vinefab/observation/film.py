@@ -20,19 +20,9 @@ from vinefab.photos.photo import PhotoCamera, PlanView
 
 FilmColour = tuple[int, int, int]
 
-LEAST_HUE_STEP = 0.05
-"""Film and floor differ in hue if they are so far apart (grain and JPEG make about 0.01)."""
-
-LEAST_LIGHT_SHARE = 0.12
-"""Film of the floor's hue is lighter or darker than the floor by at least this share."""
 
 LEAST_FILM_SHARE = 0.0005
 """Least share of the free space that film covers, or none was found."""
-
-HIDDEN_CELL_MM = 1.0
-
-HIGHLIGHT_MM2 = 60.0
-"""Largest hole in film that is taken for gloss."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -86,13 +76,14 @@ class SeenFilm:
         """Return the mask of points at a height that obstacles hide from the camera, (n,)."""
         if self.sight.camera is None or self.sight.obstacle_mm <= z_mm:
             return np.zeros(len(points_mm), dtype=np.bool_)
-        times = max(1, round(HIDDEN_CELL_MM / self.view.mm_per_pixel))
+        hidden_cell_mm = 1.0
+        times = max(1, round(hidden_cell_mm / self.view.mm_per_pixel))
         if z_mm not in self._hidden:  # cells of about 1 mm
             rows, columns = (size // times + 1 for size in self.solid.shape)
             x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
             points = self.view.to_map(times * np.column_stack([x.ravel(), y.ravel()]))
             top = self.moved(points, z_mm, self.sight.obstacle_mm)
-            steps = int(np.hypot(*(top - points).T).max() / HIDDEN_CELL_MM) + 1
+            steps = int(np.hypot(*(top - points).T).max() / hidden_cell_mm) + 1
             hidden = np.zeros(len(points), dtype=np.bool_)
             for share in np.arange(1, steps + 1) / steps:  # sight lines are straight
                 hidden |= self.is_solid(points + share * (top - points))
@@ -144,6 +135,8 @@ def found_film(
     block = np.median(hue[core], axis=0) if core.any() else None
     film, how = _film_hue(hue, floor, inner, block, _strip(view, pose, widths_mm[0]), colour)
     cautions: tuple[str, ...] = ()
+    # Film of the floor's hue is lighter or darker than the floor by at least this share.
+    least_light_share = 0.12
     if film is not None:
         # The place of each pixel between the floor's hue and the film's.
         way = film - floor
@@ -157,7 +150,7 @@ def found_film(
         strip, how = _strip(view, pose, widths_mm[0]), "by lightness at the base"
         ratio = light / float(np.median(light[inner])) - 1.0
         at_base = float(np.median(ratio[strip])) if strip.any() else 0.0
-        if abs(at_base) < LEAST_LIGHT_SHARE:
+        if abs(at_base) < least_light_share:
             problem = "nothing at the base differs from the floor"
             remedy = (
                 "take a photo with a robot on it, or give its film's colour (--film-colour R,G,B)"
@@ -225,16 +218,14 @@ _TO_LAB = np.array(
 )
 """OKLab (Ottosson 2020): linear sRGB to cones, cube roots of cones to L, a, b."""
 
-_BLACK = 0.004
-"""Added to light: below it a camera's colours are noise."""
-
 
 def _light_and_hue(pixels: NDArray[np.uint8]) -> tuple[Floats, Floats]:
     """Return L of OKLab, shape (rows, columns), and a / L and b / L, (rows, columns, 2)."""
     level = np.arange(256) / 255.0
     linear = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4)
     light = linear[pixels].astype(np.float32)
-    light = scipy.ndimage.gaussian_filter(light, (0.7, 0.7, 0.0)) + np.float32(_BLACK)
+    black = 0.004  # added to light: below it a camera's colours are noise
+    light = scipy.ndimage.gaussian_filter(light, (0.7, 0.7, 0.0)) + np.float32(black)
     lab = np.cbrt(light @ _TO_CONES.T.astype(np.float32)) @ _TO_LAB.T.astype(np.float32)
     return lab[..., 0], lab[..., 1:] / lab[..., :1]
 
@@ -267,18 +258,20 @@ def _film_hue(
     colour: FilmColour | None,
 ) -> tuple[Floats | None, str]:
     """Return the film's hue and how it is known; None where film has the floor's hue."""
+    # Film and floor differ in hue if they are so far apart (grain and JPEG make about 0.01).
+    least_hue_step = 0.05
     if colour is not None:
         given = _light_and_hue(np.full((1, 1, 3), colour, dtype=np.uint8))[1][0, 0]
-        if np.hypot(*(given - floor)) < LEAST_HUE_STEP:
+        if np.hypot(*(given - floor)) < least_hue_step:
             return None, "by lightness"
         near = inner & (np.hypot(*np.moveaxis(hue - given, -1, 0)) < np.hypot(*(given - floor)) / 2)
         return (np.median(hue[near], axis=0) if near.any() else given), "by the colour given"
     if strip.any():
         at_base = np.median(hue[strip], axis=0)
-        if np.hypot(*(at_base - floor)) >= LEAST_HUE_STEP:
+        if np.hypot(*(at_base - floor)) >= least_hue_step:
             return at_base, "by the colour at the base"
-    other = inner & (np.hypot(*np.moveaxis(hue - floor, -1, 0)) >= LEAST_HUE_STEP)
-    if block is not None and np.hypot(*(block - floor)) >= LEAST_HUE_STEP:
+    other = inner & (np.hypot(*np.moveaxis(hue - floor, -1, 0)) >= least_hue_step)
+    if block is not None and np.hypot(*(block - floor)) >= least_hue_step:
         off_floor = np.hypot(*np.moveaxis(hue - floor, -1, 0))
         other &= np.hypot(*np.moveaxis(hue - block, -1, 0)) > 0.5 * off_floor
     if other.mean() < LEAST_FILM_SHARE:
@@ -293,7 +286,8 @@ def _without_gloss(share: Floats, mm_per_pixel: float) -> Floats:
     if count == 0:
         return share
     areas = scipy.ndimage.sum_labels(np.ones_like(share), holes, np.arange(1, count + 1))
-    small = np.flatnonzero(areas * mm_per_pixel**2 <= HIGHLIGHT_MM2) + 1
+    highlight_mm2 = 60.0  # largest hole in film that is taken for gloss
+    small = np.flatnonzero(areas * mm_per_pixel**2 <= highlight_mm2) + 1
     return np.where(np.isin(holes, small), 1.0, share)
 
 

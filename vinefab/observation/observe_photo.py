@@ -65,7 +65,6 @@ from vinefab.photos.photo import ControlPoints, Photo, PhotoCamera, fit_camera, 
 from vinefab.physics.tube import inflated_diameter_mm, inflated_radius_mm
 
 _MOST_OUTLINE_BYTES = 1 << 26
-_FLAT_PX = 0.2
 _SHAPES = ("path", "polygon", "polyline", "rect", "circle", "ellipse")
 _NOT_DRAWN = ("defs", "metadata", "namedview", "image", "clipPath", "mask", "symbol", "style")
 
@@ -200,33 +199,17 @@ def _svg_areas(path: Path) -> Iterator[Polygon]:
     """Yield the areas of an SVG file, in its user units: pixels of the photo under it."""
     identity = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     waiting: list[tuple[Node, Floats]] = [(read_nodes(path), identity)]
+    flat_px = 0.2
     while waiting:
         node, outer = waiting.pop()
         if node.tag in _NOT_DRAWN:
             continue
         frame = after(outer, transform(node))
         for run in svg_outlines(node) if node.tag in _SHAPES else ():
-            ring = np.vstack([piece.flat(_FLAT_PX) for piece in run.pieces])
+            ring = np.vstack([piece.flat(flat_px) for piece in run.pieces])
             if len(ring) > 2:
                 yield Polygon(ring @ frame[:, :2].T + frame[:, 2])
         waiting += [(child, frame) for child in node.children]
-
-
-MM_PER_PIXEL = 0.5
-"""Of the plan that film is looked for on; edges are found to a tenth of that."""
-
-MOST_PLAN_PIXELS = 4_000_000
-"""Larger maps get a coarser plan."""
-
-AROUND_BOUNDS_MM = 10.0
-"""Of the plan around the bounds."""
-
-MOST_OFF_SIDE = 0.05
-"""Root mean square distance of markers' corners from where they should be, over a marker's side, up
-to which a photo is read: a lens that bends straight lines by 5 % makes half of it."""
-
-LEAST_PARALLAX_MM = 0.5
-"""Less is not worth a caution."""
 
 
 _ENDINGS = {
@@ -655,14 +638,17 @@ def observe_photo(  # noqa: PLR0913
     widths = design.build.widths_mm
     plane = inflated_radius_mm(widths[0])
     left, low, right, top = world.bounds.bounds
+    around_bounds_mm = 10.0  # of the plan around the bounds
     area = (
-        left - AROUND_BOUNDS_MM,
-        low - AROUND_BOUNDS_MM,
-        right + AROUND_BOUNDS_MM,
-        top + AROUND_BOUNDS_MM,
+        left - around_bounds_mm,
+        low - around_bounds_mm,
+        right + around_bounds_mm,
+        top + around_bounds_mm,
     )
     size = (area[2] - area[0]) * (area[3] - area[1])
-    step = max(MM_PER_PIXEL, float(np.sqrt(size / MOST_PLAN_PIXELS)))
+    most_plan_pixels = 4_000_000  # larger maps get a coarser plan
+    mm_per_pixel = 0.5  # of the plan that film is looked for on; edges are found to a tenth of that
+    step = max(mm_per_pixel, float(np.sqrt(size / most_plan_pixels)))
     view = rectified(photo, camera, area, plane_mm=plane, mm_per_pixel=step)
     knows_heights = camera.focal_px is not None
     sight = Sight(
@@ -720,7 +706,10 @@ def _camera(
     control = marker_points(photo, markers)
     spread, camera = marker_spread(control), fit_camera(photo, control)
     side_mm = float(np.hypot(*(control.points_mm[1] - control.points_mm[0])))
-    if spread.is_wrong_layout or camera.residual_mm > MOST_OFF_SIDE * side_mm:
+    # Root mean square distance of markers' corners from where they should be, over a marker's side,
+    # up to which a photo is read: a lens that bends straight lines by 5 % makes half of it.
+    most_off_side = 0.05
+    if spread.is_wrong_layout or camera.residual_mm > most_off_side * side_mm:
         x_mm, y_mm = spread.out_mm
         if not spread.is_wrong_layout:
             where = f"{camera.residual_mm:.1f} mm off (measured)"
@@ -762,12 +751,13 @@ def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list
         )
     radii = [inflated_radius_mm(width) for width in seen.design.build.widths_mm]
     away = camera.parallax_mm_per_mm * max(abs(seen.film.sight.plane_mm - camera.z_mm), *radii)
-    if camera.focal_px is None and away > LEAST_PARALLAX_MM:
+    least_parallax_mm = 0.5  # less is not worth a caution
+    if camera.focal_px is None and away > least_parallax_mm:
         found.append(
             "the camera's focal length is not known: what lies higher or lower than the points "
             f"that the photo was rectified by may be up to {away:.1f} mm off"
         )
-    if camera.focal_px is not None and away > LEAST_PARALLAX_MM:
+    if camera.focal_px is not None and away > least_parallax_mm:
         found.append(f"the camera's place leaves {away:.1f} mm of parallax (95 %)")
     why: dict[str, list[str]] = {}
     for branch in branches:
@@ -784,7 +774,6 @@ def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list
 _TRUNK, _CHILD = (0.1, 0.7), (0.5, 0.92)
 """Stretch of a line that counts: away from the joint, where film is wider than a tube, and tip."""
 
-_LEAST_POINTS = 3
 
 _EDGE_POINTS, _EDGE_STEPS = 40, 81
 """Places along an edge, and points across it at each."""
@@ -890,7 +879,8 @@ def _outer_heading_rad(
 def _heading_rad(line_mm: Floats, stretch: tuple[float, float]) -> float:
     """Return the direction of the straight line through a stretch of a centre line."""
     first, last = (round(share * len(line_mm)) for share in stretch)
-    if last - first < _LEAST_POINTS:
+    least_points = 3
+    if last - first < least_points:
         raise UnfitInputError("film", "a branch is not seen", "take a photo of the whole coupon")
     points = line_mm[first:last]
     along = np.linalg.svd(points - points.mean(axis=0))[2][0]

@@ -49,14 +49,10 @@ _LONGEST_PX = 640
 FOOT_PX = 58
 """Height of the text and the legend below it."""
 
-LEAST_WIDTH_PX = 460
-"""Width of the text and the legend."""
 
 FRAME_S = 0.09
 HOLD_S = 1.8
 """Duration of each frame, and of the last one before the animation begins anew."""
-
-_HALF_BAND = 0.004  # of a line that poses are drawn from, as a share of the longer side
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -142,18 +138,20 @@ class Scene:
         seen = last.stop[last.deployed].tolist()
         # The ranges of starts as areas: a line becomes a thin band.
         shapes: list[BaseGeometry] = []
+        half_band = 0.004  # of a line that poses are drawn from, as a share of the longer side
         for mark in start_marks(world, box):
             shapes += [mark.fan] if mark.fan is not None else []
             shapes += [
                 piece
                 if isinstance(piece, Polygon)
-                else piece.buffer(_HALF_BAND * longer_mm(box), cap_style="flat")
+                else piece.buffer(half_band * longer_mm(box), cap_style="flat")
                 for piece in mark.free
             ]
         window = shapely.box(*box)
+        least_width_px = 460  # width of the text and the legend
         return cls(
             stage=stage,
-            width_px=max(stage.width_px, LEAST_WIDTH_PX),
+            width_px=max(stage.width_px, least_width_px),
             rock=stage.rings(rock_in(world, box)),
             bounds=stage.rings([bounds_in(world, box)]),
             starts=stage.rings(shapely.intersection(shape, window) for shape in shapes),
@@ -407,10 +405,6 @@ def _path(points: Floats) -> str:
 SHARPNESS = 2
 """Frames are drawn so many times larger and then reduced: smooth edges."""
 
-COLOURS = 96
-NEAR_TWIN = 10
-BODY_SHADE = 0.35
-
 
 def gif_animation(
     world: Map, frames: Sequence[DeploymentFrame], widths_mm: tuple[float, ...]
@@ -425,16 +419,18 @@ def gif_animation(
     scene = Scene.of(world, frames, widths_mm)
     painter = _Painter(scene)
     pictures = [painter.picture(frame) for frame in frames]
+    colours = 96
     # One table of colours for all frames: what stands still then keeps its very pixels, and only
     # the box around what moves has to be stored. Colours that mean something stay as they are.
-    table = pictures[-1].quantize(COLOURS, method=Image.Quantize.MEDIANCUT)
+    table = pictures[-1].quantize(colours, method=Image.Quantize.MEDIANCUT)
     entries = np.array(table.getpalette()).reshape(-1, 3)
     lines = [level_colour(level) for level in scene.levels]
     exact = ["#ffffff", ROCK, ROCK_EDGE, INK, SOFT, START_SHADE, *map(_shade, lines), *lines]
+    near_twin = 10
     for colour in (np.array(ImageColor.getrgb(name)) for name in exact):
         away = ((entries - colour) ** 2).sum(axis=1)
         # Near twins go, or plain white ground could be stored as almost white.
-        entries[(away == away.min()) | (away < NEAR_TWIN**2)] = colour
+        entries[(away == away.min()) | (away < near_twin**2)] = colour
     table.putpalette(entries.ravel().tolist())
     flat = [picture.quantize(palette=table, dither=Image.Dither.NONE) for picture in pictures]
     stream = io.BytesIO()
@@ -588,7 +584,8 @@ def _mark(draw: ImageDraw.ImageDraw, stop: Stop, tip: Floats, scale: int) -> Non
 
 def _shade(colour: str) -> str:
     """Return a colour thinned with white."""
-    thin = [round(255 - BODY_SHADE * (255 - part)) for part in ImageColor.getrgb(colour)[:3]]
+    body_shade = 0.35
+    thin = [round(255 - body_shade * (255 - part)) for part in ImageColor.getrgb(colour)[:3]]
     return "#" + "".join(f"{part:02x}" for part in thin)
 
 

@@ -135,15 +135,13 @@ def _marks(marks: Marks) -> str:
     return f"<g{_painted(marks.ink)}>{body}</g>"
 
 
-_SHARPNESS = 3
-"""Pages are drawn so many times larger and then reduced: smooth edges."""
-
 _Place = tuple[float, float]
 
 
 def page_png(page: Page, dpi: int = 150) -> bytes:
     """Return a page as a PNG file."""
-    painter = _Painter(page, _SHARPNESS * dpi / 72.0)
+    sharpness = 3  # pages are drawn so many times larger and then reduced: smooth edges
+    painter = _Painter(page, sharpness * dpi / 72.0)
     for layer in page.layers:
         # Only the part of a layer within its window is kept.
         around = painter.around(layer.window) if layer.window else []
@@ -154,7 +152,7 @@ def page_png(page: Page, dpi: int = 150) -> bytes:
     info = PngInfo()
     info.add_text("Software", ROOMY_GENERATOR)
     stream = io.BytesIO()
-    small = painter.image.reduce(_SHARPNESS)
+    small = painter.image.reduce(sharpness)
     small.save(stream, format="PNG", pnginfo=info, dpi=(dpi, dpi))
     return stream.getvalue()
 

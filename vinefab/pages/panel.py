@@ -521,11 +521,12 @@ class Panel:
                 (self.box[1] - self.box[3]) / self.height_pt,
             ]
         )
+        leader_pt = 9.0  # from this gap on a line leads to the label
         for place, offset, size, text, colour in zip(
             here, middles - at, sizes, words, colours, strict=True
         ):
             gap = float(np.hypot(*np.maximum(np.abs(offset) - size / 2.0, 0.0)))
-            if gap > LEADER_PT:
+            if gap > leader_pt:
                 towards = offset / np.hypot(*offset)
                 ends = [place + mm_per_pt * towards * mark_pt, place + mm_per_pt * offset]
                 self.line(ends, Ink(line=SOFT, width_pt=0.5), rank=8.9)
@@ -542,10 +543,6 @@ class Panel:
         low, high = sorted((self.box[axis], self.box[axis + 2]))
         room_pt = self.height_pt / 28.0 if axis else self.width_pt / 48.0
         return round_ticks(low, high, max(2.0, min(9.0, room_pt)))
-
-
-LEADER_PT = 9.0
-"""From this gap on a line leads to the label."""
 
 
 def round_ticks(low: float, high: float, most: float) -> list[tuple[float, str]]:
@@ -594,7 +591,6 @@ def plan_panel(box_mm: Box, longest_pt: float = 468.0) -> Panel:
 
 # --- Pages ----------------------------------------------------------------------------------------
 
-_PAD = 6.0
 _BAR_PT, _BAR_GAP_PT = 9.0, 10.0
 
 
@@ -675,12 +671,13 @@ def page_of_rows(
     left = [max(m[column][0] for m in around if column < len(m)) for column in range(columns)]
     right = [max(margins[2] for _, margins in column) for column in counted]
     wide = [max(panel.width_pt for panel, _ in column) for column in counted]
-    begin = [_PAD + sum(left[:c]) + sum(wide[:c]) + sum(right[:c]) for c in range(columns)]
-    width_pt = begin[-1] + left[-1] + wide[-1] + right[-1] + _PAD
+    pad = 6.0
+    begin = [pad + sum(left[:c]) + sum(wide[:c]) + sum(right[:c]) for c in range(columns)]
+    width_pt = begin[-1] + left[-1] + wide[-1] + right[-1] + pad
     for row, margins in zip(rows, around, strict=True):
         last = len(row) - 1
         width_pt = max(width_pt, begin[last] + left[last] + row[last].width_pt + margins[last][2])
-    layers, top_pt = list[Layer](), _PAD
+    layers, top_pt = list[Layer](), pad
     for row, margins in zip(rows, around, strict=True):
         head = max(margin[1] for margin in margins)
         feet = [0.0]
@@ -695,11 +692,11 @@ def page_of_rows(
                 layers.append(Layer(primitives=entries))
                 foot += high + 4.0
             feet.append(head + panel.height_pt + foot)
-        top_pt += max(feet) + _PAD
+        top_pt += max(feet) + pad
     if legend:
-        entries, high = _legend(legend, (_PAD, width_pt - _PAD), top_pt)
+        entries, high = _legend(legend, (pad, width_pt - pad), top_pt)
         layers.append(Layer(primitives=entries))
-        top_pt += high + _PAD
+        top_pt += high + pad
     every = [panel for row in rows for panel in row]
     return Page(width_pt=width_pt, height_pt=top_pt, layers=layers, panels=every)
 

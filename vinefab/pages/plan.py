@@ -61,13 +61,6 @@ UNSEEN_DETAIL = 4e-4
 FAN = 0.1
 """Reach of the sector of headings at a start, as a share of a picture's longer side."""
 
-_FAN_POINTS = 33
-
-
-LEAST_SEEN = 0.3
-"""Share of the map's longer side that is shown at least, if the robot was planned that long: walls
-show the cause of a stub."""
-
 
 def robot_view(world: Map, deployment: Deployment) -> Box:
     """Return the box to draw: the whole map, or the robot's surroundings on a much larger map."""
@@ -80,7 +73,10 @@ def robot_view(world: Map, deployment: Deployment) -> Box:
         return whole
     middle, half = (low + high) / 2.0, (high - low) / 2.0 + 0.25 * side_mm
     planned_mm = float((deployment.base_mm + deployment.tree.length_mm).max())
-    least_mm = min(LEAST_SEEN * max(world.size_mm), planned_mm)
+    # Share of the map's longer side that is shown at least, if the robot was planned that long:
+    # walls show the cause of a stub.
+    least_seen = 0.3
+    least_mm = min(least_seen * max(world.size_mm), planned_mm)
     half = np.maximum(half, 0.5 * least_mm)
     x_min, y_min = np.maximum(middle - half, whole[:2]).tolist()
     x_max, y_max = np.minimum(middle + half, whole[2:]).tolist()
@@ -168,6 +164,7 @@ class StartMark:
 def start_marks(world: Map, box: Box) -> list[StartMark]:
     """Return the ranges of a map's starts, as they are drawn in a box of it."""
     reach_mm, marks = FAN * longer_mm(box), []
+    fan_points = 33
     for start in world.starts:
         whole, fan = start_range(start), None
         free: tuple[BaseGeometry, ...] = () if whole is None else (whole,)
@@ -177,7 +174,7 @@ def start_marks(world: Map, box: Box) -> list[StartMark]:
                 free = tuple(pieces_on(world, start))
         if start.spread_heading_rad:  # the sector of its headings; a circle for all of them
             pose, spread_rad = start.pose, min(start.spread_heading_rad, math.pi)
-            angles = pose.heading_rad + spread_rad * np.linspace(-1.0, 1.0, _FAN_POINTS)
+            angles = pose.heading_rad + spread_rad * np.linspace(-1.0, 1.0, fan_points)
             x = pose.x_mm + reach_mm * np.cos(angles)
             y = pose.y_mm + reach_mm * np.sin(angles)
             base = [] if spread_rad == math.pi else [(pose.x_mm, pose.y_mm)]
@@ -456,15 +453,13 @@ def outline_plan(
     box = at_least_wide(contour.box_mm)
     panel = plan_panel(box, longest_pt)
     panel.title = title
-    points = contour.flattened_mm(_FINE * longer_mm(box))
+    # Arcs become chords that lie this close to them, as a share of a picture's longer side.
+    fine = 1e-4
+    points = contour.flattened_mm(fine * longer_mm(box))
     if filled:
         panel.add(Shape([points], Ink(fill=ROCK, fill_alpha=0.5), closed=True))
     panel.add(Shape([points], Ink(line=INK), closed=contour.closed))
     return page_of(panel)
-
-
-_FINE = 1e-4
-"""Arcs become chords that lie this close to them, as a share of a picture's longer side."""
 
 
 def draw_thin(panel: Panel, deployments: Sequence[Deployment], ink: Ink, rank: float) -> None:

@@ -52,8 +52,6 @@ _MOST_BRANCHES = 3000
 MOST_OBSTACLES = 10_000
 """A map of more obstacles is drawn as one path: a page could not hold an element for each."""
 
-_MOST_CORNERS = 10_000
-"""A map of more corners is drawn without those that are too fine to be seen."""
 
 _COARSE = 5.0
 """Factor of detail that is too fine to be seen on a drawing without detail."""
@@ -91,7 +89,9 @@ def ground_svg(world: Map, *, detail: bool = True) -> str:
         outside = [part for part in parts if isinstance(part, Polygon)]
     shapes = [world.bounds, *outside, *world.obstacles]
     corners = int(shapely.get_num_coordinates(shapes).sum())
-    if not (detail and apart) or corners > _MOST_CORNERS:
+    # A map of more corners is drawn without those that are too fine to be seen.
+    most_corners = 10_000
+    if not (detail and apart) or corners > most_corners:
         coarse = UNSEEN_DETAIL if detail else _COARSE * UNSEEN_DETAIL
         shapes = shapely.simplify(shapes, coarse * longest_mm).tolist()
     edge, *solid = _rings_paths(shapes)
@@ -375,8 +375,6 @@ def stop_class(stop: Stop) -> str:
 
 # --- Lines and arcs -------------------------------------------------------------------------------
 
-_STRAIGHT_MM = 1e-4
-"""An arc that bulges less than this is written as a line."""
 
 _LONG_BULGE = math.tan(0.5)
 """Of an arc of 2 rad. The centre of a longer one would hang on the last digit of its ends."""
@@ -385,7 +383,8 @@ _LONG_BULGE = math.tan(0.5)
 def _arc(start: tuple[float, float], end: tuple[float, float], bulge: float) -> str:
     (x0, y0), (x1, y1) = start, end
     chord_mm = math.hypot(x1 - x0, y1 - y0)
-    if abs(bulge) * chord_mm < 2.0 * _STRAIGHT_MM:
+    straight_mm = 1e-4  # an arc that bulges less than this is written as a line
+    if abs(bulge) * chord_mm < 2.0 * straight_mm:
         return f"L{_pair(x1, y1)}"
     if abs(bulge) > _LONG_BULGE:
         half = math.tan(math.atan(bulge) / 2.0)

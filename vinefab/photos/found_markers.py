@@ -24,13 +24,6 @@ from vinefab.photos.photo import (
     projected,
 )
 
-FEWEST_MARKERS = 2
-"""Of the four: the corners of two lie far enough apart to hold the plane between all four."""
-
-_LARGEST_SEARCHED = 2400
-"""Pixels of the longer side in which markers are searched; their corners are then found in the
-whole photo."""
-
 
 def _mean_side(corners: Floats) -> float:
     return float(np.hypot(*(corners - np.roll(corners, 1, axis=0)).T).mean())
@@ -79,7 +72,10 @@ def measured_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int,
     # How much light fell on each pixel.
     light = np.round(255.0 * (np.arange(256) / 255.0) ** CAMERA_GAMMA).astype(np.uint8)
     grey = np.asarray(light[stored])
-    times = max(1, -(-max(grey.shape) // _LARGEST_SEARCHED))
+    # Pixels of the longer side in which markers are searched; their corners are then found in the
+    # whole photo.
+    largest_searched = 2400
+    times = max(1, -(-max(grey.shape) // largest_searched))
     small = np.asarray(Image.fromarray(grey).reduce(times)) if times > 1 else grey
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
@@ -98,11 +94,6 @@ def measured_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int,
 
 # --- A marker's picture, fitted to the pixels
 
-_RIM_CELLS = 0.8
-"""Of the white around a marker that is looked at."""
-
-_MOST_FITTED = 1200
-"""Pixels of one marker; of a large one some are left out."""
 
 _MIXING = 0.35, 1.1
 """Least and most exponent of stored light."""
@@ -110,10 +101,6 @@ _MIXING = 0.35, 1.1
 _LEAST_NOISE_PX, _OF_BLUR = 0.05, 0.035
 """Least error of corners, and its share of the blur, whose shape is not known
 [assumed, above what rendered photos show]."""
-
-_CORRELATED = 2.0
-"""What the fit leaves is alike in neighbouring pixels (grain and JPEG): its errors are larger than
-of independent pixels by about this factor [assumed]."""
 
 
 def _fitted(stored: NDArray[np.uint8], rough: Floats, bits: NDArray[np.bool_]) -> FoundMarker:
@@ -124,7 +111,8 @@ def _fitted(stored: NDArray[np.uint8], rough: Floats, bits: NDArray[np.bool_]) -
     The cells inside are moved the other way, so that both together tell size from blur.
     """
     grid = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]) * MARKER_SIDE_CELLS
-    pad = (1.0 + 2.0 * _RIM_CELLS / MARKER_SIDE_CELLS) * (rough - rough.mean(axis=0))
+    rim_cells = 0.8  # of the white around a marker that is looked at
+    pad = (1.0 + 2.0 * rim_cells / MARKER_SIDE_CELLS) * (rough - rough.mean(axis=0))
     box = rough.mean(axis=0) + pad
     rows, columns = stored.shape
     low = np.floor(box.min(axis=0)).astype(int).clip(0)
@@ -133,8 +121,9 @@ def _fitted(stored: NDArray[np.uint8], rough: Floats, bits: NDArray[np.bool_]) -
     pixels = np.column_stack([x.ravel(), y.ravel()])
     seen = stored[low[1] : high[1], low[0] : high[0]].ravel().astype(np.float64)
     cells = projected(inverse(_square_to(rough, grid)), pixels)
-    near = ((cells > -_RIM_CELLS) & (cells < MARKER_SIDE_CELLS + _RIM_CELLS)).all(axis=1)
-    step = max(1, int(near.sum()) // _MOST_FITTED)
+    near = ((cells > -rim_cells) & (cells < MARKER_SIDE_CELLS + rim_cells)).all(axis=1)
+    most_fitted = 1200  # pixels of one marker; of a large one some are left out
+    step = max(1, int(near.sum()) // most_fitted)
     chosen = np.flatnonzero(near)[::step]
     pixels, seen = pixels[chosen], seen[chosen]
     middle, size = rough.mean(axis=0), float(np.ptp(rough, axis=0).max())
@@ -173,7 +162,10 @@ def _fitted(stored: NDArray[np.uint8], rough: Floats, bits: NDArray[np.bool_]) -
     misfit = float(np.sqrt(np.mean(off(fit.x) ** 2)))
     slopes = np.asarray(fit.jac)
     spread = np.linalg.pinv(slopes.T @ slopes, rcond=1e-12)
-    noise = _CORRELATED * misfit * math.sqrt(float(np.diag(spread)[:8].mean()))
+    # What the fit leaves is alike in neighbouring pixels (grain and JPEG): its errors are larger
+    # than of independent pixels by about this factor [assumed].
+    correlated = 2.0
+    noise = correlated * misfit * math.sqrt(float(np.diag(spread)[:8].mean()))
     blur = float(math.exp(fit.x[8]))
     return FoundMarker(
         corners_px=rough + fit.x[:8].reshape(4, 2),
@@ -216,10 +208,12 @@ def marker_points(photo: Photo, markers: Sequence[CornerMarker]) -> ControlPoint
     found = measured_markers(photo)
     seen = [marker for marker in markers if marker.number in found]
     missing = sorted(marker.number for marker in markers if marker.number not in found)
-    if len(seen) < FEWEST_MARKERS:
+    # Of the four: the corners of two lie far enough apart to hold the plane between all four.
+    fewest_markers = 2
+    if len(seen) < fewest_markers:
         numbers = ", ".join(map(str, missing))
         problem = f"{len(seen)} of {len(markers)} are seen (not {numbers})"
-        remedy = f"show {FEWEST_MARKERS} or more whole and sharp, with white around them"
+        remedy = f"show {fewest_markers} or more whole and sharp, with white around them"
         raise UnfitInputError("markers", problem, remedy, photo.name)
     heights = {marker.z_mm for marker in seen}
     if len(heights) > 1:
@@ -233,7 +227,6 @@ def marker_points(photo: Photo, markers: Sequence[CornerMarker]) -> ControlPoint
 
 
 _LEAST_SPREAD_MM, _CLEAR = 0.5, 2.5
-_LENS_EXPLAINED = 0.65
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -269,7 +262,8 @@ class MarkerSpread:
         A lens moves corners along rays from the middle, but hardly makes squares wider across
         them: about half of its effect looks like another distance.
         """
-        return self.is_clear and self.explained > _LENS_EXPLAINED
+        lens_explained = 0.65
+        return self.is_clear and self.explained > lens_explained
 
 
 def marker_spread(control: ControlPoints) -> MarkerSpread:

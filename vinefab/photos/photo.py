@@ -35,7 +35,6 @@ _MOST_BYTES = 1 << 29
 _DEEP_TO_BYTE = 1.0 / 257.0
 _FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 _EXIF, _WIDTH, _HEIGHT, _FOCAL_35 = 0x8769, 0xA002, 0xA003, 0xA405
-_LENSES_35MM_MM = (8.0, 800.0)
 
 
 CAMERA_GAMMA = 2.2
@@ -128,7 +127,8 @@ def _focal_35mm_mm(image: Image.Image) -> float | None:
         focal_35mm_mm = float(exif.get(_FOCAL_35, 0))
     except (OSError, ValueError, SyntaxError, LookupError, TypeError, struct.error):
         return None
-    if not _LENSES_35MM_MM[0] <= focal_35mm_mm <= _LENSES_35MM_MM[1]:
+    lenses_35mm_mm = (8.0, 800.0)
+    if not lenses_35mm_mm[0] <= focal_35mm_mm <= lenses_35mm_mm[1]:
         return None
     # Cropped pictures have another shape than the camera took.
     shape, taken_shape = sorted(image.size), sorted(taken)
@@ -153,16 +153,6 @@ def _rgb(image: Image.Image) -> NDArray[np.uint8]:
 
 LEAST_NOISE_PX = 0.1
 """How well a marker's corner is found at best (assumed)."""
-
-EXIF_FOCAL_SHARE = 0.03
-"""How far, as a share, an EXIF focal length is from the true one (assumed): it is rounded to
-millimetres, and focusing near lengthens it."""
-
-MOST_FOCAL_SHARE = 0.1
-"""A focal length less well known than this is not used."""
-
-WIDEST_35MM_MM = 13.0
-"""Widest lens of usual phones (assumed), for the parallax where the focal length is unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -255,7 +245,8 @@ def fit_camera(photo: Photo, control: ControlPoints) -> PhotoCamera:
     residual = projected(inverse(homography), control.points_px) - control.points_mm
     perspective = len(control.points_px) >= _FEWEST_OF_PERSPECTIVE
     pose = _Pose.of(photo, control, homography) if perspective else None
-    if pose is not None and pose.focal_share > MOST_FOCAL_SHARE:
+    most_focal_share = 0.1  # A focal length less well known than this is not used
+    if pose is not None and pose.focal_share > most_focal_share:
         pose = None
     return PhotoCamera(
         homography=homography,
@@ -368,6 +359,10 @@ class _Pose:
             residual = projected(homography, control.points_mm) - control.points_px
             noise = max(noise, float(np.sqrt((residual**2).sum() / freedom)))
 
+        # How far, as a share, an EXIF focal length is from the true one (assumed): it is rounded to
+        # millimetres, and focusing near lengthens it.
+        exif_focal_share = 0.03
+
         def off(values: Floats) -> Floats:
             axes = rotation.from_rotvec(values[1:4]).as_matrix()
             inside = control.points_mm @ axes[:, :2].T + values[4:7]
@@ -375,7 +370,7 @@ class _Pose:
             apart = (seen - control.points_px).ravel() / noise
             if photo.focal_px is None:
                 return np.asarray(apart)
-            return np.append(apart, (values[0] - np.log(photo.focal_px)) / EXIF_FOCAL_SHARE)
+            return np.append(apart, (values[0] - np.log(photo.focal_px)) / exif_focal_share)
 
         fit = scipy.optimize.least_squares(off, begin, x_scale="jac", method="lm", max_nfev=300)
         # Residuals have a standard deviation of one: that of the focal length's logarithm is one
@@ -411,7 +406,9 @@ def _unknown_slope(photo: Photo, control: ControlPoints, homography: Floats) -> 
     near = projected(homography, below + np.eye(3, 2, -1))
     scale = np.linalg.norm(np.diff(near[:2], axis=0)) + np.linalg.norm(near[2] - near[0])
     diagonal_px = np.hypot(photo.width_px, photo.height_px)
-    height_mm = WIDEST_35MM_MM / _FILM_DIAGONAL_MM * diagonal_px / (scale / 2.0)
+    # Widest lens of usual phones (assumed), for the parallax where the focal length is unknown.
+    widest_35mm_mm = 13.0
+    height_mm = widest_35mm_mm / _FILM_DIAGONAL_MM * diagonal_px / (scale / 2.0)
     return float(apart / height_mm)
 
 

@@ -54,9 +54,6 @@ RIM_MM = 0.6
 WELD_MM = 0.1 * GRID_MM
 """Corners of shells nearer than this are joined: where courses cross, slivers would be left."""
 
-_SMALLER = 0.6
-_PEG_ROOT_MM = 1.0
-_CIRCLE_SEGMENTS = 6
 
 PEG_RECESS_MM = 0.2
 """Pegs end this far above the board's underside, so that the board lies flat."""
@@ -229,8 +226,9 @@ class Peg:
     @property
     def outline(self) -> Polygon:
         """The peg as a polygon of 24 corners."""
+        circle_segments = 6
         circle = Point(self.x_mm, self.y_mm).buffer(
-            0.5 * self.diameter_mm, quad_segs=_CIRCLE_SEGMENTS
+            0.5 * self.diameter_mm, quad_segs=circle_segments
         )
         return shapely.set_precision(circle, GRID_MM)
 
@@ -275,7 +273,8 @@ def loose_pieces(
 
 def pegs_in(outline: Polygon, peg_mm: float) -> tuple[Peg, ...]:
     """Return pegs that fit into an outline: the two places farthest apart, or the one with room."""
-    for diameter_mm in (peg_mm, _SMALLER * peg_mm):
+    smaller = 0.6
+    for diameter_mm in (peg_mm, smaller * peg_mm):
         reach_mm = 0.5 * diameter_mm + RIM_MM
         room = shapely.buffer(outline, -reach_mm, quad_segs=2)
         if room.is_empty:
@@ -389,15 +388,15 @@ def _courses_of(
         if len(closed):
             courses.append(Course(pieces=closed, low_mm=0.0, high_mm=thick_mm))
         courses += corbelled(walls, outline, pegs, high_mm, wall_mm)
+    peg_root_mm = 1.0
     if pegs:
         # From the middle of their support: bodies that overlap join surely.
-        low_mm, up_mm = high_mm - _PEG_ROOT_MM, high_mm + options.plate_mm - PEG_RECESS_MM
+        low_mm, up_mm = high_mm - peg_root_mm, high_mm + options.plate_mm - PEG_RECESS_MM
         courses.append(Course(pieces=polygon_parts(*pegs), low_mm=low_mm, high_mm=up_mm))
     return courses, marks
 
 
 _HEIGHTS = (0.5, 0.02, 0.98)
-_LEAST_WALL_SHARE = 0.01
 _RIM_MM = 0.01
 
 
@@ -466,7 +465,8 @@ def compare_with_map(rig: Rig, world: Map) -> RigComparison:
     excess = _areas(shapely.difference(seen, walls))
     excess_mm2 = shapely.difference(excess, _widened(thickened, rim)).area
     missing_mm2 = shapely.difference(walls, seen).area
-    counted_mm2 = max(walls.area, _LEAST_WALL_SHARE * inside.area)
+    least_wall_share = 0.01
+    counted_mm2 = max(walls.area, least_wall_share * inside.area)
     return RigComparison(
         wall_mm2=walls.area,
         excess_mm2=excess_mm2,

@@ -65,24 +65,17 @@ CLAMP_MM = 30.0
 SPLIT_MM = 1.5
 """Gap between block and cap, which the screws narrow."""
 
-FLOOR_MM = 1.2
-"""Least material below the bore."""
 
 _DIAL_MM = (1.0, 3.0)  # thickness of the dial, least and most
 _EAR_MM = 13.0  # from the bore to the block's side
 _CAP_WALL_MM, _CAP_EAR_MM = 4.0, 8.0
 _SCREW_MM, _NUT_MM, _NUT_DEEP_MM = 3.4, 5.8, 2.6  # M3: hole, width across flats, pocket
-_NUT_HEIGHT_MM = 2.4
 _PIN_MM, _PIN_GAP_MM, _HOLE_APART_MM = 3.0, 0.15, 4.4
 _HOOK_MM, _LEAST_HOOK_MM, _HOOK_POST_MM = 8.0, 1.6, 3.0
 _RIM_MM = 9.0  # of the dial around the block
 _MARK_MM, _STROKE_MM, _DIGIT_MM = 0.4, 0.8, 5.0
-_STEPS_DEG = (5.0, 10.0, 15.0, 30.0)
-_FINE_DEG = 2.5
 _STEP_MM = 0.5
 _TOUCH_MM, _SLIVER_MM, _FREE_MM = 0.02, 0.05, 3.0
-_WELDS_MM = (2e-3, 5e-3, 1e-2, 2e-2)
-_NEAR_BOX_MM = (-1500.0, -1500.0, 1500.0, 1500.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -255,17 +248,20 @@ def _stand_of(start: Start, world: Map, rig: Rig, taken: BaseGeometry, tube: Bas
     to_plan[:2, :2], to_plan[:2, 2] = turn, at
     lift[:2, :2], lift[:2, 3] = turn, at
 
+    near_box_mm = (-1500.0, -1500.0, 1500.0, 1500.0)
+
     def seen(shape: BaseGeometry) -> BaseGeometry:
         moved = shapely.transform(
             shape, lambda points: ((points - low) * options.scale - at) @ turn
         )
-        return shapely.union_all(snapped_union(shapely.clip_by_rect(moved, *_NEAR_BOX_MM)))
+        return shapely.union_all(snapped_union(shapely.clip_by_rect(moved, *near_box_mm)))
 
     gap_mm = options.gap_mm(rig.printer)
     bore_mm = 0.5 * tube.diameter_mm + gap_mm
     least_mm, most_mm = _DIAL_MM
-    axis_mm = max(options.plate_mm + tube.axis_mm, bore_mm + FLOOR_MM + least_mm)
-    dial_mm = min(most_mm, math.floor(5.0 * (axis_mm - bore_mm - FLOOR_MM) + 1e-6) / 5.0)
+    floor_mm = 1.2  # least material below the bore
+    axis_mm = max(options.plate_mm + tube.axis_mm, bore_mm + floor_mm + least_mm)
+    dial_mm = min(most_mm, math.floor(5.0 * (axis_mm - bore_mm - floor_mm) + 1e-6) / 5.0)
     return _Stand(
         plate=seen(rig.plate),
         walls=seen(rig.walls),
@@ -300,7 +296,8 @@ def _holder(number: int, start: Start, stand: _Stand, tube: BaseTube) -> BaseHol
     parts = (_dial_part(dial, hooks, stand), _block_part(stand), _cap_part(stand))
     if any(mesh_problems(Mesh.of_corners(part.vertices_mm[part.faces]), part) for part in parts):
         return "its dial comes out as no closed solid there: another --entry-mm may help"
-    screw_mm = stand.block_mm - _NUT_DEEP_MM + _NUT_HEIGHT_MM + SPLIT_MM + _CAP_EAR_MM
+    nut_height_mm = 2.4
+    screw_mm = stand.block_mm - _NUT_DEEP_MM + nut_height_mm + SPLIT_MM + _CAP_EAR_MM
     axis_mm, needed_mm = stand.axis_mm - stand.options.plate_mm, stand.reach_mm + CLAMP_MM
     notes = {
         f"its tube, {tube.diameter_mm:.4g} mm outside ({tube.standing}), stands "
@@ -338,7 +335,8 @@ def _holder(number: int, start: Start, stand: _Stand, tube: BaseTube) -> BaseHol
 def _at_headings(start: Start, stand: _Stand) -> _Stand | str:
     """Return a stand with its reach and the headings that it can have; or why there are none."""
     most_deg, reach_mm = deg(start.spread_heading_rad), stand.options.entry_reach_mm
-    fine = np.arange(-90.0, 90.1, _FINE_DEG)
+    fine_deg = 2.5
+    fine = np.arange(-90.0, 90.1, fine_deg)
     wanted = [angle for angle in fine.tolist() if abs(angle) <= most_deg + 1e-6]
     way = LineString([(-reach_mm - _TOUCH_MM, 0.0), (0.0, 0.0)])
     if not way.intersects(stand.inside.boundary):
@@ -370,8 +368,9 @@ def _at_headings(start: Start, stand: _Stand) -> _Stand | str:
     if stand.reach_mm > most_mm:
         return "other walls of the rig leave no room for it"
     inner_mm = math.hypot(stand.reach_mm + 8.0, stand.ear_mm)
+    steps_deg = (5.0, 10.0, 15.0, 30.0)
     step_deg = next(
-        (step for step in _STEPS_DEG if math.radians(step) * inner_mm >= _HOLE_APART_MM), 30.0
+        (step for step in steps_deg if math.radians(step) * inner_mm >= _HOLE_APART_MM), 30.0
     )
     headings = tuple(angle for angle in wanted if angle % step_deg == 0.0)
     return replace(stand, headings=headings, step_deg=step_deg)
@@ -566,7 +565,8 @@ def _part(name: str, body: Manifold, to_frame: Floats, volume_mm3: float, stand:
     Where edges of hooks and dial nearly meet, rounding to single precision would leave triangles
     without an area; the least welding that avoids them is taken.
     """
-    for weld_mm in _WELDS_MM:
+    welds_mm = (2e-3, 5e-3, 1e-2, 2e-2)
+    for weld_mm in welds_mm:
         vertices, faces = solid_mesh(body.simplify(weld_mm))
         if not Mesh.of_corners(vertices[faces]).form_problems():
             break
@@ -582,23 +582,11 @@ def _part(name: str, body: Manifold, to_frame: Floats, volume_mm3: float, stand:
 RAISED_LAYERS = 3
 """Layers of the second filament: black that lets no white through (assumed)."""
 
-RECESS_LAYERS = 2
-"""Depth of the recess for a paper marker."""
-
-LEAST_BASE_LAYERS = 6
-"""Layers of a tile below its cells, at least."""
-
-HIDING_SLOPE = 0.5
-"""How far a border hides the ground behind it, over its height: a camera above the middle, as high
-as the rig is long, looks over the middle of a side at this slope."""
 
 ARM_MM = 25.0
 """Length of a tile's arms along the two sides of the rig's corner."""
 
-_ARM_WIDE_MM = 12.0
-_BOARD_SCREW_MM = 4.2
 _RELIEF_MM, _BOARD_RIM_MM, _PAPER_GAP_MM = 1.0, 1.0, 0.25
-_PAD_TOUCH_MM = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -615,7 +603,10 @@ class MarkerPad:
 
 def marker_gap_mm(options: RigOptions) -> float:
     """Return the distance of the markers from the bounds' box, so that no border hides them."""
-    hidden_mm = options.border_mm + HIDING_SLOPE * options.height_mm
+    # How far a border hides the ground behind it, over its height: a camera above the middle, as
+    # high as the rig is long, looks over the middle of a side at this slope.
+    hiding_slope = 0.5
+    hidden_mm = options.border_mm + hiding_slope * options.height_mm
     quiet_mm = options.border_mm + options.marker_mm / MARKER_SIDE_CELLS
     return max(DEFAULT_MARKER_GAP_MM, quiet_mm, hidden_mm)
 
@@ -623,7 +614,8 @@ def marker_gap_mm(options: RigOptions) -> float:
 def base_layers(printer: Printer, options: RigOptions) -> int:
     """Return the number of a printed tile's white layers; its black top is level with the floor."""
     above = 0 if options.marker_kind == "paper" else RAISED_LAYERS
-    return max(round(options.plate_mm / printer.layer_mm) - above, LEAST_BASE_LAYERS)
+    least_base_layers = 6  # layers of a tile below its cells, at least
+    return max(round(options.plate_mm / printer.layer_mm) - above, least_base_layers)
 
 
 def marker_face_mm(printer: Printer, options: RigOptions) -> float:
@@ -675,20 +667,23 @@ def _pad(
     inward = np.array([-1.0 if right else 1.0, -1.0 if top else 1.0])
     # Two arms along the sides of the rig's corner; none where it has no such corner.
     long_mm = np.minimum(ARM_MM, 0.3 * np.array([x_max - x_min, y_max - y_min]))
-    edge, arms = rig.boundary.buffer(_PAD_TOUCH_MM), list[Polygon]()
+    pad_touch_mm = 0.01
+    edge, arms = rig.boundary.buffer(pad_touch_mm), list[Polygon]()
+    board_screw_mm = 4.2
+    arm_wide_mm = 12.0
     for axis in (0, 1):
         along, across = np.zeros(2), np.zeros(2)
         along[axis] = long_mm[axis] * inward[axis]
-        across[1 - axis] = -_ARM_WIDE_MM * inward[1 - axis]
+        across[1 - axis] = -arm_wide_mm * inward[1 - axis]
         if not edge.covers(LineString([corner, corner + along])):
             arms = []
             break
-        hole = Point(*(corner + along + 0.5 * across - 0.3 * _ARM_WIDE_MM * np.sign(along)))
+        hole = Point(*(corner + along + 0.5 * across - 0.3 * arm_wide_mm * np.sign(along)))
         arm = box(*np.sort([corner, corner + along + across], axis=0).ravel())
-        arms.append(arm.difference(hole.buffer(0.5 * _BOARD_SCREW_MM, quad_segs=6)))
+        arms.append(arm.difference(hole.buffer(0.5 * board_screw_mm, quad_segs=6)))
     outline = paper
     if arms:
-        foot = box(*np.sort([corner, corner - _ARM_WIDE_MM * inward], axis=0).ravel())
+        foot = box(*np.sort([corner, corner - arm_wide_mm * inward], axis=0).ravel())
         hull = shapely.convex_hull(shapely.union(paper, foot))
         outline = shapely.union_all([hull, *arms]).difference(rig)
     (whole,) = snapped_union(outline)
@@ -748,10 +743,11 @@ def _tile(pad: MarkerPad, printer: Printer, options: RigOptions, plan_to_map: Fl
     marks = engraved_marks(pad.marker.number, pad.square) if depth_mm else polygon_parts(Polygon())
     cells, recess = polygon_parts(Polygon()), polygon_parts(Polygon())
     raised_mm = recess_mm = 0.0
+    recess_layers = 2  # depth of the recess for a paper marker
     if options.marker_kind == "print":
         cells, raised_mm = pad.cells, RAISED_LAYERS * printer.layer_mm
     else:
-        recess_mm = RECESS_LAYERS * printer.layer_mm
+        recess_mm = recess_layers * printer.layer_mm
         recess = polygon_parts(_recess(pad))
     thick_mm = base_mm + recess_mm
 

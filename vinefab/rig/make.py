@@ -96,15 +96,8 @@ MARGIN_MM = 15.0
 RULER_MM = 100.0
 PT_PER_MM = 72.0 / 25.4
 
-UNSEEN_MM = 0.02
-"""Walls are drawn to this at true scale: less than a printer's dot."""
-
-MOST_SHEETS = 24
-"""A page shows at most so many sheets; the folder has a picture of each."""
 
 _CROP_MM, _TEXT_MM, _CROSS_MM, _FOOT_MM = 5.0, 14.0, 1.0, 24.0
-_SMALL_PT = 9.0
-"""Smallest number on a plan of few parts."""
 
 _CORNERS = ("lower left", "lower right", "upper right", "upper left")
 _THICKENED = level_colour(4)
@@ -168,12 +161,13 @@ def assembly_plan(
     panel.polygons(shapes.values(), Ink(line=level_colour(2)), rank=4)
     size_pt = 14.0 if count < 30 else max(3.0, 90.0 / count**0.5)
     pt_per_mm = panel.width_pt / (panel.box[2] - panel.box[0])
+    small_pt = 9.0  # smallest number on a plan of few parts
     for number, shape in shapes.items():
         at = _number_place(shape)
         if not at.is_empty:
             # A number much larger than its piece would hide a wall and its ends.
             room_pt = 2.0 * pt_per_mm * at.distance(shape.boundary)
-            high_pt = min(size_pt, max(_SMALL_PT, room_pt))
+            high_pt = min(size_pt, max(small_pt, room_pt))
             panel.words((at.x, at.y), str(number), high_pt, bold=True, anchor="middle", halo=True)
     for mark in start_marks(world, world.bounds.bounds):
         whole, fan = mark.whole and on_rig(mark.whole), mark.fan and on_rig(mark.fan)
@@ -272,7 +266,8 @@ def plan_sheet(rig: Rig, world: Map, fixtures: Fixtures, pieces: Sequence[LooseP
     panel = _true_scale((left, low, right, y_max + MARGIN_MM))
     panel.polygons([plate, around], Ink(line=SOFT))
     panel.polygons([rig.on_plan(Polygon(world.bounds.exterior))], _PLAIN)
-    walls = shapely.simplify(rig.on_plan(rig.walls), UNSEEN_MM)
+    unseen_mm = 0.02  # walls are drawn to this at true scale: less than a printer's dot
+    walls = shapely.simplify(rig.on_plan(rig.walls), unseen_mm)
     panel.polygons([walls], Ink(fill="#d9dee2", line=INK))
     panel.polygons([piece.outline for piece in pieces], _PLAIN)
     pegs = [peg for piece in pieces for peg in piece.pegs]
@@ -411,6 +406,7 @@ class RigFiles(RigRecord, Result):
     def _pictures(self, *kinds: str) -> tuple[Picture, ...]:
         """Return the assembly plan or sheets that were drawn."""
         names = [name for kind in kinds for name in sorted(self.pictures) if name.startswith(kind)]
+        most_sheets = 24  # A page shows at most so many sheets; the folder has a picture of each
         return tuple(
             Picture(
                 image=self.pictures[name],
@@ -418,13 +414,12 @@ class RigFiles(RigRecord, Result):
                 if name == "assembly.svg"
                 else f"{name}: a sheet for the laser.",
             )
-            for name in names[:MOST_SHEETS]
+            for name in names[:most_sheets]
         )
 
 
 SHEET_MARGIN_MM = 5.0
 _DIGIT_MM = 8.0
-_SMALLEST_DIGIT_MM = 2.0
 
 
 def board_jobs(
@@ -441,6 +436,7 @@ def board_jobs(
     outlines = polygon_parts(*(peg.outline for peg in pegs), *markers.squares, Polygon())
     gap_mm = 0.1 if options.clearance_mm is None else options.clearance_mm
     jobs = []
+    smallest_digit_mm = 2.0
     for number, tile in enumerate(_sheets(plate, outlines, options), 1):
         shapely.prepare(tile)
         near = [piece for piece in pieces if tile.intersects(piece.outline)]
@@ -455,7 +451,7 @@ def board_jobs(
             if room is not None:
                 circle, text = shapely.maximum_inscribed_circle(room, 0.05), str(piece.number)
                 fits_mm = 1.6 * circle.length / math.hypot(1.0, 0.9 * len(text))
-                if fits_mm >= _SMALLEST_DIGIT_MM:
+                if fits_mm >= smallest_digit_mm:
                     at = shapely.get_coordinates(circle)[0].tolist()
                     lines += centred(strokes(text, min(_DIGIT_MM, fits_mm)), *at)
             marks += _lines_within(tile, lines)
@@ -601,10 +597,7 @@ def laser_jobs(
 
 RIG_MARK = RIG_NAME
 
-MOST_DIFFERENCE = 1e-3
-"""Largest share of the walls by which an assembled rig may differ from its map."""
 
-_CONVEX = 1e-9
 _STYLE_WORDS = {"plate": "tiles of a plate", "board": "loose pieces on a board"}
 
 
@@ -636,7 +629,8 @@ def make_rig(
     """
     request = request or RigRequest()
     bounds = world.bounds
-    walled = bounds.area < bounds.convex_hull.area * (1.0 - _CONVEX)
+    convex = 1e-9
+    walled = bounds.area < bounds.convex_hull.area * (1.0 - convex)
     solid = walled or any(obstacle.intersects(bounds) for obstacle in world.obstacles)
     if not (solid or request.allow_empty):
         problem = "no obstacle is in its bounds, and these have no corner to go around"
@@ -649,7 +643,9 @@ def make_rig(
     sheets = {name: sheet_file(name, jobs[name]) for name in each("sheets of the rig", jobs)}
     with phase("the assembled rig against the map"):
         comparison = compare_with_map(rig, world)
-    if comparison.share > MOST_DIFFERENCE:
+    # Largest share of the walls by which an assembled rig may differ from its map.
+    most_difference = 1e-3
+    if comparison.share > most_difference:
         problem = f"assembled, its walls differ from the map by {100 * comparison.share:.3f} %"
         raise ReadBackError(f"rig of {world.name}", problem)
     printing = printing_of(rig)

@@ -71,7 +71,6 @@ _CHORD, _LEAST_CHORD = 1.5, 0.1
 part (fitted to PrusaSlicer 2.5)."""
 
 _ROUND = 1.0 - 0.25 * math.pi
-_LEANING = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -90,7 +89,8 @@ def upright_faces(part: RigPart) -> UprightFaces:
     corners = part.vertices_mm[part.faces]
     doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(doubled, axis=1)
-    upright = np.abs(doubled[:, 2]) < _LEANING * length
+    leaning = 1e-3
+    upright = np.abs(doubled[:, 2]) < leaning * length
     faces = part.faces[upright]
     normals = doubled[upright, :2] / np.maximum(length[upright], 1e-12)[:, None]
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
@@ -102,7 +102,7 @@ def upright_faces(part: RigPart) -> UprightFaces:
     rise_mm = np.abs(np.diff(part.vertices_mm[edges[first], 2], axis=1)[:, 0])
     cross, dot = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0], (one * other).sum(axis=1)
     turns = np.abs(np.arctan2(cross, dot))
-    bent = (turns > _LEANING) & (rise_mm > 0.0)
+    bent = (turns > leaning) & (rise_mm > 0.0)
     # A convex outline turns by a whole circle in each layer, others by somewhat more.
     rings = float((turns * rise_mm)[bent].sum()) / (2.0 * np.pi * max(part.size_mm[2], 1e-9))
     return UprightFaces(
@@ -190,9 +190,6 @@ def _moving_s(
     return float(wall_s + lines * slowed_s + fill_s + hops * hop_s)
 
 
-PART_GAP_MM = 5.0
-"""Least distance between two parts on a bed."""
-
 _SLACK_MM = 1e-3
 
 
@@ -250,10 +247,11 @@ def beds_of(
     """
     margin_mm = options.bed_margin_mm
     beds = []
+    part_gap_mm = 5.0  # least distance between two parts on a bed
     for change_mm in sorted({part.colour_change_mm for part in parts}):
         indices = [at for at, part in enumerate(parts) if part.colour_change_mm == change_mm]
         sizes = [(parts[at].size_mm[0], parts[at].size_mm[1]) for at in indices]
-        packed = packed_on_beds(sizes, usable_mm(printer, options), PART_GAP_MM)
+        packed = packed_on_beds(sizes, usable_mm(printer, options), part_gap_mm)
         beds += [[replace(at, index=indices[at.index]) for at in bed] for bed in packed]
     return tuple(
         tuple(
@@ -310,9 +308,6 @@ def printing_of(rig: Rig) -> Printing:
             for number, places in enumerate(beds, 1)
         )
     )
-
-
-_PLACE_MM = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -562,9 +557,10 @@ def read_back_problems(
     ):
         return {names[0]: ("is in a file with other parts than planned",)}
     found = {}
+    place_mm = 1e-3
     for item, one in zip(items, read, strict=True):
         away_mm = float(np.abs(np.subtract((*item.at_mm, 0.0), one.shift_mm)).max())
-        place = (f"lies {away_mm:.4g} mm off its place",) if away_mm > _PLACE_MM else ()
+        place = (f"lies {away_mm:.4g} mm off its place",) if away_mm > place_mm else ()
         found[item.part.name] = (*mesh_problems(one.mesh, item.part), *place)
     return found
 

@@ -129,7 +129,6 @@ def thin_parts(pieces: Polygons, width_mm: float) -> Polygons:
 
 
 _STEPS = 4
-_CRUMB_SHARE = 0.02
 
 
 def patches_for(pieces: Polygons, width_mm: float) -> tuple[Polygons, BaseGeometry]:
@@ -144,6 +143,7 @@ def patches_for(pieces: Polygons, width_mm: float) -> tuple[Polygons, BaseGeomet
     step_mm = 0.5 * width_mm / _STEPS
     hair_mm = 0.01 * width_mm
     left, patches = thin, []
+    crumb_share = 0.02
     for _ in range(_STEPS + 1):
         # A hair more and back again: what is left with hardly any width counts as vanished.
         shrunk = shapely.buffer(left, -(step_mm + hair_mm), join_style="mitre")
@@ -151,15 +151,13 @@ def patches_for(pieces: Polygons, width_mm: float) -> tuple[Polygons, BaseGeomet
         regrown = shapely.buffer(shapely.union_all(inner), 1.02 * step_mm, join_style="mitre")
         middle = polygon_parts(shapely.difference(left, regrown))
         # The first steps leave crumbs in the corners: a disc around each would bulge out.
-        middle = middle[shapely.area(middle) > _CRUMB_SHARE * width_mm**2]
+        middle = middle[shapely.area(middle) > crumb_share * width_mm**2]
         patches += list(shapely.buffer(middle, 0.5 * width_mm, join_style="mitre", mitre_limit=1.5))
         left = inner
     grown = shapely.union_all(patches) if patches else Polygon()
     return thin, shapely.union_all(polygon_parts(grown))
 
 
-_HOLE_SEGMENTS = 12
-_WALL_TO_HOLE_MM = 1.0
 _NEAR_MM = 1e-6
 
 
@@ -192,9 +190,11 @@ def entry_of(
     base = Point(start.pose.x_mm, start.pose.y_mm)
     reach_mm = options.entry_reach_mm
     ray = _backwards(start, reach_mm + max(1.0, reach_mm) * 1e-6)
+    wall_to_hole_mm = 1.0
+    hole_segments = 12
     if not ray.intersects(bounds.exterior):
-        hole = base.buffer(0.5 * options.entry_width_mm, quad_segs=_HOLE_SEGMENTS)
-        if hole.buffer(_WALL_TO_HOLE_MM).intersects(solids):
+        hole = base.buffer(0.5 * options.entry_width_mm, quad_segs=hole_segments)
+        if hole.buffer(wall_to_hole_mm).intersects(solids):
             note = "has no room for a hole in the plate: no entry is made"
             hole = nothing
         else:
@@ -277,9 +277,6 @@ def _backwards(start: Start, length_mm: float) -> LineString:
     return LineString([(pose.x_mm, pose.y_mm), end])
 
 
-_BORDER_MITRE_LIMIT = 2.0
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RigPlan:
     """What stands where, before it is split into parts."""
@@ -329,8 +326,9 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
     obstacles, slivers = without_slivers(
         polygon_parts(shapely.intersection(joined, inside)), options.sliver_mm
     )
+    border_mitre_limit = 2.0
     # The border, outside the bounds, and the plate below it, each with the entries taken out.
-    grown = inside.buffer(options.border_mm, join_style="mitre", mitre_limit=_BORDER_MITRE_LIMIT)
+    grown = inside.buffer(options.border_mm, join_style="mitre", mitre_limit=border_mitre_limit)
     plate = shapely.union_all([Polygon(piece.exterior) for piece in polygon_parts(grown)])
     border, blocked = plate.difference(inside), shapely.union_all(obstacles)
     entries = []
@@ -391,10 +389,7 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
 
 
 TAB_DEPTH_MM = 8.0
-_NECK_HALF_MM = 4.0
-_END_HALF_MM = 6.5
 _FREE_MM = 2.0
-_SPAN_PER_TAB_MM = 90.0
 _STEP_MM = 1.0
 
 Cell = tuple[int, int]
@@ -426,18 +421,21 @@ def tabs_of(seam: TileSeam, plate: BaseGeometry, solids: shapely.STRtree) -> lis
     an obstacle would have to be bridged in the air by the printer. Where there is no such place,
     there is no tab.
     """
-    margin_mm = TAB_DEPTH_MM + _END_HALF_MM + _FREE_MM  # clear of the joints of crossing seams
+    end_half_mm = 6.5
+    margin_mm = TAB_DEPTH_MM + end_half_mm + _FREE_MM  # clear of the joints of crossing seams
     low, high = seam.low_mm + margin_mm, seam.high_mm - margin_mm
     if high < low:
         return []
-    count = max(1, round((high - low) / _SPAN_PER_TAB_MM))
+    span_per_tab_mm = 90.0
+    count = max(1, round((high - low) / span_per_tab_mm))
     ends = np.linspace(low, high, count + 1)
     chosen = []
+    neck_half_mm = 4.0
     for left, right in pairwise(ends):
-        gap = _END_HALF_MM + _FREE_MM if count > 1 else 0.0
+        gap = end_half_mm + _FREE_MM if count > 1 else 0.0
         places = np.arange(np.ceil(left + gap), right - gap + 1e-9, _STEP_MM)
         places = places[np.argsort(np.abs(places - 0.5 * (left + right)), kind="stable")]
-        half = _END_HALF_MM + _FREE_MM
+        half = end_half_mm + _FREE_MM
         near = np.full_like(places, seam.at_mm - TAB_DEPTH_MM)
         far = np.full_like(places, seam.at_mm + TAB_DEPTH_MM + _FREE_MM)
         sides = (near, places - half, far, places + half)
@@ -448,17 +446,15 @@ def tabs_of(seam: TileSeam, plate: BaseGeometry, solids: shapely.STRtree) -> lis
         for at_mm in free[:1].tolist():
             end = seam.at_mm + TAB_DEPTH_MM
             corners = [
-                (seam.at_mm, at_mm - _NECK_HALF_MM),
-                (end, at_mm - _END_HALF_MM),
-                (end, at_mm + _END_HALF_MM),
-                (seam.at_mm, at_mm + _NECK_HALF_MM),
+                (seam.at_mm, at_mm - neck_half_mm),
+                (end, at_mm - end_half_mm),
+                (end, at_mm + end_half_mm),
+                (seam.at_mm, at_mm + neck_half_mm),
             ]
             chosen.append(Polygon(corners if seam.upright else [(y, x) for x, y in corners]))
     return chosen
 
 
-_GUARD_MM = 2.0
-_CORNER_COST_MM = 20.0
 _HAIR_MM = 1e-9
 
 
@@ -478,8 +474,9 @@ def cut_costs_mm(solids: Polygons, axis: int, at_mm: Floats, even_mm: float) -> 
     rings = [shapely.get_coordinates(ring)[:-1] for ring in shapely.get_rings(solids)]
     corners = np.concatenate([np.zeros((0, 2)), *rings])
     near = np.sort(corners[:, axis])
-    count = np.searchsorted(near, at_mm + _GUARD_MM, side="right")
-    count = count - np.searchsorted(near, at_mm - _GUARD_MM)
+    guard_mm = 2.0
+    count = np.searchsorted(near, at_mm + guard_mm, side="right")
+    count = count - np.searchsorted(near, at_mm - guard_mm)
     # A hair on, where the line runs along an edge: there is an obstacle on one side only.
     ends = np.empty((len(at_mm), 2, 2))
     ends[:, :, axis] = at_mm[:, None] + _HAIR_MM
@@ -489,7 +486,8 @@ def cut_costs_mm(solids: Polygons, axis: int, at_mm: Floats, even_mm: float) -> 
     line, piece = shapely.STRtree(solids).query(lines, predicate="intersects")
     cut_mm = shapely.length(shapely.intersection(lines[line], solids[piece]))
     crossed_mm = np.bincount(line, cut_mm, minlength=len(lines))
-    return np.asarray(crossed_mm + _CORNER_COST_MM * count + 1e-3 * np.abs(at_mm - even_mm))
+    corner_cost_mm = 20.0
+    return np.asarray(crossed_mm + corner_cost_mm * count + 1e-3 * np.abs(at_mm - even_mm))
 
 
 _LEAST_TILE_MM = 5.0 * TAB_DEPTH_MM

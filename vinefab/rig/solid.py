@@ -67,12 +67,14 @@ def built_of(
         return vertices, faces
     lowest_mm, highest_mm = min(c.low_mm for c in courses), max(c.high_mm for c in courses)
     posts = []
+    # Radius of a post: more than a wall's error of rounding, less than a line of the printer.
+    post_mm = 0.1
     for low_mm, high_mm, here in _storeys(courses):
         points = touching_points(snapped_union(*here))
         if len(points):
-            discs = shapely.buffer(shapely.MultiPoint(points), _POST_MM, quad_segs=2)
-            from_mm = max(lowest_mm, low_mm - _POST_MM)
-            to_mm = min(highest_mm, high_mm + _POST_MM)
+            discs = shapely.buffer(shapely.MultiPoint(points), post_mm, quad_segs=2)
+            from_mm = max(lowest_mm, low_mm - post_mm)
+            to_mm = min(highest_mm, high_mm + post_mm)
             posts.append(Course(pieces=polygon_parts(discs), low_mm=from_mm, high_mm=to_mm))
     return _joined([*courses, *posts], pockets, weld_mm)
 
@@ -85,10 +87,6 @@ def _joined(
         if len(pocket.pieces):
             body -= prism(pocket)
     return solid_mesh(body.simplify(weld_mm) if weld_mm else body)
-
-
-_POST_MM = 0.1
-"""Radius of a post: more than a wall's error of rounding, less than a line of the printer."""
 
 
 def _storeys(courses: Sequence[Course]) -> Iterator[tuple[float, float, list[Polygons]]]:
@@ -200,7 +198,6 @@ STROKE_MM = 1.0
 
 _DIGIT_MM, _ARROW_MM, _APART_MM = 10.0, 14.0, 5.0
 _SMALLEST = 0.4
-_ROOM_MM = 1.5
 
 
 def engraved_marks(number: int, plate: Polygon, *, from_below: bool = True) -> Polygons:
@@ -215,7 +212,8 @@ def engraved_marks(number: int, plate: Polygon, *, from_below: bool = True) -> P
     block = _block(number, 1.0, from_below=from_below)
     x_min, y_min, x_max, y_max = block.bounds
     diagonal_mm = ((x_max - x_min) ** 2 + (y_max - y_min) ** 2) ** 0.5
-    size = min(1.0, 2.0 * (circle.length - _ROOM_MM) / diagonal_mm)
+    room_mm = 1.5
+    size = min(1.0, 2.0 * (circle.length - room_mm) / diagonal_mm)
     if size < _SMALLEST:
         return polygon_parts(Polygon())
     moved = translate(_block(number, size, from_below=from_below), x_mm, y_mm)
@@ -237,7 +235,6 @@ def _block(number: int, size: float, *, from_below: bool) -> BaseGeometry:
 
 
 CUBE_MM = 20.0
-_ARROW_SIZE_MM = (24.0, 44.0, 4.0)
 _DEPTH_MM, _CUBE_APART_MM = 0.6, 12.0
 
 
@@ -246,7 +243,8 @@ def extra_parts(
 ) -> tuple[RigPart, ...]:
     """Return the scale cube and the north arrow, each with a text engraved into its top."""
     right_mm, top_mm = plate_box_mm[2] + _CUBE_APART_MM, plate_box_mm[3]
-    wide_mm, long_mm, thick_mm = _ARROW_SIZE_MM
+    arrow_size_mm = (24.0, 44.0, 4.0)
+    wide_mm, long_mm, thick_mm = arrow_size_mm
     shape = [(0.3, 0), (0.7, 0), (0.7, 0.5), (1, 0.5), (0.5, 1), (0, 0.5), (0.3, 0.5)]
     outline = Polygon([(x * wide_mm, y * long_mm) for x, y in shape])
     cube, half_mm = shapely.box(0.0, 0.0, CUBE_MM, CUBE_MM), 0.5 * CUBE_MM
@@ -287,7 +285,6 @@ thick and 30 mm high, it gives way by 1.5 mm under 5 N in its middle)."""
 CORBEL_STEP_MM = 0.5
 """Courses under a peg reach this much farther, and are this high: 45 degrees need no supports."""
 
-_PEG_FOOT_MM = 1.5
 _MITRE_LIMIT = 5.0
 _MULTIPLE = 1e-6
 
@@ -392,10 +389,12 @@ def _ribbed(room: Polygon, wall_mm: float) -> Iterator[Polygon]:
         return
     low = corners[np.argmin(corners @ along)]
     shares = [0.5]
+    # A cavity that fills less of its convex hull goes around a corner: it is halved first.
+    slender = 0.5
     if room.interiors:
         hole = shapely.get_coordinates(shapely.centroid(Polygon(room.interiors[0])))[0]
         shares = [float((hole - low) @ along) / long_mm**2]
-    elif room.area > _SLENDER * shapely.convex_hull(room).area:
+    elif room.area > slender * shapely.convex_hull(room).area:
         count = math.ceil(long_mm / RIB_SPAN_MM)
         shares = [number / count for number in range(1, count)]
     across = 3.0 * np.array([-along[1], along[0]])
@@ -404,10 +403,6 @@ def _ribbed(room: Polygon, wall_mm: float) -> Iterator[Polygon]:
     ribs = shapely.buffer(lines, 0.5 * wall_mm + GRID_MM, cap_style="flat")
     for part in _roomy(shapely.difference(room, shapely.union_all(ribs))):
         yield from _ribbed(part, wall_mm)
-
-
-_SLENDER = 0.5
-"""A cavity that fills less of its convex hull goes around a corner: it is halved first."""
 
 
 def corbelled(
@@ -431,8 +426,9 @@ def corbelled(
     far_mm = shapely.hausdorff_distance(shapely.union_all([walls, target]), walls)
     count = max(1, math.ceil(far_mm / CORBEL_STEP_MM - _MULTIPLE)) if pegs else 0
     courses = []
+    peg_foot_mm = 1.5
     for left in range(count - 1, -1, -1):
-        low_mm = height_mm - _PEG_FOOT_MM - left * CORBEL_STEP_MM
+        low_mm = height_mm - peg_foot_mm - left * CORBEL_STEP_MM
         if left and low_mm + CORBEL_STEP_MM <= 0.0:
             continue  # the next one stands on the bed too
         reach = shapely.buffer(walls, (count - left) * CORBEL_STEP_MM, quad_segs=8)
@@ -462,8 +458,9 @@ def number_marks(number: int, outline: Polygon, wall_mm: float) -> tuple[Polygon
     nothing = polygon_parts(Polygon())
     lines = strokes(str(number), _TONGUE_DIGIT_MM)
     x_min, _, x_max, _ = shapely.total_bounds(lines).tolist()
+    tongue_rim_mm = 1.0  # width of the tongue next to its number
     wide_mm, high_mm = (
-        side + STROKE_MM + 2.0 * _TONGUE_RIM_MM for side in (x_max - x_min, _TONGUE_DIGIT_MM)
+        side + STROKE_MM + 2.0 * tongue_rim_mm for side in (x_max - x_min, _TONGUE_DIGIT_MM)
     )
     _, y_mm = shapely.get_coordinates(shapely.maximum_inscribed_circle(outline, 0.1))[0].tolist()
     within = _in_walls(outline, wall_mm)
@@ -485,7 +482,5 @@ def number_marks(number: int, outline: Polygon, wall_mm: float) -> tuple[Polygon
 
 _TONGUE_DIGIT_MM, _LABEL_STEP_MM = 6.0, 0.5
 
-_TONGUE_RIM_MM = 1.0
-"""Width of the tongue next to its number."""
 
 _ROOT_MM, _HAIR_MM, _INSET_MM, _RECESS_MM = 0.3, 0.05, 0.01, 0.2

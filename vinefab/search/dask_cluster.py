@@ -70,14 +70,6 @@ class HandingOut:
         return self.round_trip_s + (units - 1) * self.per_unit_s
 
 
-SAMPLE_S = 0.05
-"""Work that is evaluated here, at the beginning of a run, to know how much a generation is."""
-
-
-MOST_WASTE = 0.05
-"""Largest share of the cost of a unit in its work, as long as there are few workers."""
-
-
 def least_unit_s(work_s: float, workers: int, costs: HandingOut) -> float:
     """Return the least work of a unit that is worth handing out.
 
@@ -85,7 +77,9 @@ def least_unit_s(work_s: float, workers: int, costs: HandingOut) -> float:
     busy by units of work N c, if each costs c. With more workers than that leaves units for, n
     units of a work W take n c + W / n on n of them, which is least for units of work sqrt(W c).
     """
-    busy_s = max(workers, 1.0 / MOST_WASTE) * costs.per_unit_s
+    # Largest share of the cost of a unit in its work, as long as there are few workers.
+    most_waste = 0.05
+    busy_s = max(workers, 1.0 / most_waste) * costs.per_unit_s
     return min(busy_s, math.sqrt(max(0.0, work_s) * costs.per_unit_s))
 
 
@@ -270,7 +264,9 @@ class PlacedRun:
     def _sample(self, x: Floats, conditions: Conditions) -> Evaluations:
         """Evaluate the first points here, as many as it takes to time them."""
         parts, done, work_s = [self._here(x[:1], conditions)()], 1, 0.0
-        while work_s < SAMPLE_S and done < len(x):
+        # Work that is evaluated here, at the beginning of a run, to know how much a generation is.
+        sample_s = 0.05
+        while work_s < sample_s and done < len(x):
             part, work = self._evaluator.evaluate(x[done : 2 * done], conditions)
             self._ledger.add(work)
             parts.append(part)
@@ -341,8 +337,6 @@ LOADING_S = 5.0
 ASSUMED_COSTS = HandingOut(round_trip_s=0.02, per_unit_s=0.002, start_s=2.0 * LOADING_S)
 """Of workers of this computer before they are started, which takes as long as loading."""
 
-PROBES = 16
-"""Empty work units that are handed out to measure what that costs."""
 
 TOGETHER = 125
 """Designs that a worker evaluates together. They are grown by size, and the large ones of a
@@ -360,9 +354,6 @@ POLL_S = 2.0
 RESTART_S = 60.0
 """Time without workers after which those of this computer are started anew: dask does not restart
 a process that dies while it starts. Under heavy load a start takes ten seconds or more."""
-
-MOST_RETRIES = 20
-"""Retries of work that killed several workers, before the run gives up."""
 
 
 TLS_FILES = {
@@ -457,7 +448,8 @@ class DaskEvaluator:
         futures: Sequence[Any],
     ) -> list[Any]:
         """Return the results of futures, also when workers die meanwhile."""
-        for _ in range(MOST_RETRIES):
+        most_retries = 20  # retries of work that killed several workers, before the run gives up
+        for _ in range(most_retries):
             self._await(client, futures)
             try:
                 return list(client.gather(futures))
@@ -465,7 +457,7 @@ class DaskEvaluator:
                 for future in futures:
                     if future.status == "error":
                         future.retry()
-        problem = f"work that {MOST_RETRIES} times killed its workers"
+        problem = f"work that {most_retries} times killed its workers"
         raise WorkersLostError(f"cluster {self.address}", problem)
 
     def _await(self, client: Any, futures: Sequence[Any]) -> None:  # noqa: ANN401 - as above
@@ -599,13 +591,14 @@ class _DaskWorkers:
     def _measured_costs(self) -> HandingOut:
         """Measure what it costs to hand out work units that do nothing."""
         client, times_s = self._client, []
-        for count in (1, PROBES, 1, PROBES):  # the first ones open connections
+        probes = 16  # empty work units that are handed out to measure what that costs
+        for count in (1, probes, 1, probes):  # the first ones open connections
             began_s = time.perf_counter()
             work = [client.submit(abs, number, pure=False) for number in range(count)]
             self._cluster._gathered(client, work)
             times_s.append(time.perf_counter() - began_s)
         one_s = min(times_s[0::2])
-        per_unit_s = max(1e-5, (min(times_s[1::2]) - one_s) / (PROBES - 1))
+        per_unit_s = max(1e-5, (min(times_s[1::2]) - one_s) / (probes - 1))
         return HandingOut(round_trip_s=one_s, per_unit_s=per_unit_s, start_s=LOADING_S)
 
     def begin(self, x: Floats, conditions: Conditions, units: Sequence[Ints]) -> Finish:

@@ -451,10 +451,6 @@ SHARE_LEFT, LEAST_BLOCK = 1.5, 32
 """Growths per work unit: the remaining growths over this share of the workers, so that the last
 unit is short; but enough to make the overhead negligible, unless a worker would get none."""
 
-LEAST_PENALTIES = 64
-"""Penalties per work unit, at least: some 10 us each, against 200 us for a unit."""
-
-MOST_TRAINING_MAPS = 10_000
 
 TRAINING, FINAL, MAPS, HALF_ANGLES, FRESH, EMERGENCE = 1411, 1412, 1414, 1415, 1416, 1417
 """Random streams of training poses, final poses, the choice of maps for a generation, the head-on
@@ -757,7 +753,9 @@ class Evaluator:
                     penalties[place] = penalty_at(alone, self.space.design(point))
             return penalties, Work(making_s=watch.lap_s())
 
-        least, share = (LEAST_PENALTIES, 2) if at_once is not None else (1, 4)
+        # Penalties per work unit, at least: some 10 us each, against 200 us for a unit.
+        least_penalties = 64
+        least, share = (least_penalties, 2) if at_once is not None else (1, 4)
         size = max(least, math.ceil(len(x) / (share * workers)))
         return [
             WorkUnit(partial(computed, rows)) for rows in in_work_units(np.arange(len(x)), size)
@@ -841,7 +839,8 @@ class Evaluator:
 
 def final_seed(seed: int) -> int:
     """Return the seed of the finalists' poses on the first map of a run with some seed."""
-    return int(child(seed, FINAL).integers(2**31 - MOST_TRAINING_MAPS))
+    most_training_maps = 10_000
+    return int(child(seed, FINAL).integers(2**31 - most_training_maps))
 
 
 def block_sizes(growths: int, workers: int) -> list[int]:
@@ -889,10 +888,6 @@ Finish = Callable[[], Evaluations]
 Begin = Callable[[Floats, Conditions], Finish]
 """Begins to evaluate points of shape (m, d) on poses."""
 
-SWITCH_S = 1e-4
-"""Interval after which a thread that returns from compiled code gets the interpreter; in the usual
-5 ms it would have grown fifty robots."""
-
 
 class PointEvaluator(Protocol):
     """Evaluates points with several workers."""
@@ -928,6 +923,9 @@ class ThreadEvaluator:
     def started(self, evaluator: Evaluator, ledger: Ledger) -> Iterator[Begin]:
         """Start the threads for a run."""
         usual_s = sys.getswitchinterval()
+        # Interval after which a thread that returns from compiled code gets the interpreter; in the
+        # usual 5 ms it would have grown fifty robots.
+        switch_s = 1e-4
         # A pool needs at least one worker; without work it starts no thread.
         with ThreadPoolExecutor(max_workers=max(1, self.count - 1)) as pool:
             executor, is_loaded = Executor(pool, self.count), False
@@ -947,7 +945,7 @@ class ThreadEvaluator:
 
                 return finish
 
-            sys.setswitchinterval(SWITCH_S)
+            sys.setswitchinterval(switch_s)
             try:
                 yield begin
             finally:

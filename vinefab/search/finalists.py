@@ -139,7 +139,6 @@ def spread_out(costs: Floats, count: int) -> list[int]:
     return [int(row) for row in order]
 
 
-_REPAIR_STREAM = 1413
 STEPS = 4000
 """Most changes for all points of a run together; each costs one penalty, a few milliseconds.
 Repairs that succeeded took at most 400 (measured)."""
@@ -150,9 +149,6 @@ had at most 45 (measured)."""
 
 MOST_CHECKS = 50
 """Most full checks of designs without penalty for one point; twice as many for all points."""
-
-_NEARBY = 0.15
-"""Usual change of a coordinate, as a share of its range."""
 
 
 @dataclass(slots=True)
@@ -228,8 +224,10 @@ def repair_design(
         What may be spent; costs are subtracted from it. None: enough for one point.
     """
     budget = RepairBudget() if budget is None else budget
-    rng, checks, vain = child(0, _REPAIR_STREAM), 0, 0
+    repair_stream = 1413
+    rng, checks, vain = child(0, repair_stream), 0, 0
     here, lowest = x, _penalty_at(x, space, penalty)
+    nearby = 0.15  # usual change of a coordinate, as a share of its range
     with phase("changes that may repair the best", STEPS) as tried:
         while budget.steps > 0 and budget.checks > 0 and checks < MOST_CHECKS and vain < PATIENCE:
             tried.at(STEPS - budget.steps)
@@ -237,7 +235,7 @@ def repair_design(
             there = here.copy()
             for place in rng.integers(0, len(x), rng.integers(1, 3)).tolist():  # one or two
                 jump = rng.random() < 0.1
-                step = rng.random() if jump else _NEARBY * rng.standard_normal()
+                step = rng.random() if jump else nearby * rng.standard_normal()
                 there[place] = step if jump else there[place] + step
             there = np.clip(there, 0.0, 1.0)
             there_penalty = _penalty_at(there, space, penalty)
@@ -259,10 +257,6 @@ def _penalty_at(x: Floats, space: Space, penalty: Callable[[Design], float]) -> 
     except BadInputError:
         return np.inf
     return np.inf if np.isnan(value) else value
-
-
-MOST_FULL_CHECKS = 60
-"""Most full checks among the designs of a run: joints are simulated, which may take seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -295,7 +289,9 @@ def choose_finalists(
     if not isinstance(penalty, FullCheck):
         return FinalistChoice(points=best_points(history, space, count))
     passes = evaluator.may_win if by_table and evaluator.has_table else penalty.passes
-    passing, ranked = list[Floats](), _ranked(history, space, max(MOST_FULL_CHECKS, 2 * count))
+    # Most full checks among the designs of a run: joints are simulated, which may take seconds.
+    most_full_checks = 60
+    passing, ranked = list[Floats](), _ranked(history, space, max(most_full_checks, 2 * count))
     with phase("finalists chosen", count) as chosen:
         for tried, (x, broken) in enumerate(ranked):
             chosen.at(len(passing), f"{counted(tried, 'design')} checked")

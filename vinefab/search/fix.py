@@ -78,8 +78,6 @@ WEIGHTS = {
 angle by its change in radians, of pruned branches by the logarithm of the planned length left.
 Where the robot goes counts most, how it is made least; the numbers are vinefab's own."""
 
-_UNCHANGED = 1e-9
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignChange:
@@ -102,7 +100,8 @@ class DesignChange:
 
 def design_changes(before: Design, after: Design) -> tuple[DesignChange, ...]:
     """Return every value that differs between a design and its fixed version."""
-    return tuple(change for change in _changes(before, after) if change.cost > _UNCHANGED)
+    unchanged = 1e-9
+    return tuple(change for change in _changes(before, after) if change.cost > unchanged)
 
 
 def change_cost(before: Design, after: Design) -> float:
@@ -346,7 +345,6 @@ KEEPS: Mapping[str, frozenset[str]] = FrozenMapping(
 """What a user may tell a fix to keep, and the kinds of changes that this rules out."""
 
 _DECIMALS = 3
-_LEAST_TAPER = 0.05
 
 
 def parsed_keeps(texts: Iterable[str]) -> frozenset[str]:
@@ -505,10 +503,11 @@ class FixSpace:
             return tuple(_scaled_mm(value, factors.get(level, 1.0)) for level, value in numbered)
 
         factors, tapers = scale.get("taper", {}), old.taper[:depth] or depth * (1.0,)
+        least_taper = 0.05
         changed = tuple(
             ratio
             if (factor := factors.get(level, 1.0)) == 1.0
-            else min(1.0, max(_LEAST_TAPER, round(ratio * factor, _DECIMALS)))
+            else min(1.0, max(least_taper, round(ratio * factor, _DECIMALS)))
             for level, ratio in enumerate(tapers)
         )
         pouch, factor = old.pouch, scale.get("pouch", {}).get(0, 1.0)
@@ -546,33 +545,19 @@ def _scaled_mm(value_mm: float, factor: float) -> float:
     return value_mm if factor == 1.0 else max(10.0**-_DECIMALS, round(value_mm * factor, _DECIMALS))
 
 
-MOST_PRUNINGS = 12
-"""Most ways to prune that are searched in full, the most promising first."""
-
-_MOST_STEPS = 60
 FIRST_STEPS = 20
 """Steps of single values and groups before CMA-ES has its turn."""
 
-PENALTY_COST = 0.4
-"""Estimated cost of clearing a unit of penalty, to rank the ways to prune."""
 
 _FIRST_STEP, _LARGEST_STEP, _LEAST_STEP = 0.15, 0.4, 0.005
-_BACKWARD = 12
 _SMALLEST = 7.0
 """Logarithm by which fillets shrink to the smallest that the limits allow, whatever they are."""
 
 
-MOST_GENERATIONS = 150
 _POPULATION, _SPREAD, _SEED = 16, 0.3, 1
 _RISE, _STUCK, _STALLED = 0.99, 60, 20
 """CMA-ES ends when nothing was better by one percent for so many generations: before it has met
 the targets, and after."""
-
-_LARGE = 160
-"""Branches of a design from which on fewer generations are tried."""
-
-_PENALTY_WORTH = 10.0
-"""Cost that CMA-ES accepts to clear a unit of penalty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -651,6 +636,7 @@ def fix_in_stage(
         Of a change that is worth looking for.
     """
     best: FixedDesign | None = None
+    most_steps = 60
     for space in _spaces(design, targets, stage):
         if pruning_cost(design, space.branches) >= most_cost:
             continue
@@ -660,7 +646,7 @@ def fix_in_stage(
             if space.penalty(x) > 0.0 and space.penalty(x := x - _SMALLEST) > 0.0:
                 continue
         else:
-            descended = _descended(space, _MOST_STEPS if stage.prunes else FIRST_STEPS, most_cost)
+            descended = _descended(space, most_steps if stage.prunes else FIRST_STEPS, most_cost)
             if descended is None:
                 continue
             x = descended
@@ -690,12 +676,15 @@ def _spaces(design: Design, targets: FixTargets, stage: FixStage) -> list[FixSpa
         return [FixSpace.of(design, whole, targets, stage.kinds)]
     fewer = [pruning for pruning in kept_branches(design) if pruning != whole]
 
+    penalty_cost = 0.4  # estimated cost of clearing a unit of penalty, to rank the ways to prune
+
     def estimated_cost(pruning: tuple[int, ...]) -> float:
         space = FixSpace.of(design, pruning, targets)
         penalty = space.penalty(np.zeros(len(space)))
-        return pruning_cost(design, pruning) + PENALTY_COST * penalty
+        return pruning_cost(design, pruning) + penalty_cost * penalty
 
-    prunings = sorted(fewer, key=estimated_cost)[:MOST_PRUNINGS]
+    most_prunings = 12  # most ways to prune that are searched in full, the most promising first
+    prunings = sorted(fewer, key=estimated_cost)[:most_prunings]
     return [FixSpace.of(design, pruning, targets, stage.kinds) for pruning in prunings]
 
 
@@ -737,16 +726,19 @@ def _evolved(space: FixSpace) -> Floats | None:
 
     It ends when the worth of the best vector hardly rises any more.
     """
+    large = 160  # branches of a design from which on fewer generations are tried
+    most_generations = 150
     # Large designs take longer: they get fewer generations.
-    most = max(1, min(MOST_GENERATIONS, MOST_GENERATIONS * _LARGE // space.design.branch_count))
+    most = max(1, min(most_generations, most_generations * large // space.design.branch_count))
     search = cmaes.CMA(
         mean=np.zeros(len(space)), sigma=_SPREAD, seed=_SEED, population_size=_POPULATION
     )
     best, best_cost, least, since = None, math.inf, math.inf, 0
+    penalty_worth = 10.0  # cost that CMA-ES accepts to clear a unit of penalty
     for _ in range(most):
         told = []
         for x, penalty, cost in space.assessed([search.ask() for _ in range(_POPULATION)]):
-            told.append((x, _PENALTY_WORTH * penalty + cost))
+            told.append((x, penalty_worth * penalty + cost))
             if penalty == 0.0 and cost < best_cost:
                 best, best_cost = x, cost
         search.tell(told)
@@ -804,7 +796,8 @@ def _shrunk(space: FixSpace, x: Floats, which: NDArray[np.bool_]) -> Floats:
     low, high, good = 0.0, 1.0, x
     if not np.any(x[which]):
         return x
-    for turn in range(_BACKWARD):
+    backward = 12
+    for turn in range(backward):
         share = low if turn == 0 else (low + high) / 2.0
         trial = np.where(which, share * x, x)
         if space.penalty(trial) == 0.0:

@@ -67,9 +67,6 @@ from vinefab.search.space import Bounds, Space
 from vinefab.tasks.evaluate import Conditions, PreparedMap
 from vinefab.tasks.reach import task_targets
 
-MOST_TABLED = 400
-"""Branches of the largest designs that are checked in full while a search runs."""
-
 _VINE_MM = 200.0
 """Length of the vine for rules that do not depend on length."""
 
@@ -129,7 +126,9 @@ class ManufacturabilityPenalty:
         """
         pattern = pattern_of(design, self.profile, known_only=True)
         known = all(one.found and one.found.source == "table" for one in pattern.joints)
-        if not known or design.branch_count > MOST_TABLED:
+        # Branches of the largest designs that are checked in full while a search runs.
+        most_tabled = 400
+        if not known or design.branch_count > most_tabled:
             return None
         return run_checks(subject_of(design, self.profile, pattern=pattern)).blocking
 
@@ -371,12 +370,6 @@ def _least(query: SpaceQuery) -> Iterator[BadInputError]:
 
 _WIDTHS = {"trunk_width_mm", "widths_mm"}
 
-MOST_BRANCHED = 20
-"""Children of a fan above which nothing is said of the film that rides in a trunk."""
-
-LEAST_EXCESS_MM = 20.0
-"""Excess over the sheet from which on it is named: fans are cut at other angles than deployed."""
-
 
 def middle_tree(query: SpaceQuery) -> Design | None:
     """Return a design of middle depth, with the middle number of branches on each level."""
@@ -384,7 +377,9 @@ def middle_tree(query: SpaceQuery) -> Design | None:
     depth = int(settings.space.levels.low + settings.space.levels.high) // 2
     below = [query.bounds(level, "branches")[1] for level in range(2, depth + 1)]
     branches = [math.ceil((bounds.low + bounds.high) / 2.0) for bounds in below]
-    if max(branches, default=0) > MOST_BRANCHED:
+    # Children of a fan above which nothing is said of the film that rides in a trunk.
+    most_branched = 20
+    if max(branches, default=0) > most_branched:
         return None
     levels = tuple(Level.of(branches=count, length_mm=100.0, angle_deg=90.0) for count in branches)
     build = settings.build.build(depth)
@@ -460,7 +455,9 @@ def said_before(evaluator: Evaluator) -> str:
                 f"trunk {wide_mm:g} mm: the narrowest that {what} ride through ({check_packing.id})"
             )
     sheet_mm, excess_mm = query.sheet_mm, max(_excesses_mm(evaluator, query), default=0.0)
-    if (build.pieces is None or build.pieces.most == 1) and excess_mm > LEAST_EXCESS_MM:
+    # Excess over the sheet from which on it is named: fans are cut at other angles than deployed.
+    least_excess_mm = 20.0
+    if (build.pieces is None or build.pieces.most == 1) and excess_mm > least_excess_mm:
         said.append(
             f"one flat outline that touches all targets is about {excess_mm:.0f} mm too large "
             f"for the sheet of {sheet_mm[0]:.0f} x {sheet_mm[1]:.0f} mm ({check_bed.id}), its tail "
@@ -496,10 +493,6 @@ def _excesses_mm(evaluator: Evaluator, query: SpaceQuery) -> Iterator[float]:
             yield min(found)
 
 
-MOST_TRIALS = 40
-"""Most poses that a trunk is grown from."""
-
-
 def refuse_starts_without_room(evaluator: Evaluator, conditions: Conditions) -> None:
     """Raise `BadInputError` where no robot of a run can leave the starts of its maps.
 
@@ -525,7 +518,8 @@ def refuse_starts_without_room(evaluator: Evaluator, conditions: Conditions) -> 
     growth, space, grown_mm = evaluator.growth.at_one_angle, evaluator.space, 0.0
     length_mm, build = space.design(np.zeros(len(space))).trunk_length_mm, space.build_of(1)
     trunk = Design(name="trunk", trunk_length_mm=length_mm, build=build)
-    for prepared, pose in roomy[:MOST_TRIALS]:
+    most_trials = 40  # most poses that a trunk is grown from
+    for prepared, pose in roomy[:most_trials]:
         grown = float(grow_on(trunk, prepared.terrain, pose, growth).grown_mm.sum())
         leaves = grown >= min(length_mm - 1.0, build.widths_mm[0])
         if growth.children_of_stuck == "deploy" or leaves:
@@ -576,13 +570,10 @@ _POINTS, _ROUNDS, _KEPT, _CHECKED = 256, 4, 24, 4
 how many of them are changed, and how many without penalty are asked for all rules."""
 
 
-FREE_GENERATIONS = 10
-"""Of the search that tells whether rules keep a robot from its targets."""
-
-
 def without_rules(settings: RunSettings) -> RunSettings:
     """Return the settings of a short search that no rule stops."""
-    generations = min(settings.search.generations, FREE_GENERATIONS)
+    free_generations = 10  # of the search that tells whether rules keep a robot from its targets
+    generations = min(settings.search.generations, free_generations)
     return settings.changed(
         evaluation=settings.evaluation.changed(fabricable=False, joint_weight=0.0),
         search=settings.search.changed(generations=generations, evaluations=0, wall_time_s=0.0),
@@ -728,10 +719,6 @@ MOST_OF_GENERATION, MOST_FAILURES = 8, 200
 not times, so that results are the same on every computer."""
 
 
-ADVICE_AT = 0.1
-"""Share of a run without a manufacturable design after which its rules and their relaxations are
-looked for."""
-
 NEAREST, MOST_NEAR = 5, 64
 """Designs with the least penalties whose broken rules are named, and that changes are tried on."""
 
@@ -779,7 +766,10 @@ class BestCheck:
 
     def judged(self, progress: SearchProgress) -> SearchProgress:
         """Return the progress of the run with the known facts of its best design, as words too."""
-        if self.passes is False and progress.share >= ADVICE_AT:
+        # Share of a run without a manufacturable design after which its rules and their relaxations
+        # are looked for.
+        advice_at = 0.1
+        if self.passes is False and progress.share >= advice_at:
             self._advice = self._advice or advice(self._evaluator, progress.history)
         shown = self._advice if self.passes is False else ""
         found = replace(progress, passes=self.passes, advice=shown or self._outset)

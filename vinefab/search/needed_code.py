@@ -20,7 +20,6 @@ _CELLS = ("tasks.areas_kernel.count_walls", "tasks.areas_kernel.place_walls")
 _SEEN = ("growth.batch_kernel.gather_tips", "tasks.areas_kernel.fill_strips")
 _REACHED = ("tasks.areas_kernel.fill_strips", "tasks.areas_kernel.reach_areas")
 _HELD = ("tasks.tips_kernel.gaps", "tasks.tips_kernel.tensions", "tasks.tips_kernel.turns")
-_EXACT = "tasks.union_kernel.union_areas"
 
 PREDICTION = (
     *_GROWTH[2:],
@@ -56,7 +55,7 @@ def _of_task(task: Task, maps: Sequence[Map]) -> tuple[str, ...]:
         return (*_SEEN[:1], *_CELLS, "tasks.areas_kernel.seen_areas_by_lines")
     if isinstance(task, Coverage):
         fast = () if task.area == "exact" else (*_SEEN, "tasks.areas_kernel.cover_areas")
-        return (*fast, _EXACT)
+        return (*fast, "tasks.union_kernel.union_areas")
     if isinstance(task, Reach) and not task.targets and not any(world.targets for world in maps):
         return _REACHED
     return ()

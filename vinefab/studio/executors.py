@@ -46,9 +46,6 @@ PANELS = {
 }
 """Every panel: its `AnswerFunction`, imported when first used, and the name of its executor."""
 
-_PAINTED_S = 0.5
-"""Time that a page takes to show its first answer."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
@@ -195,10 +192,11 @@ class ThreadExecutor:
 
     async def answer(self, question: Question, _progress: Seen) -> Any:  # noqa: ANN401  plain values
         """Return the answer; what raises raises here."""
+        painted_s = 0.5  # time that a page takes to show its first answer
         try:
             return await self.run(lambda: answer_of(question.panel, question.state, question.ask))
         finally:
-            asyncio.get_running_loop().call_later(_PAINTED_S, self.answered.set)
+            asyncio.get_running_loop().call_later(painted_s, self.answered.set)
 
     async def run(self, work: Callable[[], Any]) -> Any:  # noqa: ANN401  as the work
         """Return the result of a function, after everything that was asked before."""

@@ -150,6 +150,8 @@ def family_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
         if asked.draw is None or entry["key"] in asked.draw:
             entry["robot_svg"] = robot_svg(first, widths_mm, detail=False)
     is_ideal = state.task == Anchoring.name and state.design.build.pouch is None
+    # Scores while something is dragged count as equal within this: fast areas are approximations.
+    quick_error = 1e-3
     return {
         "task": state.task,
         "title": f"{state.task}, ideal case" if is_ideal else state.task,
@@ -161,7 +163,7 @@ def family_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
         "evaluated": len(by_map),
         "environments": list(ENVIRONMENTS.names()),
         "distribution": _distribution(list(means.values()), list(before.values())),
-        "difference": _difference(pairs, QUICK_ERROR if asked.quick else 0.0),
+        "difference": _difference(pairs, quick_error if asked.quick else 0.0),
         "grown_share": float(np.mean([entry["grown_share"] for entry in entries[: len(by_map)]])),
         "heat": heat_cells(places, by_map, widths_mm) if asked.heat else None,
     }
@@ -368,9 +370,6 @@ QUANTILES_PERCENT = (5, 25, 50, 75, 95)
 
 BINS = 12
 """About so many bins stand between the least and the greatest score."""
-
-QUICK_ERROR = 1e-3
-"""Scores while something is dragged count as equal within this: fast areas are approximations."""
 
 
 def _distribution(scores: Sequence[float], before: Sequence[float]) -> dict[str, Any]:

@@ -73,8 +73,6 @@ from vinefab.studio.state import (
 DESIGN_FILE, MAP_FILE = "design.toml", "map.geojson"
 """Names of the inputs of an export, in the folder next to it."""
 
-_MOST_POSES = 1000
-
 
 @dataclass(frozen=True, slots=True)
 class InputFile(os.PathLike[str]):
@@ -257,13 +255,14 @@ class ReportExport(Export):
     def given(self, source: ExportSource) -> dict[str, Any]:
         """Return the arguments of the verb."""
         unseen = {"environment": self.environment, "count": self.count} if self.environment else {}
+        most_poses = 1000
         return {
             "design": source.design_name,
             "recipe": source.recipe,
             "out": source.out,
             "maps": (source.map_name,) if source.map_name else (),
             **unseen,
-            "poses": whole("poses", self.poses, 1, _MOST_POSES),
+            "poses": whole("poses", self.poses, 1, most_poses),
             "seed": self.seed,
             "growth": source.growth_given,
         }
@@ -508,7 +507,6 @@ def _opens(path: Path) -> str:
 
 _SCHEMA = "vinefab/snapshot-1"
 MOST_BYTES = 1 << 27
-_MOST_MAPS = 100
 _TEMPLATES = Path(__file__).parents[1] / "pages" / "templates"
 
 _POLICY = (
@@ -690,7 +688,8 @@ def stored_state(path: Path) -> dict[str, Any]:
 
 def _map_beside(path: Path, text: str) -> Path:
     """Write the map of a snapshot next to it; a file with another content stays."""
-    for number in range(1, _MOST_MAPS):
+    most_maps = 100
+    for number in range(1, most_maps):
         file = path.with_name(f"{path.stem}.map{'' if number == 1 else f'-{number}'}.geojson")
         if not file.exists():
             return write_text(file, text)

@@ -101,15 +101,11 @@ def _autosaves() -> list[Path]:
 LARGEST_MAP_BYTES = 32 << 20
 """Of a map that is opened on the page; commands read larger ones."""
 
-_MOST_LISTED = 300
-"""Files of each kind in the list of choices."""
 
-_DEEPEST_FOLDER = 3
 _HIDDEN = (".", "node_modules", "__pycache__")
 _MOST_LOOKED_AT = 5000
 _HEAD_BYTES = 4096
 _SCHEMA = re.compile(rb'^schema\s*=\s*["\']vinefab/(design|recipe)-1["\']', re.MULTILINE)
-_CHECKED_FOR_S = 1.0
 
 Broadcast = Callable[[Mapping[str, Any]], None]
 """Sends an event to every tab."""
@@ -156,11 +152,12 @@ class FileStore:
         """Return the files to open: designs, maps, recipes, and environments with options."""
         paths, is_complete = _listed(self.roots)
         found: dict[str, list[dict[str, str]]] = {"design": [], "recipe": [], "map": []}
+        most_listed = 300  # files of each kind in the list of choices
         for path in paths:
             kind = "" if _is_library(path) else _kind(path)
             if not kind:
                 continue
-            if len(found[kind]) < _MOST_LISTED:
+            if len(found[kind]) < most_listed:
                 shown = self.shown(path)
                 found[kind].append({"name": path.stem, "path": shown, "where": "folder"})
             else:
@@ -429,6 +426,7 @@ class FileStore:
     def check_paths(self, state: Mapping[str, Any]) -> None:
         """Raise BadInputError unless every file that a state names may be read."""
         now = monotonic()
+        checked_for_s = 1.0
         for key, given in files_named_in(state):
             if self._checked.get((key, str(given)), -1.0) > now:
                 continue  # every move of the pointer asks
@@ -440,7 +438,7 @@ class FileStore:
                 self._watch(path, "recipe" if key == "recipe" else "map", stamp)
             if len(self._checked) > 1000:
                 self._checked.clear()
-            self._checked[key, str(given)] = now + _CHECKED_FOR_S
+            self._checked[key, str(given)] = now + checked_for_s
 
     def allowed_path(self, key: str, given: object, *, to_write: bool = False) -> Path:
         """Return the file that a path of the page leads to, or raise BadInputError."""
@@ -625,6 +623,7 @@ def _listed(roots: Sequence[Path]) -> tuple[list[Path], bool]:
     """
     files: dict[Path, None] = {}
     left, open_folders = _MOST_LOOKED_AT, deque((root, 0) for root in roots)
+    deepest_folder = 3
     while open_folders:
         folder, depth = open_folders.popleft()
         with suppress(OSError), os.scandir(folder) as entries:
@@ -634,7 +633,7 @@ def _listed(roots: Sequence[Path]) -> tuple[list[Path], bool]:
                 return list(files), False
             shown = [e for e in found if not e.name.startswith(_HIDDEN) and not e.is_symlink()]
             files.update(dict.fromkeys(Path(entry.path) for entry in shown if entry.is_file()))
-            if depth < _DEEPEST_FOLDER:
+            if depth < deepest_folder:
                 open_folders.extend((Path(e.path), depth + 1) for e in shown if e.is_dir())
     return list(files), True
 

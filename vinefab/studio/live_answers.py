@@ -69,16 +69,16 @@ def load_kernel() -> None:
     _ENGINE[0] = "kernel"
 
 
-_COMPILE = "from vinefab.studio.live_answers import load_kernel; load_kernel()"
-
-
 async def compile_kernel() -> bool:
     """Compile in another process, then load the result in a thread; return whether it could.
 
     Without it growths stay interpreted: slower, with the same results.
     """
     compiling = await asyncio.create_subprocess_exec(
-        sys.executable, "-c", _COMPILE, stdin=asyncio.subprocess.DEVNULL
+        sys.executable,
+        "-c",
+        "from vinefab.studio.live_answers import load_kernel; load_kernel()",
+        stdin=asyncio.subprocess.DEVNULL,
     )
     try:
         code = await compiling.wait()
@@ -157,8 +157,6 @@ def _terrain(name: str, bounds: Polygon, obstacles: tuple[Polygon, ...]) -> Terr
 MOST_LIVE_INTERPRETED = 1500
 """More branches than this grow once the simulator is compiled: interpreted they take a second."""
 
-MOST_FOLLOWED = 5000
-"""The exact scores of a robot with more branches take several seconds."""
 
 COMPILED_TASKS = ("anchoring",)
 """Tasks that cannot be scored before code is compiled."""
@@ -272,10 +270,11 @@ def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, An
 
 def not_followed(design: Design) -> str:
     """Return the reason not to grow a design while a pointer waits, or an empty text."""
-    if design.branch_count > MOST_FOLLOWED:
+    most_followed = 5000  # the exact scores of a robot with more branches take several seconds
+    if design.branch_count > most_followed:
         return (
             f"{counted(design.branch_count, 'branch')}: the page follows designs of at most "
-            f"{MOST_FOLLOWED};"
+            f"{most_followed};"
             " vinefab grow DESIGN --map MAP grows them all"
         )
     if design.branch_count > MOST_LIVE_INTERPRETED and current_engine() != "kernel":
@@ -342,10 +341,6 @@ def _grown_text(deployment: Deployment) -> str:
 _task = cache(make_task)
 
 
-LEAST_MM = 1.0
-"""Branches are dragged no shorter than this."""
-
-
 def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of a level for which the tip of a branch lies where it is dragged to.
 
@@ -377,10 +372,11 @@ def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
         return {"level": None, "values": {}}
     # How much longer the last stretch gets, and by how much it turns about its base.
     stretch, reach = complex(*(chain_mm[-1] - chain_mm[-2])), complex(*(to_mm - chain_mm[-2]))
-    along_mm, turn_rad = max(LEAST_MM, abs(reach)) - abs(stretch), 0.0
-    if abs(reach) >= LEAST_MM:
+    least_mm = 1.0  # branches are dragged no shorter than this
+    along_mm, turn_rad = max(least_mm, abs(reach)) - abs(stretch), 0.0
+    if abs(reach) >= least_mm:
         turn_rad = math.remainder(cmath.phase(reach) - cmath.phase(stretch), math.tau)
-    wanted_mm = max(LEAST_MM, float(deployment.grown_mm[branch]) + along_mm)
+    wanted_mm = max(least_mm, float(deployment.grown_mm[branch]) + along_mm)
     index = int(deployment.tree.level[branch]) - 2
     if index < 0:
         free = "trunk.length" not in state.locks

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 else:  # the thread that draws the flat outline has no use for it
     inflation_report = imported_later("vinefab.prediction.inflation_report")
 
-MOST_FLAT = 1500
-"""Outlines of more branches take longer than a pointer may wait; the rules' panel draws them."""
 
 _WIDER_RAD, _FAN_STEP_RAD = math.radians(120.0), math.radians(1.0)
 """Range and step of the search for the nearest possible fan."""
@@ -37,7 +35,9 @@ def cut_answer(state: StudioState, _ask: Mapping[str, Any]) -> dict[str, Any]:
     Joints come from the table or the user's cache. The rules, once the pointer rests, simulate what
     neither knows, and say all of it exactly.
     """
-    if state.design.branch_count > MOST_FLAT:
+    # Outlines of more branches take longer than a pointer may wait; the rules' panel draws them.
+    most_flat = 1500
+    if state.design.branch_count > most_flat:
         return {"cut": {}, "outline_svg": "", "outline_box": None}
     pattern = pattern_of(state.design, state.profile, known_only=True)
     notes = cut_notes(pattern, state.profile)

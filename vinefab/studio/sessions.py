@@ -77,9 +77,6 @@ MOST_MESSAGE_BYTES = 4 << 20
 MOST_PARTS = 10_000
 """Frames of a message: empty ones add nothing to its length."""
 
-BACKLOG = 32
-"""Connections that wait, and that are accepted in one go: far fewer than may be pending, so that a
-request is read before others take its place."""
 
 DROP = "drop"
 """Key of the function, in the state of a socket's scope, that ends its connection at once."""
@@ -315,18 +312,6 @@ class RequestGuard:
         return ""
 
 
-_FIRST_PICTURE_S = 2.0
-"""Time that everything else leaves to the first picture."""
-
-_MOST_ASKED = 64
-"""Questions of one session that are being answered."""
-
-_MOST_UNREAD = 100
-"""Messages that a page may leave unread before it is asked nothing more of."""
-
-_MOST_UNREAD_BYTES = 16 << 20
-"""Bytes that a page may leave unread before it is dropped: events come without a question."""
-
 _KINDS = {".js": "text/javascript", ".css": "text/css"}
 """Media types of the page's files; a table of the system may have others."""
 
@@ -399,7 +384,9 @@ class TabSession:
 
     def put(self, message: Mapping[str, Any]) -> None:
         """Send a message, after those before it, to a page that reads them."""
-        if self._unread_bytes > _MOST_UNREAD_BYTES:
+        # Bytes that a page may leave unread before it is dropped: events come without a question.
+        most_unread_bytes = 16 << 20
+        if self._unread_bytes > most_unread_bytes:
             self._socket.scope["state"][DROP]()
             return
         # Written here, so that a value that JSON has no word for is the fault of its question.
@@ -418,6 +405,8 @@ class TabSession:
                     self._unread_bytes -= len(text)
 
         sending = asyncio.create_task(send())
+        # Messages that a page may leave unread before it is asked nothing more of.
+        most_unread = 100
         try:
             hello = await asyncio.to_thread(self._studio.workspace.hello)
             self.put({"event": "hello", **hello})
@@ -432,7 +421,7 @@ class TabSession:
                     await self._socket.close(1003, "messages are JSON objects")
                     return
                 self._take(message)
-                while self._out.qsize() > _MOST_UNREAD and not sending.done():  # it does not read
+                while self._out.qsize() > most_unread and not sending.done():  # it does not read
                     await asyncio.sleep(0.05)
         finally:
             sending.cancel()
@@ -457,8 +446,9 @@ class TabSession:
         if slot in self._asked:
             self.put({**reply, "error": {"message": "one question at a time for each panel"}})
             return
-        if len(self._asked) >= _MOST_ASKED:
-            self.put({**reply, "error": {"message": f"at most {_MOST_ASKED} questions at once"}})
+        most_asked = 64  # questions of one session that are being answered
+        if len(self._asked) >= most_asked:
+            self.put({**reply, "error": {"message": f"at most {most_asked} questions at once"}})
             return
 
         def settle(done: asyncio.Task[None]) -> None:
@@ -484,6 +474,7 @@ class TabSession:
         if not isinstance(state, dict) or not isinstance(ask, dict):
             raise BadInputError("message", "state, ask", "names with values", "the page")
         workspace, live = self._studio.workspace, self._studio.live
+        first_picture_s = 2.0  # time that everything else leaves to the first picture
         if "request" in reply:
             # Files and runs are read apart from the thread that follows the pointer.
             found = await asyncio.to_thread(workspace.answer, str(reply["request"]), state, ask)
@@ -493,7 +484,7 @@ class TabSession:
             _, name = PANELS.get(panel, ("", LIVE))  # an unknown one is refused there
             if name != LIVE:  # no process is started before the first picture
                 with suppress(TimeoutError):
-                    await asyncio.wait_for(live.answered.wait(), _FIRST_PICTURE_S)
+                    await asyncio.wait_for(live.answered.wait(), first_picture_s)
 
             def progress(share: float | None, text: str) -> None:
                 loop.call_soon_threadsafe(self.put, {**reply, "progress": [share, text]})
@@ -547,6 +538,9 @@ def make_server(workspace: StudioWorkspace, endpoint: Endpoint) -> uvicorn.Serve
             return nullcontext()  # it would raise them once more at its end
 
     connections = Connections()
+    # Connections that wait, and that are accepted in one go: far fewer than may be pending, so that
+    # a request is read before others take its place.
+    backlog = 32
     return Server(
         uvicorn.Config(
             make_app(workspace, endpoint, connections),
@@ -554,7 +548,7 @@ def make_server(workspace: StudioWorkspace, endpoint: Endpoint) -> uvicorn.Serve
             http=limited_protocol(connections),
             ws=LimitedSocketProtocol,
             ws_max_size=MOST_MESSAGE_BYTES,
-            backlog=BACKLOG,
+            backlog=backlog,
             proxy_headers=False,  # a client would choose its own address
             timeout_graceful_shutdown=2,
             server_header=False,

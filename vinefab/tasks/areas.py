@@ -36,11 +36,6 @@ NUDGE_MM = 1e-5
 _ARC_STEP_RAD = math.pi / 32.0
 _SLACK = 1e-9
 
-_QUARTER_SEGMENTS = 16
-"""Sides of the polygon that stands for a quarter of a disc in a union. At 16 a disc and its
-polygon, equal in area, differ on less than 0.07 % of the disc's area, so the union is off by less
-than 0.07 % of the discs' summed area; errors of either sign make it about a thousand times less."""
-
 
 def disc_union(centres_mm: Floats, radius_mm: float) -> BaseGeometry:
     """Return the union of equal discs as polygons.
@@ -53,9 +48,14 @@ def disc_union(centres_mm: Floats, radius_mm: float) -> BaseGeometry:
 
 def disc_polygons(centres_mm: Floats, radius_mm: float) -> NDArray[np.object_]:
     """Return equal discs as regular polygons of the same area."""
-    step = math.pi / (2 * _QUARTER_SEGMENTS)
+    # Sides of the polygon that stands for a quarter of a disc in a union. At 16 a disc and its
+    # polygon, equal in area, differ on less than 0.07 % of the disc's area, so the union is off by
+    # less than 0.07 % of the discs' summed area; errors of either sign make it about a thousand
+    # times less.
+    quarter_segments = 16
+    step = math.pi / (2 * quarter_segments)
     circumradius_mm = radius_mm * math.sqrt(step / math.sin(step))
-    discs = shapely.buffer(shapely.points(centres_mm), circumradius_mm, quad_segs=_QUARTER_SEGMENTS)
+    discs = shapely.buffer(shapely.points(centres_mm), circumradius_mm, quad_segs=quarter_segments)
     return np.asarray(discs)
 
 
@@ -231,9 +231,6 @@ STRIPS_PER_RADIUS = 10
 MOST_RASTER_CELLS = 4_000_000
 """Limit of a raster's size: 32 MB; polygons are used beyond it."""
 
-TABLE_STEPS = 1024
-"""Entries of the table of circular segments: linear in between, within 1e-5 of the disc's area."""
-
 
 class Chains(NamedTuple):
     """The bodies of several growths, one after the other, j of them."""
@@ -344,14 +341,15 @@ class FreeArea:
 
 def segment_table() -> Floats:
     """Return the area of the unit disc below heights evenly spaced from -1 to 1."""
-    y = np.linspace(-1.0, 1.0, TABLE_STEPS + 1)
+    # Entries of the table of circular segments: linear in between, within 1e-5 of the disc's area.
+    table_steps = 1024
+    y = np.linspace(-1.0, 1.0, table_steps + 1)
     table: Floats = 0.5 * math.pi + y * np.sqrt(1.0 - y * y) + np.arcsin(y)
     return table
 
 
 # --- Walls by grid cells ------------------------------------------------------------------------
 
-MOST_WALL_CELLS = 1_000_000
 MOST_ENTRIES = 20_000_000
 """Limits of an index's size: 160 MB. One cell with all the walls is never too large."""
 
@@ -384,7 +382,8 @@ class WallCells:
         ends = walls_mm.reshape(-1, 2)
         low, size = ends.min(axis=0), np.ptp(ends, axis=0)
         columns, rows = (max(1, math.ceil(float(length) / side_mm)) for length in size)
-        if columns * rows > MOST_WALL_CELLS:
+        most_wall_cells = 1_000_000
+        if columns * rows > most_wall_cells:
             return None
         grid = np.array([*low, side_mm, columns, rows])
         number = np.zeros(columns * rows, dtype=np.int64)
@@ -415,8 +414,6 @@ LINES_PER_RADIUS = 40
 LEAST_LINES = 160
 """Lines across a square map that is smaller than the discs."""
 
-DIRECTIONS = 16
-"""Candidate directions of the lines."""
 
 MOST_LINES = 1_000_000
 """Limit of their number: every growth visits all of them."""
@@ -523,8 +520,9 @@ def _direction(edges_mm: Floats, step_mm: float) -> tuple[float, float]:
     """
     runs = edges_mm[:, 1] - edges_mm[:, 0]
     best, least = (1.0, 0.0), math.inf
-    for k in range(DIRECTIONS):
-        direction = math.cos(math.pi * k / DIRECTIONS), math.sin(math.pi * k / DIRECTIONS)
+    directions = 16  # candidate directions of the lines
+    for k in range(directions):
+        direction = math.cos(math.pi * k / directions), math.sin(math.pi * k / directions)
         along, across = np.abs(_rotated(runs, direction)).T
         flat = across <= step_mm
         cost = along[flat].sum() + (along[~flat] * step_mm / across[~flat]).sum()

@@ -33,9 +33,6 @@ CLOSED = 2.0**-43
 RUN = 8
 """As in the kernel."""
 
-EDGES_PER_ROW = 8
-"""Edges of the free space are listed in rows of about so many."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FreeRows:
@@ -56,7 +53,8 @@ class FreeRows:
         ends = np.where(up[:, None, None], ends, ends[:, ::-1])
         run = ends[:, 1] - ends[:, 0]
         edges = np.column_stack([ends.reshape(-1, 4), run[:, 0] / run[:, 1], 1.0 - 2.0 * up])
-        rows = max(1, len(edges) // EDGES_PER_ROW)
+        edges_per_row = 8  # edges of the free space are listed in rows of about so many
+        rows = max(1, len(edges) // edges_per_row)
         low_mm, high_mm = edges[:, 1].min(), edges[:, 3].max()
         box = np.array([low_mm, (high_mm - low_mm) / rows])
         begin, end = (
@@ -122,8 +120,6 @@ def _rounded(points_mm: Floats, size_mm: float) -> Floats:
 Key = TypeVar("Key")
 Part = TypeVar("Part")
 
-MOST_KEPT_RADII = 4
-"""Rasters and lines of sight are kept for so many radii, then the oldest are dropped."""
 
 _MARGIN = 1e-6
 """Walls are listed in cells that they miss by this share of a cell: far above rounding."""
@@ -233,9 +229,11 @@ class MapContext:
 
 def _cached(parts: dict[Key, Part], key: Key, build: Callable[[], Part]) -> Part:
     """Return the part cached under a key, built once; beyond the limit the oldest is dropped."""
+    # Rasters and lines of sight are kept for so many radii, then the oldest are dropped.
+    most_kept_radii = 4
     with _BUILD_LOCK:
         if key not in parts:
-            while len(parts) >= MOST_KEPT_RADII:
+            while len(parts) >= most_kept_radii:
                 parts.pop(next(iter(parts)))
             parts[key] = build()
         return parts[key]

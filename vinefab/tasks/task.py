@@ -179,14 +179,12 @@ def one_by_one(task: Task, block: GrowthBlock, contexts: Sequence[MapContext]) -
     )
 
 
-FEW_GROWTHS = 16
-"""The exact areas of fewer growths are measured one by one: sooner than code is loaded."""
-
-
 def are_many(block: GrowthBlock, contexts: Sequence[MapContext]) -> bool:
     """Tell whether exact areas of a block are worth compiled code, which small maps have."""
     corners = max((len(contexts[index].edges_mm) for index, *_ in block.by_terrain()), default=0)
-    return len(block) >= FEW_GROWTHS and corners <= MOST_EDGES_AT_ONCE
+    # The exact areas of fewer growths are measured one by one: sooner than code is loaded.
+    few_growths = 16
+    return len(block) >= few_growths and corners <= MOST_EDGES_AT_ONCE
 
 
 def stacked_outcomes(single: Sequence[Outcome]) -> TaskOutcomes:

@@ -37,11 +37,9 @@ from vinefab.outline.ends import OpenEnd
 from vinefab.physics.tube import spot_at_mm
 
 LADDER_MM = (5.0, 8.0, 10.0, 16.0, 20.0, 30.0, 40.0)
-_LENGTH_WIDTH_MM = 10.0
 LENGTHS_MM = {40.0: 2, 160.0: 1, 280.0: 2}
 """Fingers of each length: most at the ends, which say most of a slope."""
 FILLETS_MM = (2.0, 4.0, 8.0)
-BALLOON_MM = (60.0, 20.0)
 BALLOONS = 3
 SQUARE_MM = 50.0
 STRIP_MM = (80.0, 25.0)
@@ -49,7 +47,6 @@ STRIPS = 2
 LAP_WIDTHS_MM = (10.0, 20.0)
 LAP_COPIES = 3
 LAP_MM = PieceSettings().lap_mm
-PORT_MM = 6.0
 JOINT_WIDTHS_MM = (20.0, 40.0)
 JOINTS_DEG = {
     **{f"PAIR-{fan}": (-fan / 2.0, fan / 2.0) for fan in (40, 60, 80, 120)},
@@ -59,7 +56,6 @@ JOINTS_DEG = {
 JOINT_KPA = 20.0
 """Pressure at which joint coupons are measured: that of robots whose own is not known."""
 LETTER_MM = 4.0
-LABEL_GAP_MM = 5.0
 _LADDER_LENGTH_MM, _LADDER_TAIL_MM = 40.0, 10.0
 _LAP_TUBE_MM, _LAP_CLAMP_MM = 45.0, 30.0
 
@@ -102,10 +98,12 @@ def coupon_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
 
 def balloon_designs() -> tuple[Design, ...]:
     """Return the burst balloons: a pouch of 20 x 60 mm with a narrow port for a needle."""
-    length, width = BALLOON_MM
+    balloon_mm = (60.0, 20.0)
+    length, width = balloon_mm
     pouch = Pouch(shape="rectangle", length_mm=length, width_mm=width)
+    port_mm = 6.0
     build = Build(
-        widths_mm=(PORT_MM,), fillet_mm=(), tail_mm=20.0, pouch=pouch, compensation="none"
+        widths_mm=(port_mm,), fillet_mm=(), tail_mm=20.0, pouch=pouch, compensation="none"
     )
     # The pouch is centred on the end of the branch: 5 mm of port stand between it and the base.
     return tuple(
@@ -121,9 +119,10 @@ def ladder_designs() -> tuple[Design, ...]:
 
 def length_designs() -> tuple[Design, ...]:
     """Return the ladder of lengths, mouth to tip: fingers of one width, which show shrinkage."""
-    tip_mm = _LENGTH_WIDTH_MM / 2
+    length_width_mm = 10.0
+    tip_mm = length_width_mm / 2
     return tuple(
-        _finger(f"L{length:g}-{number}", _LENGTH_WIDTH_MM, length - _LADDER_TAIL_MM - tip_mm)
+        _finger(f"L{length:g}-{number}", length_width_mm, length - _LADDER_TAIL_MM - tip_mm)
         for length, copies in LENGTHS_MM.items()
         for number in range(1, copies + 1)
     )
@@ -324,12 +323,10 @@ def text_marks(text: str, corner_mm: tuple[float, float], profile: LaserProfile)
 
 def _labelled(piece: Coupon, profile: LaserProfile) -> Coupon:
     x0, y0, _, _ = piece.box_mm
-    label = text_marks(piece.name, (x0, y0 - LABEL_GAP_MM - LETTER_MM), profile)
+    label_gap_mm = 5.0
+    label = text_marks(piece.name, (x0, y0 - label_gap_mm - LETTER_MM), profile)
     return replace(piece, paths=(*label, *piece.paths))
 
-
-COUPON_GAP_MM = 8.0
-"""Gap between pieces, above the limit of rule VF-L01 for a mark next to a body."""
 
 ROW_MM = 300.0
 """Longest row, so that the film piece stays handy on large beds."""
@@ -351,6 +348,8 @@ def coupon_sheets(
     room = min(bed_x, row_mm), bed_y
     sheets: list[list[Coupon]] = [[]]
     x, y, row = 0.0, 0.0, 0.0
+    # Gap between pieces, above the limit of rule VF-L01 for a mark next to a body.
+    coupon_gap_mm = 8.0
     for piece in sorted(pieces, key=lambda piece: -_size(piece)[1]):
         width, height = _size(piece)
         if width > room[0] or height > room[1]:
@@ -358,13 +357,13 @@ def coupon_sheets(
             problem += f"{bed_x:g} x {bed_y:g} mm are usable"
             raise UnfitInputError("machine", problem, "use a machine with a larger bed")
         if x > 0.0 and x + width > room[0]:
-            x, y, row = 0.0, y + row + COUPON_GAP_MM, 0.0
+            x, y, row = 0.0, y + row + coupon_gap_mm, 0.0
         if y > 0.0 and y + height > room[1]:
             sheets.append([])
             x, y, row = 0.0, 0.0, 0.0
         low_x, low_y, _, _ = piece.box_mm
         sheets[-1].append(piece.shifted(margin + x - low_x, margin + y - low_y))
-        x, row = x + width + COUPON_GAP_MM, max(row, height)
+        x, row = x + width + coupon_gap_mm, max(row, height)
     names = [name] if len(sheets) == 1 else [f"{name}_{k + 1}" for k in range(len(sheets))]
     facts = _coupon_facts(profile)
     within = (margin, margin, margin + bed_x, margin + bed_y)
@@ -405,9 +404,7 @@ def _size(piece: Coupon) -> tuple[float, float]:
 FOCUS_MM = (0.0, 3.0, 6.0, 10.0)
 LEAST_MJ_MM, MOST_MJ_MM, LEVELS = 5.0, 250.0, 8
 LINE_MM, ZONE_MM = 80.0, 20.0
-PITCH_MM = 9.0
 _TEXT_MM = 40.0
-_TICK_MM = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -495,12 +492,14 @@ def _job(
     focus_mm: float, energies: Sequence[float], operation: Operation, profile: LaserProfile
 ) -> Job:
     margin, settings = profile.machine.margin_mm.value, profile.settings(operation)
-    low = margin + 2.0 * _TICK_MM
-    top = low + PITCH_MM * len(energies)
+    tick_mm = 2.0
+    low = margin + 2.0 * tick_mm
+    pitch_mm = 9.0
+    top = low + pitch_mm * len(energies)
     start = margin + _TEXT_MM
     paths = text_marks(f"FOCUS {focus_mm:g}", (margin, top), profile)
     for row, energy in enumerate(energies):
-        y = low + LETTER_MM / 2 + PITCH_MM * row
+        y = low + LETTER_MM / 2 + pitch_mm * row
         paths += text_marks(f"{energy:.1f}", (margin, y - LETTER_MM / 2), profile)
         line = np.array([(start, y), (start + LINE_MM, y)])
         paths.append(
@@ -515,9 +514,9 @@ def _job(
     if Operation.MARK in profile.recipe.by_operation:
         # Ticks above and below the lines, between which the seam is judged.
         left = start + (LINE_MM - ZONE_MM) / 2
-        ends = ((low - _TICK_MM, -1.0), (top, 1.0))
+        ends = ((low - tick_mm, -1.0), (top, 1.0))
         for x, (y, towards) in itertools.product((left, left + ZONE_MM), ends):
-            tick = np.array([(x, y), (x, y + towards * _TICK_MM)])
+            tick = np.array([(x, y), (x, y + towards * tick_mm)])
             paths.append(_line(Operation.MARK, tick, "zone"))
     facts = {**_coupon_facts(profile), "focus_offset_mm": focus_mm}
     return sheet_job(f"matrix_focus_{focus_mm:02.0f}", paths, profile, facts)
@@ -578,11 +577,6 @@ with up to 270 degrees, for constants within a factor of two of the published on
 SLACK_KPA = 2.0
 """Pressure at which a trunk is round and hardly stretched."""
 
-GIRTHS = 3
-"""Readings of each girth: so many coupons of a width."""
-
-_LARGEST = 1e9
-"""Of a reading, in any unit: profiles hold no larger number."""
 
 OUTCOMES = ("nothing", "weld", "weldcut", "cut", "burnt")
 """Outcomes of a line of the energy matrix."""
@@ -655,11 +649,12 @@ def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
             for focus in FOCUS_MM
             for energy in matrix.energies_mj_mm
         ]
+    girths = 3  # readings of each girth: so many coupons of a width
     rows += [
         ("joint_girth", f"{width:g} {kpa:g}", "mm", "around a trunk; setting: width and kPa")
         for width in JOINT_WIDTHS_MM
         for kpa in (SLACK_KPA, JOINT_KPA)
-        for _ in range(GIRTHS)
+        for _ in range(girths)
     ]
     between = "between the axes of the children; setting: coupon and kPa"
     elbow = "from the axis of the trunk to that of the child; setting: coupon and kPa"
@@ -837,6 +832,7 @@ def _number(text: str, key: str, place: str) -> float:
         value = float(text)
     except ValueError:
         raise BadInputError(key, text, "a number", place) from None
-    if not 0.0 <= value <= _LARGEST:
-        raise BadInputError(key, text, f"a finite number, 0 or more, at most {_LARGEST:g}", place)
+    largest = 1e9  # of a reading, in any unit: profiles hold no larger number
+    if not 0.0 <= value <= largest:
+        raise BadInputError(key, text, f"a finite number, 0 or more, at most {largest:g}", place)
     return value

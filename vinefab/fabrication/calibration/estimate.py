@@ -27,8 +27,6 @@ from vinefab.model.laser import CLOSING_GAIN, LaserProfile
 from vinefab.model.tree import fan_offsets_rad
 from vinefab.physics.tube import hoop_strain
 
-_LEAST_SINGULAR = 1e-9
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
@@ -117,7 +115,8 @@ def solve_equations(
     target = np.array([equation.value for equation in equations])
     rows, goal = matrix * weights[:, None], target * weights
     singular = np.linalg.svd(rows, compute_uv=False)
-    if len(equations) < len(names) or singular[-1] < _LEAST_SINGULAR * singular[0]:
+    least_singular = 1e-9
+    if len(equations) < len(names) or singular[-1] < least_singular * singular[0]:
         problem = f"{counted(len(equations), 'reading')} do not tell {' and '.join(names)} apart"
         raise UnfitInputError(key, problem, "add readings of other pieces")
     found, *_ = np.linalg.lstsq(rows, goal, rcond=None)
@@ -163,9 +162,6 @@ GROWTH_CONSTANTS = ("yield_kpa", "drag_kpa_m", "storage_kpa", "friction")
 """Y, f, T and mu, as in `vinefab.physics.growth_pressure.GrowthConstants`."""
 
 _MOST = (1000.0, 1000.0, 1000.0, 5.0)
-_LEAST_SINGULAR_OF_FIT = 1e-6
-_USUAL_DOUBT = 0.5
-"""Standard uncertainty of a constant that another tube had, over its value (assumed)."""
 
 _GAUGE_KPA, _GAUGE_SHARE = 0.2, 0.03
 """Noise of pressures without stated uncertainty (assumed): their scatter sets its size."""
@@ -196,6 +192,8 @@ def fit_growth(paths: Sequence[GrownPath], usual: Mapping[str, float]) -> dict[s
         Values of the four in tubes of others.
     """
     kept: dict[str, Estimate] = {}
+    # Standard uncertainty of a constant that another tube had, over its value (assumed).
+    usual_doubt = 0.5
     while len(kept) < len(GROWTH_CONSTANTS):
         found = _fit_some(paths, {name: one.value for name, one in kept.items()})
         doubt = {name: one.half_width() / usual[name] for name, one in found.items()}
@@ -203,7 +201,7 @@ def fit_growth(paths: Sequence[GrownPath], usual: Mapping[str, float]) -> dict[s
         if doubt[worst] <= 1.0:
             break
         kept[worst] = Estimate(
-            value=usual[worst], uncertainty=_USUAL_DOUBT * usual[worst], readings=0
+            value=usual[worst], uncertainty=usual_doubt * usual[worst], readings=0
         )
     else:
         problem = f"{counted(len(paths), 'path')} are too alike"
@@ -265,7 +263,8 @@ def _fit_some(paths: Sequence[GrownPath], known: Mapping[str, float]) -> dict[st
     spread = scatter(np.asarray(solved.fun), len(names), stated=stated)
     scale = np.maximum(np.abs(solved.x), 1e-3)
     _, singular, directions = np.linalg.svd(jacobian * scale)
-    if singular[-1] <= _LEAST_SINGULAR_OF_FIT * singular[0]:
+    least_singular_of_fit = 1e-6
+    if singular[-1] <= least_singular_of_fit * singular[0]:
         # Nothing tells the constants along one direction: the one that moves most there is unknown.
         deviations = np.where(np.abs(directions[-1]).argmax() == np.arange(len(names)), np.inf, 0.0)
     else:
@@ -284,23 +283,12 @@ _STRAINS = (0.002, 0.005, 0.01, 0.02, 0.035, 0.05, 0.075, 0.1, 0.14, 0.2, 0.3, 0
 _SIMULATED_DEG = 0.4
 """By how much simulated angles differ with the mesh."""
 
-_MOST_DOUBT = 0.35
-"""Half of the 95 % interval of a modulus, over its value: with more it is not told. Of intervals as
-wide as 0.5 that are told, one in seven does not hold the truth: those told are those too large."""
-
-_ASSUMED_DOUBT = 0.5
-"""Standard uncertainty of an assumed modulus over its value (assumed)."""
-
-_MOST_SOLVED = 1.5
-"""Largest strain that the fit tries."""
 
 _MOST_KEPT = 1.1
 """Largest strain, over the largest simulated, at which angles still count as those there."""
 
-_EVEN = 2.0 / 3.0
 
 _COMPLIANCE = "stretch"
-_ITERATIONS = 30
 
 
 def fit_modulus(results: Results, profile: LaserProfile) -> dict[str, Estimate]:
@@ -321,7 +309,11 @@ def fit_modulus(results: Results, profile: LaserProfile) -> dict[str, Estimate]:
         allowed = f"at most {_STRAINS[-1]:g}: measure girths at less pressure"
         raise BadInputError("hoop strain", f"{strain:.2g}", allowed)
     half = found.half_width()
-    if half > _MOST_DOUBT * found.value:
+    # Half of the 95 % interval of a modulus, over its value: with more it is not told. Of intervals
+    # as wide as 0.5 that are told, one in seven does not hold the truth: those told are those too
+    # large.
+    most_doubt = 0.35
+    if half > most_doubt * found.value:
         least = 1.0 / max(found.value + half, 1e-9)
         problem = (
             f"girths stretch by {found.value:.2g} +- {half:.2g} per MPa (95 %), no more than they "
@@ -349,7 +341,9 @@ def _compliance(results: Results, profile: LaserProfile) -> tuple[Estimate, floa
     loads = [_girth_load(reading, profile) for reading in readings]
     most_load = max(load for _, load in loads)
     compliance = 1.0 / profile.material.modulus_mpa.value
-    for _ in range(_ITERATIONS):
+    iterations = 30
+    most_solved = 1.5  # largest strain that the fit tries
+    for _ in range(iterations):
         equations = [
             _girth_equation(reading, width_mm, load, compliance)
             for reading, (width_mm, load) in zip(readings, loads, strict=True)
@@ -357,7 +351,7 @@ def _compliance(results: Results, profile: LaserProfile) -> tuple[Estimate, floa
         found = solve_equations(equations, "joint_girth")[0][_COMPLIANCE]
         # The logarithm of a girth bends downwards: halved steps keep the first ones in range.
         new = max(found.value, compliance / 2.0, 1e-9)
-        new = min(new, compliance * 2.0, _MOST_SOLVED / most_load)
+        new = min(new, compliance * 2.0, most_solved / most_load)
         if abs(new - compliance) <= 1e-9 * compliance:
             break
         compliance = new
@@ -473,7 +467,8 @@ def _unmeasured(results: Results, profile: LaserProfile) -> tuple[float, tuple[f
     Girths that do not tell the modulus still bound it: the assumed one counts within their range.
     """
     given = profile.material.modulus_mpa
-    doubt = given.uncertainty or _ASSUMED_DOUBT * given.value
+    assumed_doubt = 0.5  # standard uncertainty of an assumed modulus over its value (assumed)
+    doubt = given.uncertainty or assumed_doubt * given.value
     ends = max(given.value - doubt, 0.1 * given.value), given.value + doubt
     stretched = None
     with suppress(BadInputError):  # too few girths: `fit_modulus` says so
@@ -497,9 +492,10 @@ def _unmeasured(results: Results, profile: LaserProfile) -> tuple[float, tuple[f
     # Strains count by their logarithm. All of the range is about as likely: its ends are 1.5
     # deviations away.
     middle = min(max(given.value, low), high) if low < given.value < high else math.sqrt(low * high)
+    even = 2.0 / 3.0
     return (
         middle,
-        (middle * (low / middle) ** _EVEN, middle * (high / middle) ** _EVEN),
+        (middle * (low / middle) ** even, middle * (high / middle) ** even),
         f"closing gain: girths tell only that the modulus is {low:.2g} to {high:.2g} MPa",
     )
 

@@ -313,11 +313,6 @@ def window_lines(windows: Sequence[EnergyWindow], profile: LaserProfile) -> list
     return lines
 
 
-BALLOONS_TESTED = 3
-"""Least number of burst balloons for a burst-tested recipe; fewer show no spread (our choice)."""
-
-_MOST_TURNS_DEG = 3600.0
-
 _LEAST_LOAD_N_MM, _LARGEST_LOAD_N_MM = 1e-4, 1e4
 """Of a lap: far less and far more than any film bears."""
 
@@ -634,7 +629,8 @@ def _path(reading: Reading) -> GrownPath:
         raise reading.wrong(reading.setting, allowed) from error
     lengths, turns = numbers[::2], numbers[1::2]
     sound = len(numbers) % 2 == 1 and all(0.0 < length < 1e6 for length in lengths)
-    if not sound or not sum(map(abs, turns)) <= _MOST_TURNS_DEG:
+    most_turns_deg = 3600.0
+    if not sound or not sum(map(abs, turns)) <= most_turns_deg:
         raise reading.wrong(reading.setting, allowed)
     return GrownPath(
         lengths_mm=tuple(lengths),
@@ -669,7 +665,9 @@ def _status(numbers: Mapping[str, Estimate], profile: LaserProfile) -> RecipeSta
     if not tried or before is RecipeStatus.BURST_TESTED:
         return before
     burst = numbers.get("measured.burst_kpa")
-    if burst is not None and burst.readings >= BALLOONS_TESTED:
+    # Least number of burst balloons for a burst-tested recipe; fewer show no spread (our choice).
+    balloons_tested = 3
+    if burst is not None and burst.readings >= balloons_tested:
         return RecipeStatus.BURST_TESTED
     return RecipeStatus.COUPON_OK
 

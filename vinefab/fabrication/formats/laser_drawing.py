@@ -30,8 +30,6 @@ from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import FLATTEN_MM, Contour, following
 
 HAIRLINE_MM = 0.01
-LARGEST_TOLERANCE_MM = 0.01
-"""No format may hold a path with less accuracy than this."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -303,8 +301,9 @@ class LaserFormat(FileFormat[LaserFileSpec, str, ReadDrawing]):
                 raise BadInputError(key, getattr(self, name), "a function")
         if "." not in self.suffix or not set(self.suffix).isdisjoint("/\\"):
             raise BadInputError("suffix", self.suffix, "the end of a file name, such as .dxf")
-        if not 0.0 < self.tolerance_mm <= LARGEST_TOLERANCE_MM:
-            allowed = f"above 0, at most {LARGEST_TOLERANCE_MM:g} mm"
+        largest_tolerance_mm = 0.01  # no format may hold a path with less accuracy than this
+        if not 0.0 < self.tolerance_mm <= largest_tolerance_mm:
+            allowed = f"above 0, at most {largest_tolerance_mm:g} mm"
             raise BadInputError("tolerance_mm", self.tolerance_mm, allowed)
 
     def file_name(self, stem: str = "outline") -> str:

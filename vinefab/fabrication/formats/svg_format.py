@@ -39,7 +39,6 @@ ON_SCREEN = (
 path's own style. On paper, and so through a printer driver, lines stay hairlines."""
 
 LARGEST_TURN_RAD = math.pi / 2
-LEAST_SAGITTA_MM = 0.0005
 
 
 def svg_text(job: Job, colours: Colours = DEFAULT, *, hairline_mm: float = HAIRLINE_MM) -> str:
@@ -84,7 +83,8 @@ def svg_contour(contour: Contour) -> Contour:
 
 def _split(segment: Segment) -> list[Segment]:
     turn = abs(segment.turn_rad)
-    if abs(segment.bulge) * segment.chord_mm / 2 < LEAST_SAGITTA_MM and turn < LARGEST_TURN_RAD:
+    least_sagitta_mm = 0.0005
+    if abs(segment.bulge) * segment.chord_mm / 2 < least_sagitta_mm and turn < LARGEST_TURN_RAD:
         return [_piece(segment, segment.start_mm, segment.end_mm, 0.0)]
     count = math.ceil(turn / LARGEST_TURN_RAD - 1e-9)
     if count <= 1:

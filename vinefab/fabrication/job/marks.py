@@ -121,8 +121,6 @@ CLEAR_MM = 3.5
 """Marks stay this far from everything else: VF-L01 asks for 3 mm."""
 
 TICK_MM = 7.0
-HEIGHTS_MM = (4.0, 3.0, 2.5)
-"""Letter heights to try, largest first; the smallest keeps strokes over 0.4 mm."""
 
 _STEP_MM = 5.0
 _FIRST_BOXES, _MOST_BOXES = 32, 512
@@ -166,17 +164,6 @@ def label_lines(name: str, profile: LaserProfile, part: tuple[int, int]) -> list
     ]
 
 
-LABEL_BESIDE_MM = 40.0
-"""A label that is farther from its robot gets a leader, where the sheet holds several."""
-
-LEADER_MM = 80.0
-"""Longest leader."""
-
-
-_NEARER_MM = 1.0
-"""By so much a label is nearer to its own robot than to any other."""
-
-
 class FreeRoom:
     """The area of a sheet that no path occupies.
 
@@ -217,10 +204,12 @@ class FreeRoom:
         self, size_mm: tuple[float, float], to_mm: tuple[float, float], own: int = 0
     ) -> Box | None:
         """Return the free box of a size at a robot whose middle is nearest to a point, or None."""
-        for boxes in self._free_boxes(size_mm, to_mm, self._around(own, LABEL_BESIDE_MM)):
+        # A label that is farther from its robot gets a leader, where the sheet holds several.
+        label_beside_mm = 40.0
+        for boxes in self._free_boxes(size_mm, to_mm, self._around(own, label_beside_mm)):
             near = boxes
             if len(self.bodies) > 1:  # next to its robot, and nearer to it than to any other
-                near = boxes[shapely.dwithin(self.bodies.geometries[own], boxes, LABEL_BESIDE_MM)]
+                near = boxes[shapely.dwithin(self.bodies.geometries[own], boxes, label_beside_mm)]
                 near = near[self._alone(near, own)]
             if len(near):
                 return _bounds(near[0])
@@ -231,8 +220,9 @@ class FreeRoom:
     ) -> tuple[Box, Contour] | None:
         """Return the free box nearest to a point with a clear leader to a robot, or None."""
         body = self.bodies.geometries[own]
-        for boxes in self._free_boxes(size_mm, to_mm, self._around(own, LEADER_MM)):
-            near = boxes[shapely.dwithin(body, boxes, LEADER_MM)]
+        leader_mm = 80.0  # longest leader
+        for boxes in self._free_boxes(size_mm, to_mm, self._around(own, leader_mm)):
+            near = boxes[shapely.dwithin(body, boxes, leader_mm)]
             near = near[~shapely.dwithin(body, near, 2.0 * CLEAR_MM)]
             ends = shapely.get_coordinates(shapely.shortest_line(near, body)).reshape(-1, 2, 2)
             share = 1.0 - CLEAR_MM / np.hypot(*(ends[:, 1] - ends[:, 0]).T)
@@ -275,7 +265,8 @@ class FreeRoom:
     def _alone(self, shapes: NDArray[np.object_], own: int) -> NDArray[np.bool_]:
         """Return the mask of shapes clearly nearer to a robot than to any other."""
         mine = shapely.distance(shapes, self.bodies.geometries[own])
-        reach = np.asarray(mine + _NEARER_MM)
+        nearer_mm = 1.0  # by so much a label is nearer to its own robot than to any other
+        reach = np.asarray(mine + nearer_mm)
         rows, met = self.bodies.query(shapes, predicate="dwithin", distance=reach)
         alone = np.ones(len(shapes), dtype=np.bool_)
         alone[rows[met != own]] = False
@@ -302,7 +293,9 @@ def label_paths(lines: Sequence[str], free: FreeRoom, target: LabelTarget) -> tu
 
     Where there is room only farther away, a leader shows whose label it is.
     """
-    for height in HEIGHTS_MM:
+    # Letter heights to try, largest first; the smallest keeps strokes over 0.4 mm.
+    heights_mm = (4.0, 3.0, 2.5)
+    for height in heights_mm:
         found = [
             (box, upright)
             for upright, size in _sizes(lines, height)
@@ -315,7 +308,7 @@ def label_paths(lines: Sequence[str], free: FreeRoom, target: LabelTarget) -> tu
             return _written(lines, free, target, (height, box, upright))
     if len(free.bodies) < 2:
         return ()
-    height = HEIGHTS_MM[-1]
+    height = heights_mm[-1]
     for upright, size in _sizes(lines, height):
         led = free.box_led(size, target.near_mm, target.own)
         if led is not None:

@@ -36,9 +36,6 @@ from vinefab.model.outline import Contour, Part, Segment
 from vinefab.outline.body_outline import flat_layout
 from vinefab.outline.joint import Point
 
-FROM_BEND_MM = 10.0
-"""Least distance between a parting and a joint, tip, pouch or collar."""
-
 OVERLAP_MM = 12.0
 """Overlap of paths where they are parted, half of it on each side."""
 
@@ -106,7 +103,8 @@ def stations_mm(axes: BranchAxes, contours: Sequence[Contour]) -> list[list[floa
                 both = sides[row, part, True], sides[row, part, False]
                 allowed.setdefault((row, part), []).extend(both)
     found: list[list[float]] = [[] for _ in axes.names]
-    clear = FROM_BEND_MM + OVERLAP_MM / 2.0
+    from_bend_mm = 10.0  # least distance between a parting and a joint, tip, pouch or collar
+    clear = from_bend_mm + OVERLAP_MM / 2.0
     for (row, _), ranges in allowed.items():
         low, high = max(one for one, _ in ranges) + clear, min(two for _, two in ranges) - clear
         if high >= low and len(ranges) == 2 * len(around):
@@ -168,8 +166,6 @@ TARGET_MM = 8.0
 
 _TARGET_RIM_MM = TARGET_MM / 2.0 + 0.5
 
-MOST_TILES = 64
-"""Most tiles of a robot; a robot of a kilometre is refused at once."""
 
 _RIM_MM = 15.0
 """Margin around a tile's paths, so that windows overlap enough to share targets."""
@@ -235,8 +231,9 @@ def film_tiles(
 
 
 def _refuse_many(count: float) -> None:
-    if count > MOST_TILES:
-        raise NoTilesError(f"it would take more than {MOST_TILES} tiles")
+    most_tiles = 64  # most tiles of a robot; a robot of a kilometre is refused at once
+    if count > most_tiles:
+        raise NoTilesError(f"it would take more than {most_tiles} tiles")
 
 
 def _joined(axes: BranchAxes, places: list[list[float]], piece: BranchRun) -> BranchRun:
@@ -392,8 +389,6 @@ def _area(box: Box) -> float:
 LEAST_APART_MM = 50.0
 """Least distance between the two targets of a tile."""
 
-APART_ENOUGH_MM = 150.0
-"""Distance between targets beyond which no more film is spent on them (assumed)."""
 
 _BESIDE_MM = (15.0, 30.0, 60.0, 120.0, 180.0, 240.0)
 """Distances from the robot's box within which targets are placed, before all of the window is."""
@@ -483,11 +478,13 @@ def near_pair(box: Box, robot: Box, taken: shapely.Geometry) -> list[Point]:
 
     Points near the robot's own box are preferred: film that holds only a target is wasted.
     """
+    # Distance between targets beyond which no more film is spent on them (assumed).
+    apart_enough_mm = 150.0
     for beside_mm in _BESIDE_MM:
         low = [max(a, b - beside_mm) for a, b in zip(box[:2], robot[:2], strict=True)]
         high = [min(a, b + beside_mm) for a, b in zip(box[2:], robot[2:], strict=True)]
         pair = _pair((low[0], low[1], high[0], high[1]), taken)
-        if pair and math.dist(*pair) >= APART_ENOUGH_MM:
+        if pair and math.dist(*pair) >= apart_enough_mm:
             return pair
     return _pair(box, taken)
 

@@ -67,15 +67,11 @@ _WIDE_PT, _EDGE_PT = 792.0, 20.0
 _HEAD_PT, _TITLE_PT, _LOW_PT, _LINE_PT = 50.0, 22.0, 300.0, 12.0
 _MOST_PT, _LEAST_PT = 620.0, 200.0
 _TEXT_PT, _LABEL_PT, _JOINT_PT, _NUMBER_PT = 8.25, 12.0, 8.5, 8.25
-_LEAD_PT = 34.0
-"""Least distance on paper from a plug to its socket: room for the number of the joint."""
 
 SIZES = (
     "At each branch: length x width as cut, in mm, lay-flat between the seams (computed). "
     "Lengths go from joint to joint, at a tip to the middle of its round end"
 )
-MOST_SIZED = 60
-"""Branches whose sizes are written next to them; README.txt has the widths of all."""
 
 _SIZE_PT = 6.5
 
@@ -255,6 +251,8 @@ class _Exploded:
         """Return the view; the pieces are as far apart as their labels on paper need."""
         x0, y0, x1, y1 = _box(robot.outlines, None)
         lead_mm = 0.05 * max(x1 - x0, y1 - y0)
+        # Least distance on paper from a plug to its socket: room for the number of the joint.
+        lead_pt = 34.0
         for _ in range(3):
             view = exploded_view(robot.partition, robot.layout, robot.outlines, lead_mm)
             box = _box(robot.outlines, view.moves_mm)
@@ -264,9 +262,9 @@ class _Exploded:
                 _MOST_PT / max(box[3] - box[1], 1e-3),
                 2.0 * _PT_PER_MM,
             )
-            if lead_mm * scale >= 0.9 * _LEAD_PT:
+            if lead_mm * scale >= 0.9 * lead_pt:
                 break
-            lead_mm = _LEAD_PT / scale
+            lead_mm = lead_pt / scale
         return cls(robot=robot, view=view, box_mm=box, pt_per_mm=scale)
 
     @property
@@ -423,7 +421,9 @@ def _write_sizes(
 ) -> None:
     """Write length and width next to every branch, each moved with its piece."""
     count = len(layout.tree)
-    if count > MOST_SIZED:
+    # Branches whose sizes are written next to them; README.txt has the widths of all.
+    most_sized = 60
+    if count > most_sized:
         return
     starts_mm, ends_mm = layout.start_mm + moves_mm, layout.end_mm + moves_mm
     tail_mm = starts_mm[:1] - layout.tail_mm * np.array([1.0, 0.0])
@@ -709,10 +709,6 @@ def _notes(robot: _Robot) -> tuple[list[str], list[str]]:
 _FACES_PT = 132.0
 """Height of the drawing."""
 
-_FACE_TEXT_PT = 8.0
-_PLY_PT = 2.4
-"""Distance of the two faces of a ply in the drawing."""
-
 
 # A ply from one end of the mouth around the tip to the other, the tube's outer face to the left.
 _AS_CUT = [(0.0, 18.0), (120.0, 18.0), (132.0, 9.0), (132.0, -9.0), (120.0, -18.0), (0.0, -18.0)]
@@ -739,9 +735,11 @@ def _draw_faces(panel: Panel, design: Design) -> None:
         ("growing", _GROWING, mounted),
     ]
     wide = (_WIDE_PT - 2.0 * _EDGE_PT) / len(stages)
+    ply_pt = 2.4  # distance of the two faces of a ply in the drawing
+    face_text_pt = 8.0
     for number, (words, path, colours) in enumerate(stages):
         x = left + number * wide
-        panel.written((x, y + 36.0), words, _FACE_TEXT_PT, colour=SOFT)
+        panel.written((x, y + 36.0), words, face_text_pt, colour=SOFT)
         if path is not _AS_CUT:
             for side in (-1.0, 1.0):  # the base: a pipe out of a vessel
                 pipe = np.array([(0.0, 30.0), (0.0, 14.0), (40.0, 14.0)]) * (1.0, side)
@@ -749,11 +747,11 @@ def _draw_faces(panel: Panel, design: Design) -> None:
         # Both faces of the ply next to its middle: the left one, the right one.
         line = shapely.LineString(np.array(path) + np.array([x, y]))
         for side, colour in zip((1.0, -1.0), colours, strict=True):
-            face = shapely.get_coordinates(line.offset_curve(side * _PLY_PT / 2.0))
+            face = shapely.get_coordinates(line.offset_curve(side * ply_pt / 2.0))
             panel.line(face, Ink(line=colour, width_pt=1.6))
     for row, (words, colour) in enumerate(
         (("face outside as cut", INK), ("face inside as cut", ALERT))
     ):
         at = left + 190.0 * row
         panel.line([(at, y - 41.0), (at + 14.0, y - 41.0)], Ink(line=colour, width_pt=1.5))
-        panel.written((at + 18.0, y - 44.0), words, _FACE_TEXT_PT, colour=colour)
+        panel.written((at + 18.0, y - 44.0), words, face_text_pt, colour=colour)

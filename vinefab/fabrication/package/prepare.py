@@ -539,10 +539,6 @@ def pressure_section(design: Design, profile: LaserProfile) -> Section:
     return Section(title="Pressure", tables=(table,), folded=True)
 
 
-MOST_BRANCHES_NAMED = 12
-"""Branches of a piece that a table names; of more it gives the number."""
-
-
 def pieces_section(
     design: Design,
     partition: Partition,
@@ -567,9 +563,10 @@ def pieces_section(
         "together and one lap.",
     )
     ids, pieces = branch_tree(design).ids, []
+    most_branches_named = 12  # branches of a piece that a table names; of more it gives the number
     for piece in partition.pieces:
-        names = ", ".join(ids[branch] for branch in piece.branches[:MOST_BRANCHES_NAMED])
-        more = len(piece.branches) - MOST_BRANCHES_NAMED
+        names = ", ".join(ids[branch] for branch in piece.branches[:most_branches_named])
+        more = len(piece.branches) - most_branches_named
         long_mm, wide_mm = least_rectangle_mm(outlines[piece.label])
         pieces.append(
             (

@@ -20,8 +20,6 @@ from vinefab.model.tree import Partition
 from vinefab.outline.body_outline import FlatLayout, body_outline
 
 _DIRECTIONS = 24
-_FLATTEN_SHARE = 5e-4
-"""How coarsely outlines are followed, over the robot's size."""
 
 _TURN_COST, _CROSSING_COST, _GROWTH_COST = 1.0, 4.0, 0.15
 """Costs of a quarter turn off the stub's axis over the distance, of crossing a piece or line in
@@ -58,9 +56,10 @@ def exploded_view(
         Least distance from a stub's rim to that of the outer piece; pieces are a fifth of it apart.
     """
     rings = dict[str, Floats]()  # coarsely; of an outline that crosses itself its hull
+    flatten_share = 5e-4  # how coarsely outlines are followed, over the robot's size
     for label, contour in outlines.items():
         x0, y0, x1, y1 = contour.box_mm
-        tolerance = _FLATTEN_SHARE * max(x1 - x0, y1 - y0, 1e-3)
+        tolerance = flatten_share * max(x1 - x0, y1 - y0, 1e-3)
         points = contour.flattened_mm(tolerance)
         shape: BaseGeometry = shapely.simplify(shapely.Polygon(points), tolerance)
         if not shape.is_valid or shape.is_empty:

@@ -57,9 +57,6 @@ from vinefab.outline.body_outline import (
 )
 from vinefab.outline.joint import taper_rad
 
-MOST_NODES = 20_000
-"""Nodes of the search tree of one program; a count, not a time, so that results are the same."""
-
 
 @dataclass(frozen=True, slots=True)
 class Clause:
@@ -178,13 +175,15 @@ def _program(
         matrix = scipy.sparse.hstack([matrix, scipy.sparse.eye_array(len(clauses))], format="csr")
         costs = np.concatenate([costs, np.ones(len(clauses))])
     least = np.array([1.0 - len(clause.uncut) for clause in clauses])
+    # Nodes of the search tree of one program; a count, not a time, so that results are the same.
+    most_nodes = 20_000
     with _clean_output():
         return scipy.optimize.milp(
             costs,
             integrality=np.ones(len(costs), dtype=np.int64),
             bounds=scipy.optimize.Bounds(0.0, 1.0),
             constraints=scipy.optimize.LinearConstraint(matrix, lb=least),
-            options={"node_limit": MOST_NODES, "mip_rel_gap": 0.0, "presolve": False},
+            options={"node_limit": most_nodes, "mip_rel_gap": 0.0, "presolve": False},
         )
 
 
@@ -459,9 +458,6 @@ TOO_LARGE = "do not fit the bed in one piece"
 _MOST_ROUNDS = 300
 """Times that cuts are looked for again after a rule found something on a piece."""
 
-ROUNDS_BEYOND = 8
-"""The same once more pieces are needed than the design allows: then only the report gains."""
-
 
 def partition_of(
     design: Design,
@@ -561,6 +557,8 @@ class _Cutter:
         conflicts, beyond = [*self._pairs()], 0
         flat: Partition | None = None  # the first whose pieces pass, whatever their laps
         weights = {row: sleeve.width_mm for row, sleeve in self.sleeves.items()}
+        # The same once more pieces are needed than the design allows: then only the report gains.
+        rounds_beyond = 8
         for _ in range(_MOST_ROUNDS):
             found = multicut([conflict.clause for conflict in conflicts], weights)
             if found.broken:
@@ -581,7 +579,7 @@ class _Cutter:
                     return cut
             known = {conflict.clause for conflict in conflicts}
             beyond += len(cut.pieces) > self.most
-            if beyond > ROUNDS_BEYOND or all(one.clause in known for one in more):
+            if beyond > rounds_beyond or all(one.clause in known for one in more):
                 break
             conflicts += more
         return flat or replace(cut, unfinished=True)

@@ -125,9 +125,6 @@ def _at_tips(layout: FlatLayout, leaves: Ints, point_mm: Point) -> Floats:
     return layout.end_mm[leaves] + np.column_stack([cos * x - sin * y, sin * x + cos * y])
 
 
-_TINY = 1e-12
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Closest:
     """Where k pairs of segments are closest."""
@@ -159,11 +156,12 @@ def closest(start_a_mm: Floats, end_a_mm: Floats, start_b_mm: Floats, end_b_mm: 
     ax, ay = (end_a_mm - start_a_mm).T
     bx, by = (end_b_mm - start_b_mm).T
     rx, ry = (start_a_mm - start_b_mm).T
-    aa = np.maximum(ax * ax + ay * ay, _TINY)
-    bb = np.maximum(bx * bx + by * by, _TINY)
+    tiny = 1e-12
+    aa = np.maximum(ax * ax + ay * ay, tiny)
+    bb = np.maximum(bx * bx + by * by, tiny)
     ab, ar, br = ax * bx + ay * by, ax * rx + ay * ry, bx * rx + by * ry
     cross = aa * bb - ab * ab
-    flat = cross <= _TINY * aa * bb  # parallel, or a point: any place on a will do at first
+    flat = cross <= tiny * aa * bb  # parallel, or a point: any place on a will do at first
     along_a = np.where(flat, 0.0, (ab * br - ar * bb) / np.where(flat, 1.0, cross)).clip(0.0, 1.0)
     along_b = ((ab * along_a + br) / bb).clip(0.0, 1.0)
     along_a = ((ab * along_b - ar) / aa).clip(0.0, 1.0)
@@ -247,9 +245,6 @@ def hull_gap_mm(one: Hulls, two: Hulls) -> Floats:
     middle = (low + high) / 2.0
     return np.minimum(at_mm(middle, middle)[0], np.minimum(*at_ends))
 
-
-MOST_PAIRS = 2_000_000
-"""Most near pairs evaluated; a tree with more overlaps itself everywhere anyway."""
 
 _CHUNK, _ROWS = 512, 8192
 """Capsules whose neighbours are looked for at once, and pairs evaluated at once."""
@@ -336,6 +331,8 @@ def _near(capsules: Capsules, reach_mm: float) -> tuple[Ints, Ints]:
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
     tree = shapely.STRtree(boxes)
     firsts, seconds, count = [], [], 0
+    # Most near pairs evaluated; a tree with more overlaps itself everywhere anyway.
+    most_pairs = 2_000_000
     for begin in range(0, len(capsules), _CHUNK):
         first, second = tree.query(boxes[begin : begin + _CHUNK])
         first = first + begin
@@ -343,7 +340,7 @@ def _near(capsules: Capsules, reach_mm: float) -> tuple[Ints, Ints]:
         firsts.append(first[keep])
         seconds.append(second[keep])
         count += len(firsts[-1])
-        if count > MOST_PAIRS:
+        if count > most_pairs:
             break
     return np.concatenate(firsts), np.concatenate(seconds)
 

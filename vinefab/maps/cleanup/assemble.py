@@ -40,8 +40,6 @@ from vinefab.maps.poses import roomiest_start
 from vinefab.model.map import Map, Pose, Start
 
 _MOST_NAMED = 20
-_OVERLAP = "T********"
-_SHARED_EDGE = "F***1****"
 
 
 def repeats(outlines: list[Polygon], near_mm: float) -> NDArray[np.bool_]:
@@ -141,7 +139,7 @@ def merged(polygons: list[Polygon], gap_mm: float, changes: Changes) -> list[Pol
     one, other = one[one < other], other[one < other]
     apart = shapely.distance(items[one], items[other]) > 0.0
     joined = apart.copy()
-    for pattern in (_OVERLAP, _SHARED_EDGE):
+    for pattern in ("T********", "F***1****"):  # they overlap, or share an edge
         joined |= shapely.relate_pattern(items[one], items[other], pattern)
     one, other, apart = one[joined], other[joined], apart[joined]
     graph = scipy.sparse.coo_array(
@@ -344,12 +342,6 @@ def _cut(obstacles: list[Polygon], bounds: Polygon, changes: Changes) -> list[Po
     return result
 
 
-_MOST_HOLES_SHARE = 0.2
-"""Share of the area in its outline: a union with more holes may as well be walls around rooms."""
-_MOST_SINGLE_SHARE = 0.5
-"""Of the union: an area that is more of it may as well be bounds, with obstacles half outside."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FreeAreas:
     """The union of drawn areas."""
@@ -447,9 +439,13 @@ def plainly_free(found: FreeAreas, areas: list[SolidRegion]) -> bool:
     if len(found.parts) > 1 or not all(area.filled for area in areas):
         return False
     polygons = np.array([area.polygon for area in areas], dtype=np.object_)
-    if shapely.area(polygons).max() > _MOST_SINGLE_SHARE * whole.area:
+    # Of the union: an area that is more of it may as well be bounds, with obstacles half outside.
+    most_single_share = 0.5
+    if shapely.area(polygons).max() > most_single_share * whole.area:
         return False
-    if whole.area < (1.0 - _MOST_HOLES_SHARE) * Polygon(whole.exterior).area:
+    # Share of the area in its outline: a union with more holes may as well be walls around rooms.
+    most_holes_share = 0.2
+    if whole.area < (1.0 - most_holes_share) * Polygon(whole.exterior).area:
         return False
     inside = shapely.STRtree(polygons).query(polygons, predicate="covers")
     return bool(inside.shape[1] == len(polygons))
@@ -489,10 +485,7 @@ def enclosed_by(
 BOUNDS = ("outline", "largest", "wall", "box")
 DRAWN = ("obstacles", "free")
 _GRID_MM = 1e-6
-_LEAST_CLEARANCE_MM = 2e-3
 _MANY_OBSTACLES = 2000
-_LEAST_CONNECTED_SHARE = 0.5
-"""Of drawn areas: what is less connected is not called free space, even as advice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -603,6 +596,8 @@ def _enclosed(
         and all(part.role is None for part in parts)
         and not contained(parts, options.join_mm)
     )
+    # Of drawn areas: what is less connected is not called free space, even as advice.
+    least_connected_share = 0.5
     if may_be_free:
         own = Changes(changes.frame)
         areas = different_parts(_regions(as_areas(shapes), options, own), options.join_mm, own)
@@ -615,7 +610,7 @@ def _enclosed(
             changes.counts.clear()
             changes.counts |= own.counts
             return enclosed_by(found, options.start, options.sliver_mm2, changes)
-        hangs_together = found.connected_share >= _LEAST_CONNECTED_SHARE
+        hangs_together = found.connected_share >= least_connected_share
         if hangs_together and len(found.parts) < found.united:
             advice = ", --drawn free if the areas are the free space"
     return enclose(
@@ -793,10 +788,11 @@ def _start(world: Map, options: AssembleOptions) -> tuple[Start, dict[str, objec
             "free_regions": len(regions),
             "largest_free_region_share": round(max(areas) / math.fsum(areas), 4),
         }
+    least_clearance_mm = 2e-3
     if options.start is None:
         largest = regions[int(np.argmax(areas))]
         radius = shapely.maximum_inscribed_circle(largest, max(1e-3 * max(world.size_mm), 1e-3))
-        if radius.length < _LEAST_CLEARANCE_MM:
+        if radius.length < least_clearance_mm:
             problem = f"the free space is {2.0 * radius.length:.2g} mm wide: no room for a start"
             raise UnfitInputError("", problem, "check the unit (--scale-mm-per-unit)")
         return roomiest_start(largest, radius), facts

@@ -20,7 +20,6 @@ Role = Literal["bounds", "obstacle"]
 SAME_POINT_MM = 1e-6
 """Points nearer than this are one point: map files hold no finer coordinates."""
 
-_LEAST_SIZE_MM = 0.01
 _FAR = 10.0
 
 
@@ -106,10 +105,11 @@ def framed(points: Floats, frame: SourceFrame) -> tuple[SourceFrame, float]:
         raise UnfitInputError(
             "", "the drawing is one single point", "draw lines, outlines or areas"
         )
-    if not _LEAST_SIZE_MM <= size_mm <= LARGEST_MM:
+    least_size_mm = 0.01
+    if not least_size_mm <= size_mm <= LARGEST_MM:
         problem = (
             f"the drawing is {size_mm:.6g} mm wide at {frame.scale_mm_per_unit:g} mm per unit, and "
-            f"{_LEAST_SIZE_MM:g} to {LARGEST_MM:g} mm are allowed"
+            f"{least_size_mm:g} to {LARGEST_MM:g} mm are allowed"
         )
         raise UnfitInputError("", problem, "set its unit (--scale-mm-per-unit)")
     reach_mm = float(np.abs(frame.to_map(np.array([low, high]))).max())

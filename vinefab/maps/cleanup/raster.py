@@ -146,19 +146,11 @@ def _cycles(after: Ints) -> list[Ints]:
 
 
 _HARDLY_RAD = float(np.radians(25.0))
-_WORTH_A_BREAK = 1.0
-"""In square cells: a break must lower the sum of squared distances of the cell edges' middles to
-their lines by this much. A straight wall's edges scatter by 0.29 about it (evenly within a cell);
-two more numbers to fit are worth 2 * 0.29**2 * log(n), about 1, by the Bayesian criterion."""
-_ENOUGH_TO_FIT = 4
 _ON_BREAK = 2
 _SIZES = np.array([4, 8])
 _REACH = np.array([0.51, 0.8, np.inf])
 """How far, in cells, lines through few midpoints may carry a corner: up to 4 (both sections), up
 to 8, more. The corner of a right angle lies 0.5 from the nearest midpoint."""
-_WORTH_DIVIDING = 6
-_SETTLING_ROUNDS = 3
-_WINDOW = 3
 FEWEST_CORNERS = 4
 
 
@@ -300,8 +292,10 @@ class CellWalls:
 
     def settle(self) -> None:
         """Move each break to the midpoint nearest to its corner and fit again, a few times."""
-        shift = np.arange(-_WINDOW, _WINDOW + 1)
-        for _ in range(_SETTLING_ROUNDS):
+        window = 3
+        shift = np.arange(-window, window + 1)
+        settling_rounds = 3
+        for _ in range(settling_rounds):
             room = (np.minimum(self.sizes, self.sizes[self.before]) - 1) // 2
             room[self.opening] = 0
             near = self.midpoints[(self.breaks[:, None] + shift) % len(self.midpoints)]
@@ -312,8 +306,9 @@ class CellWalls:
 
     def divide(self) -> None:
         """Split long sections that stray where they stray most, and settle, until none is left."""
+        worth_dividing = 6
         while True:
-            split = self.strays() & (self.sizes >= _WORTH_DIVIDING)
+            split = self.strays() & (self.sizes >= worth_dividing)
             if not split.any():
                 return
             after = self.after
@@ -333,6 +328,11 @@ class CellWalls:
         """
         needed = np.zeros(len(self.breaks), dtype=np.bool_)
         needed[self.opening] = True
+        # In square cells: a break must lower the sum of squared distances of the cell edges'
+        # middles to their lines by this much. A straight wall's edges scatter by 0.29 about it
+        # (evenly within a cell); two more numbers to fit are worth 2 * 0.29**2 * log(n), about 1,
+        # by the Bayesian criterion.
+        worth_a_break = 1.0
         while True:
             after, before = self.after, self.before
             turn = self.turns_rad()
@@ -353,7 +353,7 @@ class CellWalls:
                 holds=self.holds[kept],
             )
             parts = np.add.reduceat(self._misfit(), np.flatnonzero(kept))
-            bad = trial.strays() | (trial._misfit() > parts + _WORTH_A_BREAK)
+            bad = trial.strays() | (trial._misfit() > parts + worth_a_break)
             owner = np.searchsorted(trial.breaks, self.breaks[dropped], side="right") - 1
             back = np.flatnonzero(dropped)[bad[owner]]
             kept[back] = needed[back] = True
@@ -382,7 +382,8 @@ class CellWalls:
         inner[self.breaks] = 0.0
         local = (self.midpoints - on_break[section]) * inner
         total = np.add.reduceat(local, self.breaks)
-        short = (count < _ENOUGH_TO_FIT)[:, None]
+        enough_to_fit = 4
+        short = (count < enough_to_fit)[:, None]
         number = np.where(short[:, 0], count + 2, count)[:, None]
         middle = (total + np.where(short, chord, 0.0)) / number
         x, y = ((local - middle[section]) * inner).T
@@ -400,13 +401,6 @@ class CellWalls:
         inner = self.midpoints[low + 1 : low + size]
         return int(low + 1 + np.argmax(_distance_to_segments(inner, chord[:1], chord[1:])))
 
-
-_STRAIGHT = 1.05
-"""In cells: the middles of a straight wall's cell edges lie up to 0.5 to both of its sides, so a
-chord between two of them may have others 1 off it and still all belong to one wall."""
-
-_SMALL_CELLS = 20.0
-"""Smaller loops are split more finely: a pillar has no straight walls."""
 
 _SHARP = float(np.cos(np.radians(115.0)))
 
@@ -430,7 +424,11 @@ def _split(loops: list[Floats], tolerance: Floats) -> CellWalls:
     owner = np.repeat(np.arange(len(loops)), [len(loop) for loop in closed])
     lines = shapely.linestrings(np.concatenate(closed), indices=owner)
     size = np.array([np.ptp(loop, axis=0).max() for loop in loops])
-    coarse = np.where(size > _SMALL_CELLS, _STRAIGHT, 0.0)
+    small_cells = 20.0  # smaller loops are split more finely: a pillar has no straight walls
+    # In cells: the middles of a straight wall's cell edges lie up to 0.5 to both of its sides, so a
+    # chord between two of them may have others 1 off it and still all belong to one wall.
+    straight = 1.05
+    coarse = np.where(size > small_cells, straight, 0.0)
     allowed = np.maximum(tolerance - CORNER_CUT, coarse)
     kept = shapely.simplify(lines, allowed, preserve_topology=False)
     first = np.cumsum([0, *(len(loop) for loop in loops[:-1])])
@@ -491,8 +489,6 @@ LEAST_GAP = 0.3
 """In cells: walls of the result stay this far apart (the trace's keep 0.7), so that a wall one
 cell thick neither vanishes nor opens, and a passage one cell wide does not close."""
 
-_SMALL_SHARE = 0.1
-_THIN_SHARE = 0.5
 
 Lines = NDArray[np.object_]
 
@@ -534,10 +530,12 @@ def straighten(loops: list[Floats], tolerance: float) -> Straightened:
     if not rough:
         return Straightened(_polygon(fixed), 0.0)
     own = list[float]()  # small and thin loops have tolerances of their own
+    thin_share = 0.5
+    small_share = 0.1
     for loop in rough:
         size = float(np.ptp(loop, axis=0).max())
         thickness = 2.0 * float(Polygon(loop).area) / len(loop)
-        least = min(tolerance, _SMALL_SHARE * size, _THIN_SHARE * thickness)
+        least = min(tolerance, small_share * size, thin_share * thickness)
         own.append(max(_LEAST_TOLERANCE, least))
     walls = _split_loops(rough, np.array(own))
     while _refine(walls, fixed):

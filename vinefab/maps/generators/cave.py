@@ -64,16 +64,13 @@ def links(rng: np.random.Generator, points: Floats, extra: float) -> list[tuple[
     return sorted(tree) + [pair for pair, take in zip(possible, chosen, strict=True) if take]
 
 
-_DISC_POINTS = 20
-_CHAMBER_POINTS = 48
-
-
 def passage(path_mm: Floats, widths_mm: Floats) -> BaseGeometry:
     """Return a tube along a path: discs of these widths at its points, joined by their hulls."""
-    angles = np.arange(_DISC_POINTS) * 2.0 * math.pi / _DISC_POINTS
+    disc_points = 20
+    angles = np.arange(disc_points) * 2.0 * math.pi / disc_points
     disc = directions(angles)
     # A polygon around the disc, not in it: the passage is nowhere narrower than this.
-    radii_mm = 0.5 * widths_mm / math.cos(math.pi / _DISC_POINTS)
+    radii_mm = 0.5 * widths_mm / math.cos(math.pi / disc_points)
     discs = path_mm[:, None] + radii_mm[:, None, None] * disc
     pairs = np.concatenate([discs[:-1], discs[1:]], axis=1)
     return shapely.union_all(shapely.convex_hull(shapely.multipoints(pairs)))
@@ -238,10 +235,11 @@ def _cave(rng: np.random.Generator, options: CaveOptions, start: Start) -> Polyg
     entrance = start_zone(start).buffer(options.start_clearance_mm + 2.0 * options.detail_mm)
     to_mouth = entry + np.linspace(0.0, 1.0, 8)[:, None] * (mouth - entry)
     parts = [entrance, passage(to_mouth, _widths(rng, options, 8))]
-    angles = np.arange(_CHAMBER_POINTS) * 2.0 * math.pi / _CHAMBER_POINTS
+    chamber_points = 48
+    angles = np.arange(chamber_points) * 2.0 * math.pi / chamber_points
     for middle in middles:
         radius_mm = rng.uniform(options.chamber_radius_min_mm, options.chamber_radius_max_mm)
-        uneven = 1.0 + 0.5 * options.roughness * _waves(rng, _CHAMBER_POINTS, 1.0)
+        uneven = 1.0 + 0.5 * options.roughness * _waves(rng, chamber_points, 1.0)
         parts.append(Polygon(middle + (radius_mm * uneven)[:, None] * directions(angles)))
     for one, other in links(rng, middles, options.loops):
         path = _winding(rng, options, middles[one], middles[other])

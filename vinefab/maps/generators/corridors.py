@@ -27,12 +27,7 @@ from vinefab.maps.generators.generated_map import (
 )
 from vinefab.model.map import Map, Start
 
-_PLANS = 50
-"""Attempts at a plan in which the halls fit."""
-
-
 _STREAM = 1601
-_MOST_ROOMS = 2000
 
 
 class CorridorsOptions(StartOptions):
@@ -86,8 +81,9 @@ class CorridorsOptions(StartOptions):
         number("room_min_mm", self.room_min_mm, least_mm, shorter_mm, "mm")
         least_mm = 2.0 * self.room_min_mm + self.wall_mm
         number("room_max_mm", self.room_max_mm, least_mm, 2e6, "mm")
-        if self.width_mm * self.height_mm > _MOST_ROOMS * self.room_min_mm**2:
-            least_mm = (self.width_mm * self.height_mm / _MOST_ROOMS) ** 0.5
+        most_rooms = 2000
+        if self.width_mm * self.height_mm > most_rooms * self.room_min_mm**2:
+            least_mm = (self.width_mm * self.height_mm / most_rooms) ** 0.5
             raise BadInputError("room_min_mm", self.room_min_mm, f"at least {least_mm:.4g} mm")
         # Walls avoid the start, but a hall must be wide enough for it.
         wide_mm = self.hall_width_mm if self.halls > 0 else self.width_mm
@@ -149,7 +145,8 @@ def floor_plan(
     side, every other one ends on an earlier one or at a side.
     """
     floor = Region(0.0, 0.0, options.width_mm, options.height_mm, way=1)
-    for _ in range(_PLANS):
+    plans = 50  # attempts at a plan in which the halls fit
+    for _ in range(plans):
         parts = _with_halls(rng, floor, options)
         if parts is not None:
             return [room for part in parts for room in _rooms(rng, part, options, keep_out)]

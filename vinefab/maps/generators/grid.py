@@ -33,9 +33,6 @@ from vinefab.maps.generators.generated_map import (
 from vinefab.model.map import Map
 
 _STREAM = 1101
-_DRAWS_PER_CELL = 60
-_LEAST_RADIUS_MM = 0.01
-"""Per corner: below, decimals would merge corners."""
 _DEEPEST = 0.8
 
 
@@ -81,8 +78,9 @@ class GridOptions(SeveralStartOptions):
     def _fits(self) -> "GridOptions":
         whole("corners_max", self.corners_max, self.corners_min, 100)
         number("radius_max", self.radius_max, self.radius_min, 0.5)
-        if self.cell_mm * self.radius_min < _LEAST_RADIUS_MM * self.corners_max:
-            least_mm = _LEAST_RADIUS_MM * self.corners_max * self.columns / self.radius_min
+        least_radius_mm = 0.01  # per corner: below, decimals would merge corners
+        if self.cell_mm * self.radius_min < least_radius_mm * self.corners_max:
+            least_mm = least_radius_mm * self.corners_max * self.columns / self.radius_min
             raise BadInputError(
                 "size_mm", self.size_mm, f"at least {least_mm:.4g} for such corners"
             )
@@ -130,8 +128,9 @@ def grid_map(seed: int, options: GridOptions | None = None) -> Map:
         cells = [cell for cell, draw in zip(cells, draws, strict=True) if draw < options.filled]
     drawn = _polygons([next(_draws(seed, cell, options)) for cell in cells], cells, options)
     keep_out = start_zones(starts)
+    draws_per_cell = 60
     for index in np.flatnonzero(shapely.distance(drawn, keep_out) < options.start_clearance_mm):
-        again = islice(_draws(seed, cells[index], options), 1, _DRAWS_PER_CELL)
+        again = islice(_draws(seed, cells[index], options), 1, draws_per_cell)
         tries = (_polygons([numbers], [cells[index]], options)[0] for numbers in again)
         clear = (
             one for one in tries if shapely.distance(one, keep_out) >= options.start_clearance_mm

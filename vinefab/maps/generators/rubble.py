@@ -28,7 +28,6 @@ from vinefab.maps.generators.generated_map import (
 )
 from vinefab.model.map import Map, Start
 
-_TAPER = 0.2
 _DEEPEST = 0.35
 
 
@@ -124,7 +123,8 @@ def slab(rng: np.random.Generator, length_mm: float, options: RubbleOptions) -> 
 
 def _end(rng: np.random.Generator, thick_mm: float, raggedness: float) -> Floats:
     """Return the corners of a right end, from below, relative to the middle of a straight one."""
-    half_mm = 0.5 * thick_mm * (1.0 - _TAPER * rng.random())
+    taper = 0.2
+    half_mm = 0.5 * thick_mm * (1.0 - taper * rng.random())
     back_low, back_high, tip = rng.random(3)
     if raggedness == 0.0:
         return np.array([(0.0, -half_mm), (0.0, half_mm)])
@@ -159,7 +159,6 @@ def _shortest_way(points: Floats, corners: Floats, way: Floats) -> float:
 
 _TRIES = 150
 _SIDES = 4
-_DEEPEST_IN_SIDE = 0.4
 _BITE = 0.15
 """Depth by which a leaning slab overlaps its host, as a share of the root of its area."""
 
@@ -197,12 +196,13 @@ class Pile:
         if not lean:
             return -_SIDES - 1, self._amid(rng, slab_mm)
         host = int(rng.integers(-_SIDES, self._count))
+        deepest_in_side = 0.4
         if host < 0:
             side = host + _SIDES  # 0 and 2: left and right
             off_mm = self._amid(rng, slab_mm)
             axis = side % 2
             low, high = float(slab_mm[:, axis].min()), float(slab_mm[:, axis].max())
-            deep_mm = (high - low) * (0.05 + (_DEEPEST_IN_SIDE - 0.05) * rng.random())
+            deep_mm = (high - low) * (0.05 + (deepest_in_side - 0.05) * rng.random())
             off_mm[axis] = -low - deep_mm if side < 2 else self.options.size_mm - high + deep_mm
             return host, off_mm
         return host, self._on_slab(rng, slab_mm, host)
@@ -265,10 +265,6 @@ def _radius(slab_mm: Floats) -> float:
 
 
 _STREAM = 1401
-_MOST_SLABS = 4000
-_MOST_MISSES = 12
-"""Slabs in a row without a place until the bounds count as full."""
-_SHORTFALL = 0.1
 _NEAR = 0.03
 _ROUNDS = 4
 
@@ -302,7 +298,8 @@ def rubble_map(seed: int, options: RubbleOptions | None = None) -> Map:
     pile = _pile(child(seed, _STREAM), options, starts)
     obstacles = canonical(_solid(pile, options))
     covered = sum(polygon.area for polygon in obstacles) / options.size_mm**2
-    if covered < (1.0 - _SHORTFALL) * options.cover:
+    shortfall = 0.1
+    if covered < (1.0 - shortfall) * options.cover:
         raise BadInputError(
             "cover", options.cover, f"at most about {covered:.2f} with such slabs and passages"
         )
@@ -343,10 +340,11 @@ def _add_slabs(
 ) -> bool:
     """Add slabs from the largest to the smallest; return whether more may fit."""
     misses = 0
+    most_misses = 12  # slabs in a row without a place until the bounds count as full
     for corners in _slabs(rng, area_mm2, options):
         found = pile.add(rng, corners, leaning=bool(rng.random() < options.leaning))
         misses = 0 if found else misses + 1
-        if misses == _MOST_MISSES:
+        if misses == most_misses:
             return False
     return True
 
@@ -356,16 +354,17 @@ def _slabs(rng: np.random.Generator, missing_mm2: float, options: RubbleOptions)
     limits = options.slab_min_mm, options.slab_max_mm
     slabs: list[Floats] = []
     areas_mm2: list[float] = []
+    most_slabs = 4000
     while missing_mm2 > 0.0:
         length_mm = power_law(rng, limits, options.exponent)
         slabs.append(slab(rng, length_mm, options))
         areas_mm2.append(Polygon(slabs[-1]).area)
         missing_mm2 -= areas_mm2[-1]
-        if len(slabs) > _MOST_SLABS:
+        if len(slabs) > most_slabs:
             raise BadInputError(
                 "slab_min_mm",
                 options.slab_min_mm,
-                f"more, so that at most {_MOST_SLABS} slabs are needed",
+                f"more, so that at most {most_slabs} slabs are needed",
             )
     order = np.argsort(-np.array(areas_mm2), kind="stable")
     return [slabs[index] for index in order.tolist()]

@@ -46,9 +46,6 @@ from vinefab.model.files.shipped import read_bytes
 from vinefab.model.map import Map
 
 _FLAT = "flat drawings: equal z all along an entity, seen from straight above or below"
-_SPLINE_FRAME = 16
-_FINEST_SPAN = 4096
-_LEAST_SLOPE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +66,7 @@ class _SplineCurve:
         lifted = np.column_stack([self.hull() * weights[:, None], weights])
         curve = Interpolated(knots, lifted, order - 1)
         parts = 4
+        finest_span = 4096
         while True:
             share = np.arange(2 * parts) / (2 * parts)
             params = (inner[:-1, None] + np.diff(inner)[:, None] * share).ravel()
@@ -76,7 +74,7 @@ class _SplineCurve:
             points = values[:, :2] / values[:, 2:]
             chords, middles = points[::2], points[1::2]
             off = np.hypot(*(middles - 0.5 * (chords[:-1] + chords[1:])).T)
-            if off.max() <= tolerance or parts >= _FINEST_SPAN:
+            if off.max() <= tolerance or parts >= finest_span:
                 return np.asarray(chords)
             parts *= 2
 
@@ -132,13 +130,14 @@ def _pieces(entity: Any, where: str) -> tuple[Any, ...]:  # noqa: ANN401  each t
 
 
 def _polyline(entity: Any, where: str) -> tuple[CurvePiece, ...]:  # noqa: ANN401  of two types
+    spline_frame = 16
     if entity.dxftype() == "LWPOLYLINE":
         points, closed = list(entity.vertices_in_wcs()), entity.closed
     elif entity.is_polygon_mesh or entity.is_poly_face_mesh:
         raise BadInputError(where, "a mesh in space", _FLAT)
     else:
         # The frame that controls a spline is not drawn.
-        drawn = [one for one in entity.vertices if not one.dxf.flags & _SPLINE_FRAME]
+        drawn = [one for one in entity.vertices if not one.dxf.flags & spline_frame]
         entity.vertices[:] = drawn
         points, closed = list(entity.points_in_wcs()), entity.is_closed
     if len(points) < 2:
@@ -264,7 +263,8 @@ def _flat_points(where: str, points: Sequence[UVec]) -> Floats:
     if not np.isfinite(array).all():
         raise BadInputError(where, "a coordinate that is not finite", "finite numbers")
     rise = np.ptp(array, axis=0) if len(array) else np.zeros(3)
-    if rise[2] > _LEAST_SLOPE * max(rise[0], rise[1]):
+    least_slope = 1e-6
+    if rise[2] > least_slope * max(rise[0], rise[1]):
         low, high = array[:, 2].min(), array[:, 2].max()
         place = f"{where} at ({array[0, 0]:.8g}, {array[0, 1]:.8g})"
         raise BadInputError(place, f"3-D, z from {low:.6g} to {high:.6g}", _FLAT)
@@ -292,8 +292,6 @@ _MM = {
     23: ("US survey yards", 3_600_000.0 / 3937.0),
     24: ("US survey miles", 6_336_000_000.0 / 3937.0),
 }
-_GDAL_LIMITS = (12.0, 9.0)
-"""``$LIMMAX`` of a template in inches, which GDAL before 3.11 copies into every drawing."""
 _SOLIDS = {"3DSOLID", "BODY", "MESH", "REGION", "SURFACE"}
 _INCONSISTENT = (DXFError, ValueError, TypeError, AttributeError, IndexError, ArithmeticError)
 _BROKEN = (*_INCONSISTENT, KeyError, RecursionError, StopIteration, struct.error)
@@ -369,7 +367,9 @@ def _drawing(document: Document, layers: tuple[str, ...]) -> SourceDrawing:
     items = walk.items(space)
     code = int(document.header.get("$INSUNITS", 0))
     unit, mm_per_unit = _MM.get(code, ("mm (taken; the file names none)", 1.0))
-    if unit == "inches" and tuple(document.header.get("$LIMMAX", ()))[:2] == _GDAL_LIMITS:
+    # ``$LIMMAX`` of a template in inches, which GDAL before 3.11 copies into every drawing.
+    gdal_limits = (12.0, 9.0)
+    if unit == "inches" and tuple(document.header.get("$LIMMAX", ()))[:2] == gdal_limits:
         unit += " (GDAL and QGIS write so whatever the unit is; --scale-mm-per-unit if not)"
     return SourceDrawing(
         items=tuple(items),

@@ -14,7 +14,13 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError, located
+from vinefab.core.errors import (
+    BadInputError,
+    UnfitInputError,
+    UnknownNameError,
+    UnreadableFileError,
+    located,
+)
 from vinefab.core.extras import ensure_extra
 from vinefab.core.front_door import imported_later
 from vinefab.maps.importers.import_options import ImportOptions
@@ -41,8 +47,6 @@ _BEGINNINGS = {
 }
 """GDAL detects a file's kind from its content; only these kinds are given to it."""
 _ROLES = ("bounds", "obstacle")
-_MOST_WARNINGS = 5
-_SCALE = "--scale-mm-per-unit says how many mm a unit is"
 
 
 def import_gis(path: Path, options: ImportOptions) -> Map:
@@ -64,10 +68,11 @@ def import_gis(path: Path, options: ImportOptions) -> Map:
         warnings.simplefilter("always")
         ensure_extra("gis", f"{path.name} (GeoPackage, Shapefile, FlatGeobuf)")
         drawing = _drawing(path.resolve(), options)
+    most_warnings = 5
     if said:
         lines = sorted({" ".join(str(one.message).split())[:200] for one in said})
         drawing = replace(
-            drawing, facts={**drawing.facts, "reader_warnings": lines[:_MOST_WARNINGS]}
+            drawing, facts={**drawing.facts, "reader_warnings": lines[:most_warnings]}
         )
     return replace(drawing_map(path, drawing, options), environment="gis")
 
@@ -114,7 +119,8 @@ def _drawing(path: Path, options: ImportOptions) -> SourceDrawing:
         raise UnreadableFileError(path, f"cannot be read by GDAL: {problem[:200]}") from None
     systems = len(set(found.systems.values()))
     if systems > 1:
-        raise BadInputError("layers", f"in {systems} reference systems", "one for all")
+        problem = f"they have {systems} reference systems"
+        raise UnfitInputError("layers", problem, "give layers of one")
     system = next(iter(found.systems.values()), "")
     given = options.scale_mm_per_unit is not None
     unit, mm_per_unit = ("as given", 1.0) if given else _unit(system, path)
@@ -188,10 +194,12 @@ def _unit(system: str, path: Path) -> tuple[str, float]:
         return f"mm (taken; the file names no reference system{beside})", 1.0
     text = _well_known_text(system)
     if re.match(r"\s*GEO(GCS|GCRS|DCRS|GRAPHICCRS)\s*\[", text):
-        raise BadInputError("reference system", f"{system[:40]} in degrees", PROJECT_ADVICE)
+        raise UnfitInputError("reference system", f"{system[:40]} is in degrees", PROJECT_ADVICE)
     found = _length_unit(text)
     if found is None:
-        raise BadInputError("reference system", f"{system[:40]} of unknown unit", _SCALE)
+        problem = f"the unit of {system[:40]} is unknown"
+        remedy = "give --scale-mm-per-unit, how many mm a unit is"
+        raise UnfitInputError("reference system", problem, remedy)
     name, metres = found
     return f"{name} ({system[:40]})", float(f"{1000.0 * metres:.12g}")
 

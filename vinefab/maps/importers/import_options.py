@@ -143,10 +143,8 @@ class PhotoOptions:
         if len(values) not in (3, 4) or not all(0.0 <= value <= 255.0 for value in values):
             allowed = "dark, light, or a colour R,G,B or R,G,B,TOLERANCE, 0 to 255 each"
             raise BadInputError("obstacles", self.obstacles, allowed)
-        return values if len(values) == 4 else (*values, _TOLERANCE)
-
-
-_TOLERANCE = 60.0
+        tolerance = 60.0
+        return values if len(values) == 4 else (*values, tolerance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

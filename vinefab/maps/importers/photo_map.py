@@ -46,11 +46,7 @@ _ONLY_OTHERS = (
     "open_lines",
     "unknown",
 )
-_MOST_CELLS = 6e6
-"""Cells of a plan: 0.25 mm in 600 x 600 mm. A finer photo gives better walls than it says."""
 
-_LEAST_OBSTACLE_SHARE = 5e-5
-"""Default of the smallest obstacle that is kept, by the plan's area: 4 x 4 mm in 600 x 500 mm."""
 
 _SMOOTHING_PX = 0.7
 """Evens out noise; less than a width that cuts the corners of cells."""
@@ -59,32 +55,10 @@ _POINT_NOISE_PX = 1.0
 """How far points that a person picks may be off (assumed)."""
 
 _HEIGHTS = 5
-_LEAST_CONTRAST = 20.0
-_EDGE_CELLS = 9
-_EDGE_SHARE = 0.5
-"""A step of less than half of the contrast is a shadow's edge, not an obstacle's."""
 
 _TILE, _NEAR_CELLS = 128, 8
 """Side of the parts of a plan that are looked at alone, in cells, and the surroundings
 that set the tones of a cell: more than the reach of the two filters together."""
-
-_TRIALS = 40
-
-_MOST_SIDES = 100.0
-"""Larger maps, in sides of a marker, are not told by it: 3 m by markers of 30 mm."""
-
-_MOST_BLUR_CELLS = 0.4
-"""A marker whose cells are spread by more than this share of their width has no clear size."""
-
-_MOST_MISFIT = 0.12
-"""What the fit of a marker may leave, as a share of its contrast: glare, folds and shadows make
-more."""
-
-_MOST_OFF_SHARE = 0.08
-"""Walls that may be off by more than this share of the map's size have no scale."""
-
-_CORNER_BLUR = 0.8
-"""Blur of standard deviation one rounds a square corner by about so much (computed)."""
 
 
 Pixels = NDArray[np.uint8]
@@ -173,8 +147,10 @@ class _Scene:
             )
         area = _area_mm(photo, camera, control, chosen)
         left, low, right, top = area
+        # Larger maps, in sides of a marker, are not told by it: 3 m by markers of 30 mm.
+        most_sides = 100.0
         if chosen.marker_mm is not None and chosen.distance_mm is None:
-            size, most = max(right - left, top - low), _MOST_SIDES * chosen.marker_mm
+            size, most = max(right - left, top - low), most_sides * chosen.marker_mm
             if size > most:
                 problem = (
                     f"it is {size:.0f} mm wide, and markers of {chosen.marker_mm:g} mm measure "
@@ -185,7 +161,9 @@ class _Scene:
         # Edges in a photo are known better than to a pixel; a scan keeps its own pixels.
         share = 1.0 if len(control.points_px) == 2 else 0.5
         pixel = 1.0 / most_pixels_per_mm(camera.homography, area)
-        coarsest = float(np.sqrt((right - left) * (top - low) / _MOST_CELLS))
+        # Cells of a plan: 0.25 mm in 600 x 600 mm. A finer photo gives better walls than it says.
+        most_cells = 6e6
+        coarsest = float(np.sqrt((right - left) * (top - low) / most_cells))
         step = float(f"{max(share * pixel, coarsest):.4g}")
         pixel = max(step, float(f"{pixel:.4g}"))
         facts: dict[str, object] = {
@@ -205,7 +183,9 @@ class _Scene:
                 if chosen.distance_mm is None
                 else "the distance of two markers"
             )
-        within_mm = placed_mm + _CORNER_BLUR * blur_px * pixel
+        # Blur of standard deviation one rounds a square corner by about so much (computed).
+        corner_blur = 0.8
+        within_mm = placed_mm + corner_blur * blur_px * pixel
         mixing = float(np.median([one.mixing for one in seen.values()])) if seen else 0.0
         squares = control.points_mm.reshape(-1, 4, 2) if found else np.empty((0, 4, 2))
         return cls(
@@ -318,18 +298,23 @@ def _ensure_trusted(seen: Mapping[int, FoundMarker], chosen: PhotoOptions) -> No
         problem = f"there {'is' if len(seen) == 1 else 'are'} {len(seen)} (number {numbers})"
         remedy = f"show {wanted} {kind}, whole and sharp, white around them"
         raise UnfitInputError(key, problem, remedy)
+    # What the fit of a marker may leave, as a share of its contrast: glare, folds and shadows make
+    # more.
+    most_misfit = 0.12
+    # A marker whose cells are spread by more than this share of their width has no clear size.
+    most_blur_cells = 0.4
     for name, one in sorted(seen.items()):
         cell_px = one.side_px / MARKER_SIDE_CELLS
-        if one.blur_px > _MOST_BLUR_CELLS * cell_px:
+        if one.blur_px > most_blur_cells * cell_px:
             problem = (
                 f"its edges are spread by {one.blur_px:.1f} px (measured), and a cell of "
-                f"{cell_px:.1f} px allows {_MOST_BLUR_CELLS * cell_px:.1f}"
+                f"{cell_px:.1f} px allows {most_blur_cells * cell_px:.1f}"
             )
             raise UnfitInputError(f"marker {name}", problem, "take a sharper or nearer photo")
-        if one.misfit > _MOST_MISFIT:
+        if one.misfit > most_misfit:
             problem = (
                 f"{100.0 * one.misfit:.0f} % of it are unlike its picture (measured), and "
-                f"{100.0 * _MOST_MISFIT:.0f} % are allowed"
+                f"{100.0 * most_misfit:.0f} % are allowed"
             )
             remedy = "lay it flat and evenly lit, without glare"
             raise UnfitInputError(f"marker {name}", problem, remedy)
@@ -349,7 +334,8 @@ def _placing_mm(
     places_px = projected(plane_homography(control), places)
     points = np.array(chosen.points_px, dtype=np.float64).reshape(-1, 2)
     rng, worst = child(0), []
-    for _ in range(_TRIALS):
+    trials = 40
+    for _ in range(trials):
         moved = {key: value + rng.normal(0.0, noise_px, (4, 2)) for key, value in found.items()}
         picked = points + rng.normal(0.0, noise_px, points.shape)
         trial = replace(chosen, points_px=tuple(map(tuple, picked.tolist())))
@@ -361,12 +347,14 @@ def _placing_mm(
         turned = (one @ (1.0, 1.0j)) * turn / abs(turn)
         off = np.column_stack([turned.real, turned.imag]) - two
         worst.append(float(np.hypot(*off.T).max()))
+    # Walls that may be off by more than this share of the map's size have no scale.
+    most_off_share = 0.08
     within_mm, most = (
         float(np.quantile(worst, 0.95)),
-        _MOST_OFF_SHARE * max(right - left, top - low),
+        most_off_share * max(right - left, top - low),
     )
     if found and within_mm > most:
-        most_percent = 100.0 * _MOST_OFF_SHARE
+        most_percent = 100.0 * most_off_share
         problem = f"walls may be {within_mm:.0f} mm off, more than {most_percent:g} % of the map"
         remedy = (
             "lay more or larger markers around it, take a sharper or nearer photo, or give --crop "
@@ -437,11 +425,14 @@ class _Tones:
             off = smooth - np.array(colour, dtype=np.float32)
             return np.asarray(np.linalg.norm(off, axis=2) <= tolerance)
         bright = _brightness(pixels)
+        edge_cells = 9
         # Half the light at an edge where one is near, else the threshold: in a shadow, and where
         # the light is weaker, an edge lies at another brightness.
-        high = scipy.ndimage.maximum_filter(bright, _EDGE_CELLS)
-        low = scipy.ndimage.minimum_filter(bright, _EDGE_CELLS)
-        edge = high - low > _EDGE_SHARE * self.contrast
+        high = scipy.ndimage.maximum_filter(bright, edge_cells)
+        low = scipy.ndimage.minimum_filter(bright, edge_cells)
+        # A step of less than half of the contrast is a shadow's edge, not an obstacle's.
+        edge_share = 0.5
+        edge = high - low > edge_share * self.contrast
         light = (high ** (1.0 / self.mixing) + low ** (1.0 / self.mixing)) / 2.0
         between = np.where(edge, light**self.mixing, np.float32(self.threshold or 0.0))
         return np.asarray(bright < between if self.chosen.obstacles == "dark" else bright > between)
@@ -461,7 +452,8 @@ def _two_tones(bright: NDArray[np.float32]) -> tuple[float, float]:
         low, high = sums / below, (sums[-1] - sums) / (total - below)
         between = np.nan_to_num(below * (total - below) * (high - low) ** 2)
     best = int(between.argmax())
-    if not high[best] - low[best] >= _LEAST_CONTRAST:
+    least_contrast = 20.0
+    if not high[best] - low[best] >= least_contrast:
         problem = "no two tones are seen in the photo"
         raise UnfitInputError("", problem, "give --threshold 0 to 255, or --obstacles R,G,B")
     return float(low[best]), float(high[best])
@@ -473,8 +465,10 @@ def _world(
     """Return the map of the free space in a plan."""
     rows, columns = free.shape
     least_mm2 = options.least_obstacle_mm2
+    # Default of the smallest obstacle that is kept, by the plan's area: 4 x 4 mm in 600 x 500 mm.
+    least_obstacle_share = 5e-5
     if least_mm2 is None:
-        least_mm2 = float(f"{_LEAST_OBSTACLE_SHARE * free.size * view.mm_per_pixel**2:.2g}")
+        least_mm2 = float(f"{least_obstacle_share * free.size * view.mm_per_pixel**2:.2g}")
     facts: dict[str, object] = {
         "source": path.name,
         "pixels": [scene.photo.width_px, scene.photo.height_px],

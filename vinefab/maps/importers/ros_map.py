@@ -71,9 +71,6 @@ def _read_values(path: Path, data: bytes) -> tuple[Values, Values | None]:
     return pixels[..., :3].mean(axis=2), opacity
 
 
-_LARGEST_YAML_BYTES = 1 << 16
-_LARGEST_IMAGE_BYTES = 1 << 30
-_FULL_SIZE = 1000.0
 _MODES = ("trinary", "scale", "raw")
 _ONLY_DRAWINGS = ("join_mm", "layers", "drawn", "bounds", "margin_mm", "wall_mm", "open_lines")
 
@@ -123,13 +120,15 @@ def import_ros(path: Path, options: ImportOptions) -> Map:
     and left out. ``scale_mm_per_unit`` is per metre, full size (1000) by default.
     """
     options.refuse(_ONLY_DRAWINGS, "a ROS map", path)
-    scale = _FULL_SIZE if options.scale_mm_per_unit is None else options.scale_mm_per_unit
+    full_size = 1000.0
+    scale = full_size if options.scale_mm_per_unit is None else options.scale_mm_per_unit
     unknown = options.unknown or "obstacle"
     positive("scale_mm_per_unit", scale, 1e6, "mm per metre")
     if unknown not in ("obstacle", "free"):
         raise BadInputError("unknown", unknown, "obstacle or free")
     source = _read_ros_yaml(path)
-    data = read_bytes(source.image, _LARGEST_IMAGE_BYTES)
+    largest_image_bytes = 1 << 30
+    data = read_bytes(source.image, largest_image_bytes)
     occupied, free = _classify(*_read_values(source.image, data), source)
     facts = {
         "source": path.name,
@@ -215,7 +214,8 @@ class _PlainLoader(yaml.SafeLoader):
 
 def _read_ros_yaml(path: Path) -> _RosMap:
     """Return the metadata in a map_server's YAML file."""
-    text = read_text(path, _LARGEST_YAML_BYTES)
+    largest_yaml_bytes = 1 << 16
+    text = read_text(path, largest_yaml_bytes)
     try:
         data = yaml.load(text, _PlainLoader)  # noqa: S506  a SafeLoader
     except yaml.MarkedYAMLError as error:

@@ -17,10 +17,6 @@ from vinefab.maps.cleanup.drawn_shapes import Drawn, DrawnShape, SourceFrame, fr
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.model.map import Map
 
-_MOST_CURVE_POINTS = 1_000_000
-"""In one curve: a tolerance that needs more surely has the wrong unit."""
-
-
 PROJECT_ADVICE = (
     "coordinates in metres or feet: project the layer in your GIS program (QGIS: Export, Save "
     "Features As, a projected CRS), or ogr2ogr -t_srs EPSG:32632 (your zone) metres.gpkg FILE"
@@ -114,7 +110,9 @@ class Bezier:
 
 
 def _steps(wanted: float) -> int:
-    return max(1, min(math.ceil(wanted - 1e-9), _MOST_CURVE_POINTS)) if math.isfinite(wanted) else 1
+    # In one curve: a tolerance that needs more surely has the wrong unit.
+    most_curve_points = 1_000_000
+    return max(1, min(math.ceil(wanted - 1e-9), most_curve_points)) if math.isfinite(wanted) else 1
 
 
 def run_flat(pieces: tuple[CurvePiece, ...], tolerance: float) -> Floats:
@@ -136,15 +134,6 @@ def run_flat(pieces: tuple[CurvePiece, ...], tolerance: float) -> Floats:
     return np.concatenate(parts)
 
 
-_SIMPLIFY_SHARE = 1e-4
-"""Default tolerance of curves, by the drawing's larger side: 0.05 mm in 500 mm."""
-_JOIN_SHARE = 2e-4
-"""Default width of gaps that are closed, by the drawing's larger side: 0.1 mm in 500 mm."""
-_MOST_JOIN_SHARE = 0.1
-"""Largest width of gaps that a user may have closed, by the drawing's larger side."""
-_MARGIN_SHARE = 0.05
-"""Default margin of a rectangle around everything, by the drawing's larger side."""
-_FINEST_SHARE = 1e-7
 _MOST_POINTS = 5_000_000
 
 
@@ -254,19 +243,28 @@ def _assembling(
 
     ``simplify_mm`` is split between the chords of curves and corners that are left out.
     """
-    join_mm = _four_digits(_JOIN_SHARE * size_mm) if options.join_mm is None else options.join_mm
-    most_join_mm = _MOST_JOIN_SHARE * size_mm
+    # Default width of gaps that are closed, by the drawing's larger side: 0.1 mm in 500 mm.
+    join_share = 2e-4
+    join_mm = _four_digits(join_share * size_mm) if options.join_mm is None else options.join_mm
+    # Largest width of gaps that a user may have closed, by the drawing's larger side.
+    most_join_share = 0.1
+    most_join_mm = most_join_share * size_mm
     number("join_mm", join_mm, 0.0, most_join_mm, "mm, a tenth of the drawing")
     simplify_mm = options.simplify_mm
-    tolerance_mm = _four_digits(_SIMPLIFY_SHARE * size_mm)
+    # Default tolerance of curves, by the drawing's larger side: 0.05 mm in 500 mm.
+    simplify_share = 1e-4
+    tolerance_mm = _four_digits(simplify_share * size_mm)
+    finest_share = 1e-7
     if simplify_mm is not None:
-        number("simplify_mm", simplify_mm, _FINEST_SHARE * size_mm, size_mm, "mm")
+        number("simplify_mm", simplify_mm, finest_share * size_mm, size_mm, "mm")
         tolerance_mm = 0.5 * simplify_mm if curved else 0.0
         simplify_mm -= tolerance_mm
     if options.wall_mm is not None:
         positive("wall_mm", options.wall_mm, size_mm)
+    # Default margin of a rectangle around everything, by the drawing's larger side.
+    margin_share = 0.05
     margin_mm = (
-        _four_digits(_MARGIN_SHARE * size_mm) if options.margin_mm is None else options.margin_mm
+        _four_digits(margin_share * size_mm) if options.margin_mm is None else options.margin_mm
     )
     given = {one.name: getattr(options, one.name) for one in fields(options)}
     sizes = {

@@ -129,7 +129,6 @@ def _plain(name: str) -> str:
     return name.rpartition("}")[2]
 
 
-_MM_PER_PX = 25.4 / 96.0
 _UNITS_PX = {
     "": 1.0,
     "px": 1.0,
@@ -185,14 +184,15 @@ def page_frame(root: Node) -> tuple[Floats, float, str]:
         length_px(root, name) if text and not text.endswith("%") else 0.0
         for name, text in zip(("width", "height"), texts, strict=True)
     ]
+    mm_per_px = 25.4 / 96.0
     if box is None:
         whole = np.array([0.0, 0.0, *np.maximum(size, 0.0)])
-        return whole, _MM_PER_PX, "px of 1/96 inch (no viewBox)"
+        return whole, mm_per_px, "px of 1/96 inch (no viewBox)"
     known = [side / part for side, part in zip(size, box[2:], strict=True) if side > 0.0]
     if not known:
-        return box, _MM_PER_PX, "px of 1/96 inch (no absolute width or height)"
+        return box, mm_per_px, "px of 1/96 inch (no absolute width or height)"
     # Rounded: 210 mm for 210 units is 1 mm, whatever the last bit of 96 / 25.4 says.
-    mm_per_unit = float(f"{min(known) * _MM_PER_PX:.12g}")
+    mm_per_unit = float(f"{min(known) * mm_per_px:.12g}")
     if any(text.removesuffix("px")[-1:].isalpha() for text in texts):
         return box, mm_per_unit, "width, height and viewBox"
     return box, mm_per_unit, "px of 1/96 inch (taken; width and height name no other unit)"
@@ -322,11 +322,8 @@ def path_outlines(data: str) -> list[Subpath]:
     return [run for run in runs if run.pieces]
 
 
-_LEAST_RADIUS = 1e-12
-"""Of an arc: below, it is a straight line."""
-
-
 def _curve(segment: object) -> list[CurvePiece]:
+    least_radius = 1e-12  # of an arc: below, it is a straight line
     match segment:
         case svg.CubicBezier():
             points = (segment.start, segment.control1, segment.control2, segment.end)
@@ -337,7 +334,7 @@ def _curve(segment: object) -> list[CurvePiece]:
             return [Bezier(np.array([start, *thirds, end]))]
         case svg.Arc() if segment.start == segment.end:
             return []
-        case svg.Arc() if min(segment.rx, segment.ry) >= _LEAST_RADIUS:
+        case svg.Arc() if min(segment.rx, segment.ry) >= least_radius:
             middle, first, second = np.array([segment.center, segment.prx, segment.pry])
             arc = Arc(
                 middle=middle,
@@ -403,8 +400,6 @@ _SILENT = {
 _PAGE_IS_AREA = (
     "its background is an outline too; --drawn free if the areas on it are the free space"
 )
-_PAGE_SLACK = 5e-5
-"""Of the page's larger side: programs round the corners of its background."""
 _COMMENT = re.compile(r"/\*.*?(?:\*/|\Z)", re.DOTALL)
 _PROPERTIES = {"clip-path", "display", "fill", "fill-rule", "stroke", "visibility"}
 
@@ -598,7 +593,8 @@ class _Walk(DrawingReader):
     def _is_page(self, ring: Ring) -> bool:
         """Return whether an outline is the rectangle of the page."""
         points, corner, size = ring.hull(), self.page[:2], self.page[2:]
-        slack = _PAGE_SLACK * float(size.max())
+        page_slack = 5e-5  # of the page's larger side: programs round the corners of its background
+        slack = page_slack * float(size.max())
         low = np.abs(points.min(axis=0) - corner).max()
         high = np.abs(points.max(axis=0) - corner - size).max()
         if not (size.min() > 0.0 and low <= slack and high <= slack):

@@ -301,9 +301,6 @@ _PACKED = {"_mean": "d", "_C": "dd", "_p_sigma": "d", "_pc": "d", "_A": "d", "_B
 
 
 _STREAM = 1405
-_RUN_AWAY = 1e3
-"""Largest standard deviation, in ranges. Noise can let it grow without end: then all points are
-clipped to the bounds, nothing is learned, and in the end numbers overflow."""
 LEAST_POPULATION = 4
 """Fewer points give no covariance."""
 
@@ -379,7 +376,10 @@ class Cma:
         """Update the distribution by the ranks of the points."""
         # Ties keep the order in which they were sampled.
         self._search.learn(self._sampled_points()[np.argsort(-fitness, kind="stable")])
-        if not (self._search.spread / self._ranges).max() < _RUN_AWAY:
+        # Largest standard deviation, in ranges. Noise can let it grow without end: then all points
+        # are clipped to the bounds, nothing is learned, and in the end numbers overflow.
+        run_away = 1e3
+        if not (self._search.spread / self._ranges).max() < run_away:
             self._search = self._new_search(self._config)
         self._sampled = None
         self._generation += 1

@@ -122,14 +122,6 @@ _DRAWN = 2, 6, 24
 """Points sampled for each that is evaluated, where only those without penalty are: at first, and
 then as long as too few have none."""
 
-_PARKED = 6
-"""Islands kept on each rung that did not climb yet."""
-
-_CONVERGED = 1e-4
-"""Largest spread, as a share of the ranges, of an island that has ended."""
-
-_MOST_STRUCTURES = 4096
-"""More are drawn at random, not one after the other."""
 
 _SAMPLES, _STARTS, _ORDER = range(3)
 
@@ -217,12 +209,13 @@ class Islands:
     def _park(self) -> None:
         """Take islands at the end of their rungs out of the active ones."""
         going = []
+        converged = 1e-4  # largest spread, as a share of the ranges, of an island that has ended
         for island in self._active:
             spread = island.search.spread.max()
-            if not spread < 1.0 / _CONVERGED:
+            if not spread < 1.0 / converged:
                 continue  # ran away
             until = self._config.first_generations * self._config.keep**island.rung
-            if island.generations < until and spread > _CONVERGED:
+            if island.generations < until and spread > converged:
                 going.append(island)
                 continue
             while len(self._ratings) <= island.rung:
@@ -231,9 +224,10 @@ class Islands:
             self._ratings[island.rung].append(island.rating)
             self._parked.append(island)
         self._active = going
+        parked = 6  # islands kept on each rung that did not climb yet
         for rung in range(len(self._ratings)):
             here = [island for island in self._parked if island.rung == rung]
-            for island in sorted(here, key=lambda i: i.rating, reverse=True)[_PARKED:]:
+            for island in sorted(here, key=lambda i: i.rating, reverse=True)[parked:]:
                 self._parked.remove(island)
 
     # --- Which islands climb, and which begin ---------------------------------------------------
@@ -407,7 +401,8 @@ class _Asked:
 def _structures(axes: SearchAxes) -> Floats | None:
     """Return all structures as points, shape (s, d), or None if they are too many to count."""
     counts = [max(1, choices) for choices in axes.choices]
-    if math.prod(counts) > _MOST_STRUCTURES:
+    most_structures = 4096  # more are drawn at random, not one after the other
+    if math.prod(counts) > most_structures:
         return None
     indices = np.array(list(product(*map(range, counts))), dtype=np.float64)
     points = axes.canonical((indices + 0.5) / np.array(counts))

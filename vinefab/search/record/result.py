@@ -594,14 +594,11 @@ def read_generations(connection: sqlite3.Connection, first: int = 0) -> list[Gen
     return found
 
 
-_LARGEST_SCORE = 1e100
-"""Larger ones are damage: their squares overflow."""
-
-
 def _scores(blob: bytes) -> Floats:
     values = from_blob(blob)
-    if (np.abs(values) > _LARGEST_SCORE).any():
-        raise ValueError(f"a score beyond {_LARGEST_SCORE:g}")
+    largest_score = 1e100  # larger ones are damage: their squares overflow
+    if (np.abs(values) > largest_score).any():
+        raise ValueError(f"a score beyond {largest_score:g}")
     return values
 
 
@@ -643,7 +640,6 @@ def system_errors(path: Path) -> Iterator[None]:
         raise CannotWriteError(path, error.strerror or str(error)) from None
 
 
-_NO_ROOM = "the disk is full, or a file may not become so large (ulimit -f)"
 _WRITE_FAILED = (
     sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE, sqlite3.SQLITE_IOERR_FSYNC,
     sqlite3.SQLITE_IOERR_TRUNCATE, sqlite3.SQLITE_IOERR_SHMSIZE, sqlite3.SQLITE_IOERR_SHMMAP,
@@ -657,7 +653,7 @@ def _system_problem(error: Exception) -> str:
     """
     code = getattr(error, "sqlite_errorcode", None)  # none of an error that Python itself raises
     if code in _WRITE_FAILED:
-        return _NO_ROOM
+        return "the disk is full, or a file may not become so large (ulimit -f)"
     of_system = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM)
     locked = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
     return str(error) if code is not None and code & 0xFF in (*of_system, *locked) else ""

@@ -134,7 +134,7 @@ def test_the_seed_of_the_command_line_is_that_of_the_record(vinefab, run_file, t
     assert "seed = 7" in (out / "best.toml").read_text()
     code, _, complaint = vinefab("optimize", run_file, "--out", out, "--resume")
     assert (code, complaint.count("\n")) == (2, 1)
-    assert "optimizer.seed is 1; allowed: 7, with which the run began" in complaint
+    assert "optimizer.seed: 1 is asked for, and the run began with 7" in complaint
     code, _, complaint = vinefab("optimize", run_file, "--seed", 2**63, "--out", out)
     assert (code, complaint.count("\n")) == (2, 1)
     assert "seed is 9223372036854775808" in complaint
@@ -148,10 +148,10 @@ def test_what_cannot_be_merged_is_refused(vinefab, run_file, tmp_path):
     assert vinefab("optimize", other, "--out", two, "-q")[0] == 0
     code, _, complaint = vinefab("runs", one, two, "--best", best)
     assert (code, complaint.count("\n")) == (2, 1)
-    assert "--best is '2 kinds of runs'; allowed: with folders whose runs differ" in complaint
+    assert "--best: these are 2 kinds of runs; name folders whose runs differ" in complaint
     code, _, complaint = vinefab("runs", one, two, "--rebuild", tmp_path / "again")
     assert code == 2
-    assert "--rebuild is '2 folders'; allowed: one folder" in complaint
+    assert "--rebuild: 2 folders are given" in complaint
     best.write_text("mine")
     code, _, complaint = vinefab("runs", one, "--best", best)
     assert code == 2

@@ -302,7 +302,7 @@ def test_the_same_observation_twice_is_refused(written):
 
 
 def test_observations_without_anything_to_fit_are_refused(written):
-    with pytest.raises(BadInputError, match="with contacts that slid or stopped"):
+    with pytest.raises(BadInputError, match="no contact slid or stopped"):
         fit_files(written(observation("a.jpg", [])))
 
 
@@ -330,7 +330,9 @@ def test_a_wrong_observation_is_one_clear_line(written, change, words):
 def test_what_is_no_json_is_said(tmp_path):
     photo = tmp_path / "photo.jpg"
     photo.write_bytes(b"\xff\xd8\xff")
-    with pytest.raises(BadInputError, match=r"observation is 'photo\.jpg'; allowed: the JSON"):
+    with pytest.raises(
+        BadInputError, match=r"observations: photo\.jpg is not an observation; give the JSON"
+    ):
         fit_files([photo])
     path = photo.rename(tmp_path / "seen.json")
     with pytest.raises(UnreadableFileError):

@@ -269,7 +269,7 @@ def test_a_rig_says_where_its_markers_are_and_how_high_it_is(tmp_path):
     assert setup.obstacle_mm == 12.0
     assert [(m.number, m.z_mm, m.corners_mm.shape) for m in setup.markers] == [(2, 3.0, (4, 2))]
     path.write_text(json.dumps({"options": {"height_mm": 24.0}}))
-    with pytest.raises(BadInputError, match="markers is missing"):
+    with pytest.raises(BadInputError, match="the rig carries no corner markers"):
         PhotoSetup.of(rig=path)
 
 

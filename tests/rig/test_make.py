@@ -48,7 +48,7 @@ def test_bounds_with_a_corner_to_go_around_are_enough():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (RigOptions(scale=13.0), r"parts is \d+; allowed: at most 100 for a plate of"),
+        (RigOptions(scale=13.0), r"a plate of .* needs \d+ parts, and 100 are allowed"),
         (RigOptions(height_mm=98.0), "height_mm is 98"),
     ],
 )

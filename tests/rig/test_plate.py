@@ -289,7 +289,7 @@ def test_a_concave_hall_gives_one_part_for_each_piece(make_map, make_printer):
     ("options", "bed_mm", "words"),
     [
         ({"height_mm": 98.0}, 220.0, r"height_mm is 98.* at most 97 mm"),
-        ({"most_parts": 2}, 110.0, r"parts is \d+; allowed: at most 2"),
+        ({"most_parts": 2}, 110.0, r"needs \d+ parts, and 2 are allowed"),
         ({}, 50.0, r"printer.bed"),
     ],
 )

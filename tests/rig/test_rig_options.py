@@ -37,12 +37,12 @@ def test_a_copy_of_ones_own(edited):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("bed_width_mm", "bed_width_cm", r"bed_width_cm .* did you mean 'bed_width_mm'"),
+        ("bed_width_mm", "bed_width_cm", r"bed_width_cm: .* did you mean 'bed_width_mm'"),
         ("value = 0.4, ", "", r"nozzle_mm.value is missing"),
         ("value = 220.0", "value = -220.0", r"bed_width_mm is -220"),
         ('"assumed"', '"guessed"', r"bed_width_mm.standing is 'guessed'; allowed: 'measured'"),
         ("printer-1", "printer-2", r"schema is 'vinefab/printer-2'"),
-        ("height_mm", "height", r"height .* did you mean 'height_mm'"),
+        ("height_mm", "height", r"height: .* did you mean 'height_mm'"),
     ],
 )
 def test_what_cannot_be_used_is_named_with_its_file(edited, old, new, message):

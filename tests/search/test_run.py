@@ -113,17 +113,17 @@ def test_a_start_of_the_run_replaces_those_of_its_maps(small, tmp_path):
 @pytest.mark.parametrize(
     ("place", "words"),
     [
-        (start(-5.0, 30.0), r"maps\.start is '\(-5, 30\) mm'; .*outside the bounds of map 'wall'"),
+        (start(-5.0, 30.0), r"maps\.start: \(-5, 30\) mm is outside the bounds of map 'wall'"),
         (start(150.0, 150.0), "inside an obstacle of map 'wall'"),
         (
             start(95.0, 150.0),
-            r"it is 5 mm from a wall of map 'wall', and a trunk of 40 mm needs 12\.7 mm, or "
-            r"build\.trunk_width_mm of at most 15\.7",
+            r"is 5 mm from a wall of map 'wall', and a trunk of 40 mm needs 12\.7 mm; .*or set "
+            r"build\.trunk_width_mm to at most 15\.7",
         ),
-        (start(0.0, 150.0), "it is 0 mm from a wall of map 'wall', and a trunk of 40 mm needs"),
+        (start(0.0, 150.0), "is 0 mm from a wall of map 'wall', and a trunk of 40 mm needs"),
         (
             start(150.0, 285.0),
-            r"heading 90 deg'; allowed: a pose that a robot can leave: the trunk stops after 2 mm",
+            r"heading 90 deg the trunk stops after 2 mm",
         ),
     ],
 )

@@ -120,7 +120,9 @@ def test_map_files_are_found_from_the_run_file(tmp_path):
     (tmp_path / "deep").mkdir()
     (tmp_path / "a.geojson").touch()
     path = written(tmp_path, '[maps]\nfiles = ["a.geojson", "deep/b.geojson"]')
-    with pytest.raises(BadInputError, match=r"trial.toml: maps.files\[2\] is 'deep/b.geojson'"):
+    with pytest.raises(
+        BadInputError, match=r"trial.toml: maps.files\[2\]: there is no file .*b.geojson"
+    ):
         read_run(path)
     (tmp_path / "deep" / "b.geojson").touch()
     maps = read_run(path).maps
@@ -160,7 +162,7 @@ def test_limits_and_symmetry_of_a_space(tmp_path):
     [
         ("[maps]\ncuont = 3", "maps.cuont", "did you mean 'count'"),
         ("[maps.options]\nsize = 5", "maps.options.size", "size_mm"),
-        ('[maps]\nseed = 3\nfiles = ["a"]', "maps.seed", "not together with maps.files"),
+        ('[maps]\nseed = 3\nfiles = ["a"]', "maps.seed", "given together with maps.files"),
         ("[maps]\nfiles = []", "maps.files", "at least one"),
         (f'name = "{"x" * 91}"', "name", "at most 90 characters"),
         ('[task]\nname = "coverage"\nradius = 3', "task.radius", "radius_mm"),
@@ -177,7 +179,7 @@ def test_limits_and_symmetry_of_a_space(tmp_path):
         (
             "[build]\nwidths_mm = [9]\ntrunk_width_mm = 9",
             "build.trunk_width_mm",
-            "not together with build.widths_mm",
+            "given together with build.widths_mm",
         ),
         ("[space]\nlength_mm = [200, 100]", "space.length_mm", "in order"),
         ("[space]\nlength_mm = [1, 2, 3]", "space.length_mm", "range"),
@@ -207,7 +209,7 @@ def test_limits_and_symmetry_of_a_space(tmp_path):
         (
             '[task]\nname = "reach"\ntargets = [[1, 2], [3]]',
             "task.targets[2].point_mm[2]",
-            "must be given",
+            "is missing; give it",
         ),
         ("[space]\nmost_branches = 2.5", "space.most_branches", "integer"),
         (
@@ -299,7 +301,7 @@ def test_designs_that_no_search_can_begin_at_are_refused(tmp_path):
         read_run(written(tmp_path, '[optimizer]\nstart_from = ["nowhere.toml"]'))
     swarm = '[evaluation]\nfabricable = false\n[optimizer]\nname = "pso"\n'
     swarm += 'start_from = ["grid_explorer"]'
-    with pytest.raises(BadInputError, match="only the optimizer islands"):
+    with pytest.raises(BadInputError, match="or use the optimizer islands"):
         Search.of(read_run(written(tmp_path, swarm)), (grid_map(1),))
 
 
@@ -355,9 +357,9 @@ def test_a_pose_in_words_is_recorded_as_its_table_is(tmp_path):
         ('{side = "leftt"}', "maps.start.side", "did you mean 'left'"),
         ("{line = [[20, 20]]}", "maps.start.line", "two or more points"),
         ("{line = [[nan, 20], [3, 4]]}", "maps.start.line[1][1]", "a finite number"),
-        ('{area = [[0, 0], [9, 9]], side = "left"}', "maps.start.area", "not together"),
+        ('{area = [[0, 0], [9, 9]], side = "left"}', "maps.start.area", "given together"),
         ("{area = [[0, 0], [9, 9], [9, 0], [0, 9]]}", "maps.start.area", "valid"),
-        ('{side = "left", x_mm = 3}', "maps.start.x_mm", "not together with side"),
+        ('{side = "left", x_mm = 3}', "maps.start.x_mm", "given together with side"),
         ("{x_mm = 3, y_mm = 4, heading_deg = 9, inset_mm = 3}", "maps.start.inset_mm", "together"),
     ],
 )
@@ -365,4 +367,4 @@ def test_a_place_that_is_none_is_one_line(tmp_path, start, key, allowed):
     with pytest.raises(BadInputError) as caught:
         read_run(written(tmp_path, f"[maps]\nstart = {start}"))
     assert caught.value.key == key
-    assert allowed in caught.value.allowed
+    assert allowed in str(caught.value)

@@ -142,7 +142,10 @@ def test_what_the_command_refuses_is_its_line_and_leaves_no_folder(searches, tmp
     searches.start(ask(), StudioState.of(given))
     event = followed(searches, is_over)[-1]
     assert event["state"] == "failed"
-    assert "a trunk of 400 mm needs 127.3 mm, or build.widths_mm of at most 4" in event["line"]
+    assert (
+        "a trunk of 400 mm needs 127.3 mm; move it to a place with room, or set build.widths_mm"
+        in event["line"]
+    )
     assert not (tmp_path / "search_1").exists()
 
 

@@ -298,5 +298,5 @@ def test_a_piece_larger_than_the_bed_is_refused():
     small = profile.machine.bed_width_mm.changed(value=60.0)
     machine = profile.machine.changed(bed_width_mm=small, bed_height_mm=small)
     cramped = replace(profile, machine=machine)
-    with pytest.raises(BadInputError, match="bed of at least"):
+    with pytest.raises(BadInputError, match="and 50 x 50 mm are usable"):
         coupon_sheets(pieces, cramped)

@@ -298,8 +298,8 @@ NONSENSE = {
         "width,20,19.9,mm,0.05",
         "tell weldcut.kerf_mm and weldcut.seam_width_mm apart",
     ),
-    "one alone": ("seam,weldcut,0.5,mm,", "at least 2 for 1 unknown"),
-    "some stated": ("seam,weldcut,0.5,mm,0.1\nseam,weldcut,0.6,mm,", "for every reading"),
+    "one alone": ("seam,weldcut,0.5,mm,", "1 reading cannot tell"),
+    "some stated": ("seam,weldcut,0.5,mm,0.1\nseam,weldcut,0.6,mm,", "1 of 2 readings have one"),
     "no scatter": ("seam,weldcut,0.5,mm,0", "above 0"),
     "unknown unit": ("seam,weldcut,0.5,furlong,0.1", "mm, cm, m, um, in"),
     "no unit": ("burst,20,70,,1", "kPa, Pa"),
@@ -317,7 +317,7 @@ NONSENSE = {
     "few paths": ("growth_width,,40,mm,\ngrowth,300,12,kPa,1", "at least 4 paths"),
     "paths that say nothing": (
         "growth_width,,40,mm,\n" + "growth,300,12,kPa,90\n" * 6,
-        "too few kinds",
+        "are too alike",
     ),
     "one length": ("length,40,39.2,mm,0.1", "tell"),
     "length of another finger": ("length,40,160,mm,0.1", "near the designed 40 mm"),
@@ -330,8 +330,8 @@ NONSENSE = {
     "lap without pressure": ("lap_survived,20,0,kPa,1", "a pressure above 0"),
     "lap in newtons": ("lap_burst,20,70,N,1", "kPa, Pa"),
     "endless lap": ("lap_burst,20,inf,kPa,1", "finite"),
-    "one lap alone": ("lap_burst,20,70,kPa,", "at least 2 for 1 unknown"),
-    "some laps stated": ("lap_burst,20,70,kPa,1\nlap_burst,20,70,kPa,", "for every reading"),
+    "one lap alone": ("lap_burst,20,70,kPa,", "1 reading cannot tell"),
+    "some laps stated": ("lap_burst,20,70,kPa,1\nlap_burst,20,70,kPa,", "1 of 2 readings have one"),
     "unknown bond": ("lap_band,glue,5,mm,", "impulse_seal or adhesive_film, as setting"),
     "lap of steel": ("lap_burst,9999,1e9,kPa,1", "1.59e+09 N/mm on the lap"),
     "lap of nothing": ("lap_survived,20,1e-300,kPa,", "0.0001 to 10000 N/mm"),
@@ -387,7 +387,7 @@ def test_results_of_other_coupons_are_refused(tmp_path):
     with pytest.raises(BadInputError, match="--recipe co2_40w__stretchlon_200"):
         fitted(tmp_path, other)
     moved = HEADER.replace("0.55", "0.65") + "width,20,19.9,mm,0.1\n"
-    with pytest.raises(BadInputError, match=r"weldcut_offset_mm is 0\.65"):
+    with pytest.raises(BadInputError, match=r"weldcut_offset_mm: the coupons have 0\.65"):
         fitted(tmp_path, moved)
 
 

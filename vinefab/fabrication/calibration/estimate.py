@@ -17,7 +17,7 @@ import numpy as np
 import scipy  # its parts load at their first use
 
 from vinefab.core.errors import BadInputError, UnfitInputError
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import agreeing, counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.calibration.coupons import Reading, Results, joint_designs
 from vinefab.inflation.compensation import deployed_joint
@@ -142,7 +142,8 @@ def stated_weights(sigmas: Sequence[float | None], unknowns: int, key: str) -> F
         problem = f"{len(stated)} of {len(sigmas)} readings have one"
         raise UnfitInputError(f"{key} uncertainty", problem, "give all of them one, or none")
     if not stated and len(sigmas) <= unknowns:
-        problem = f"{counted(len(sigmas), 'reading')} cannot tell {counted(unknowns, 'unknown')}"
+        sure = f"how sure {counted(unknowns, 'unknown')} {agreeing(unknowns, 'is', 'are')}"
+        problem = f"{counted(len(sigmas), 'reading')} cannot tell {sure}"
         raise UnfitInputError(key, problem, f"give {unknowns + 1} or more, or their uncertainty")
     if any(sigma <= 0.0 for sigma in stated):
         raise BadInputError(f"{key} uncertainty", min(stated), "above 0")

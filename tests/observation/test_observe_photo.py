@@ -130,7 +130,7 @@ def test_another_design_is_seen(photo_file):
 
 def test_a_wrong_pose_is_refused(photo_file):
     wrong = Pose(x_mm=75.0, y_mm=30.0, heading_rad=1.0)
-    with pytest.raises(BadInputError, match="film is 'none at the base"):
+    with pytest.raises(BadInputError, match="no film is at the base"):
         observe_photo(read_photo(photo_file), WORLD, DESIGN, wrong, SETUP)
 
 
@@ -210,8 +210,8 @@ def test_a_photo_without_film_or_markers_is_refused_in_one_line(tmp_path):
         (["--corners", "1,2,3"], "--corners"),
         (["--obstacle-height", "-3"], "--obstacle-height"),
         (["--outline", "missing.svg"], "missing.svg"),
-        (["--outline", "a.svg", "--film-colour", "1,2,3"], "without --outline"),
-        (["--rig", "rig.json", "--corners", "1,2,3,4,5,6,7,8"], "without --rig"),
+        (["--outline", "a.svg", "--film-colour", "1,2,3"], "together with --outline"),
+        (["--rig", "rig.json", "--corners", "1,2,3,4,5,6,7,8"], "together with --rig"),
         (["--out", "page.txt"], "--out"),
     ],
 )

@@ -33,7 +33,7 @@ def _map(*obstacles, bounds=None):
 
 
 def test_a_map_without_obstacles_is_refused_unless_wanted():
-    with pytest.raises(BadInputError, match=r"number of obstacles is 0; .*--allow-empty"):
+    with pytest.raises(BadInputError, match=r"no obstacle is in its bounds.*--allow-empty"):
         make_rig(_map(), PRINTER, PLATE, BARE)
     with pytest.raises(BadInputError, match="number of obstacles"):
         make_rig(_map(box(500, 0, 510, 10)), PRINTER, PLATE, BARE)

@@ -150,7 +150,9 @@ INFEASIBLE = {
         run(build=BuildSettings(widths_mm=(40.0, 20.0, 4.0))), "at least 5 mm on level 3", "W01"
     ),
     "short tail": (run(build=BuildSettings(tail_mm=100.0)), "build.tail_mm is 100.0", "B01"),
-    "long tail": (run(build=BuildSettings(tail_mm=3000.0)), "tail_mm: the shortest trunk and", "S01"),
+    "long tail": (
+        run(build=BuildSettings(tail_mm=3000.0)), "tail_mm: the shortest trunk and its tail", "S01"
+    ),
     "full pouch": (
         run(bounds(2, 2), BuildSettings(trunk_width_mm=30.0, width_ratio=0.4, pouch=FULL)),
         "its film would fill 65 % of the narrowest", "W03",

@@ -24,6 +24,7 @@ from vinefab.core.atomic import PROTECTED, is_protected, keep_aside, write_bytes
 from vinefab.core.errors import (
     BadInputError,
     CannotWriteError,
+    UnfitInputError,
     UnreadableFileError,
     VinefabError,
     located,
@@ -537,8 +538,8 @@ class FileStore:
         if path.suffix.lower() != suffix:
             raise BadInputError("path", given, f"a name ending in {suffix}", PAGE)
         if _is_library(path):
-            raise BadInputError(
-                "path", given, "another name: shipped and own designs are read only here", PAGE
+            raise UnfitInputError(
+                "path", "shipped and own designs are read only here", "give another name", PAGE
             )
         if not path.parent.is_dir():
             raise CannotWriteError(self.shown(path), "its folder does not exist")

@@ -70,14 +70,14 @@ def test_the_unit_is_that_of_the_reference_system(tmp_path, suffix, crs, mm):
 def test_degrees_are_refused_unless_a_scale_is_given(tmp_path, suffix):
     room = shapely.box(8.5, 47.3, 8.51, 47.31)
     path = written(tmp_path / f"cave{suffix}", [room], "EPSG:4326")
-    with pytest.raises(BadInputError, match=r"EPSG:4326 in degrees.*project the layer"):
+    with pytest.raises(BadInputError, match=r"EPSG:4326 is in degrees; project the layer"):
         import_map(path, ImportOptions())
     assert import_map(path, ImportOptions(scale_mm_per_unit=1e5)).size_mm[0] == pytest.approx(1e3)
 
 
 def test_degrees_named_in_geojson_are_refused_too(tmp_path):
     path = written(tmp_path / "cave.geojson", [shapely.box(8.5, 47.3, 9.5, 48.3)], "EPSG:4326")
-    with pytest.raises(BadInputError, match=r"CRS84 in degrees.*project the layer"):
+    with pytest.raises(BadInputError, match=r"CRS84 is in degrees.*project the layer"):
         import_map(path, ImportOptions())
     assert import_map(path, ImportOptions(scale_mm_per_unit=1e3)).size_mm[0] == pytest.approx(1e3)
 

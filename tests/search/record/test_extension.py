@@ -100,10 +100,10 @@ def test_limits_that_do_not_let_a_run_go_on_are_refused_and_nothing_changes(
 
 def test_a_changed_run_file_is_told_of_the_option(tmp_path, small):
     run_search(of_generations(small, 2), tmp_path)
-    with pytest.raises(BadInputError, match="the run began with 2; .*--generations raises it"):
+    with pytest.raises(BadInputError, match=r"the run began with 2; .*--generations raises it"):
         run_search(of_generations(small, 3), tmp_path, resume=True)
     other = of_generations(small, 2).changed(name="other")
-    with pytest.raises(BadInputError, match="name is 'other'"):
+    with pytest.raises(BadInputError, match="name: 'other' is asked for"):
         extended(tmp_path, other, generations=3)
 
 

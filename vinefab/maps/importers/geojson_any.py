@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from vinefab.core.errors import BadInputError, located
+from vinefab.core.errors import BadInputError, UnfitInputError, located
 from vinefab.core.validation import positive
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.source_drawing import (
@@ -99,7 +99,7 @@ def import_geojson(path: Path, options: ImportOptions) -> Map:
             named = system.get("properties") if isinstance(system, dict) else None
             name = str(named.get("name")) if isinstance(named, dict) else ""
             if name.endswith((":CRS84", ":CRS84h", ":4326", ":4979")):
-                raise BadInputError("crs", f"{name} in degrees", PROJECT_ADVICE)
+                raise UnfitInputError("crs", f"{name} is in degrees", PROJECT_ADVICE)
         drawing = _drawing(document)
     return replace(drawing_map(path, drawing, options), environment="geojson")
 

@@ -18,7 +18,7 @@ from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.model.map import Map
 
 PROJECT_ADVICE = (
-    "coordinates in metres or feet: project the layer in your GIS program (QGIS: Export, Save "
+    "project the layer in your GIS program (QGIS: Export, Save "
     "Features As, a projected CRS), or ogr2ogr -t_srs EPSG:32632 (your zone) metres.gpkg FILE"
 )
 """For coordinates in degrees."""

@@ -652,6 +652,18 @@ def _photo(folder):
 
 
 WRONG = {
+    "a parameter of a noun": (
+        lambda _: vf.Design(name="a", trunk_mm=200.0),
+        "trunk_mm: there is no such parameter; did you mean 'trunk_length_mm'? (parameters: name",
+    ),
+    "a value of a parameter": (
+        lambda _: vf.Design(name="a", trunk_length_mm=-1.0),
+        "trunk_length_mm is -1.0; allowed: ",
+    ),
+    "a list of a parameter": (
+        lambda _: vf.Design(name="a", trunk_length_mm=9.0, levels=[{"branches": 0}]),
+        "levels[1].branches is 0",
+    ),
     "a map as a design": (lambda _: vf.check(ROOM), "design"),
     "a number as a path": (lambda _: VINE.write(5), "path"),
     "a design as a map": (lambda _: VINE.grow(VINE), "map"),
@@ -797,6 +809,16 @@ WRONG = {
     "an unknown profile": (lambda _: vf.profile("co2_60"), "no profile is called 'co2_60'"),
     "a number as a profile": (lambda _: vf.profiles(3), "name is 3"),
 }  # fmt: skip
+
+
+def test_an_error_in_python_is_one_exception(tmp_path):
+    """No chain of pydantic's, readers' and inner errors before it."""
+    path = tmp_path / "d.toml"
+    path.write_text('schema = "vinefab/design-1"\nname = "d"\ntrunk = { length_cm = 3 }\n')
+    for call in (lambda: vf.check(path), lambda: vf.Design.read(path), lambda: vf.Design(nam="d")):
+        with pytest.raises(vf.BadInputError) as caught:
+            call()
+        assert (caught.value.__cause__, caught.value.__suppress_context__) == (None, True)
 
 
 @pytest.mark.parametrize("name", WRONG)

@@ -272,6 +272,6 @@ def test_a_cell_with_a_task_of_ones_own_does_not_go_on_with_older_code(run_file,
     """Its code is no part of a run's identity: who changed it must not get the old result."""
     cell = {"out": tmp_path / "run", "task": Reach(), "page": False, "progress": False}
     best = vf.optimize(run_file, **cell).best
-    with pytest.raises(vf.VinefabError, match="a folder without a run, or resume"):
+    with pytest.raises(vf.VinefabError, match="give another folder, or resume"):
         vf.optimize(run_file, **cell)
     assert vf.optimize(run_file, **cell, resume=True).best == best

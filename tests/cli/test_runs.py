@@ -199,7 +199,7 @@ def test_an_optimizer_that_proposes_nonsense_keeps_all_generations_before(
         patch.setattr(RandomSearch, "ask", stray)
         code, _, complaint = vinefab("optimize", run_file, "--out", out)
     assert (code, complaint.count("\n")) == (2, 1)
-    assert "optimizer random is 'points outside the space'" in complaint
+    assert "optimizer random: it asks for points outside the space" in complaint
     (row,) = json.loads(vinefab("runs", out, "--json", "-")[1])["runs"]
     assert row["generations"] == 2
     # Once it is fixed, the run continues.

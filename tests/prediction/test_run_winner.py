@@ -120,8 +120,8 @@ def test_what_is_predicted_stands_in_lines_and_in_the_origin(run: Predicted) -> 
     mean = found.unseen.score.mean
     for rule in found.rules:  # the first choice is the run's own
         assert (rule.unseen[0], rule.training[0]) == (found.unseen.score, found.training.score)
-    assert branches.text.startswith(f"pass: {mean:.3f}, stop: ")
-    assert emergence.text.startswith(f"1: {mean:.3f}, 0.95: ")
+    assert branches.text.startswith(f"{mean:.3f} if tips pass, ")
+    assert emergence.text.startswith(f"{mean:.3f} at 1, ")
     assert found.rules[1].unseen[-1].mean < mean
     assert placed.detail.endswith("up to 10 mm or 10 deg off")
 

@@ -188,7 +188,9 @@ def test_where_no_holder_can_stand_it_is_said_or_refused(
     made = made_of(world, make_printer(), **sizes)
     assert json.loads(made.files["rig.json"])["base_holder"] is None
     assert any("no base holder" in note and reason in note for note in made.rig.notes)
-    with pytest.raises(BadInputError, match=rf"^base_start is 1.*{reason}"):
+    with pytest.raises(
+        BadInputError, match=rf"^base_start: no holder can stand at start 1: .*{reason}"
+    ):
         made_of(world, make_printer(), base_start=1, **sizes)
 
 

@@ -221,7 +221,7 @@ def test_the_quicker_style_is_taken_and_the_other_told():
     assert printing_of(plate).total.words() in made.why_style
     few = make_rig(world, PRINTER, RigOptions(most_parts=4), RigRequest(pictures=False))
     assert few.rig.style == "plate"
-    assert "style board was refused: parts is" in few.why_style
+    assert "style board was refused: parts: the rig has" in few.why_style
 
 
 def test_the_demo_rig_prints_in_a_day_and_with_half_a_spool():

@@ -459,7 +459,7 @@ def test_every_design_of_a_front_is_manufacturable(fabricable, maps):
         (("coverage", "film_length", "film_length"), "nsga2", "each objective once"),
         (("branches", "film_length"), "nsga2", "'coverage', among them"),
         (("coverage",), "nsga2", "or another task with the score"),
-        (("coverage", "branches"), "pso", "'nsga2' for several objectives"),
+        (("coverage", "branches"), "pso", "use 'nsga2', or name one objective"),
     ],
 )
 def test_objectives_that_contradict_are_refused(objectives, optimizer, words):

@@ -57,7 +57,7 @@ def test_it_is_asked_and_recorded_and_goes_on_where_it_stopped(tmp_path):
     again = np.random.default_rng(SETTINGS.search.seed).random((4, *np.shape(drawn[0])))
     assert points(longer) == again.tolist()
     for other, key in ((Dice(8), "optimizer.parameters.faces"), ("random", "optimizer.name")):
-        with pytest.raises(vf.BadInputError, match="with which the run began") as caught:
+        with pytest.raises(vf.BadInputError, match="and the run began with") as caught:
             optimize(other, out=tmp_path / "run", resume=True)
         assert caught.value.key == key
 

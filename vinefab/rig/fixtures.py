@@ -232,8 +232,8 @@ def base_holder(
     if isinstance(made, BaseHolder):
         return made, made.notes
     if asked:
-        problem = f"no holder can stand at start {asked}: {made}"
-        raise UnfitInputError("base_start", problem, "name another start")
+        why, _, helps = made.rpartition(": ")
+        raise UnfitInputError("base_start", f"no holder can stand at start {asked}: {why}", helps)
     return None, (f"start {number} has no base holder: {made}",)
 
 

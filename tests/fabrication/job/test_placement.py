@@ -100,7 +100,7 @@ def test_copies_and_other_designs_keep_apart_and_on_the_bed(make_plan, make_fan,
 
 def test_different_designs_of_one_name_are_refused(make_plan, profile):
     one, two = make_plan((20.0,), trunk=150.0), make_plan((20.0,), trunk=160.0)
-    with pytest.raises(BadInputError, match="plan twice"):
+    with pytest.raises(BadInputError, match="called plan; rename"):
         laser_job(one, profile, SheetOptions(beside=(two,)))
     again = laser_job(one, profile, SheetOptions(beside=(one,)))
     assert again.facts["robots_placed"] == 2

@@ -362,9 +362,7 @@ TOLERANCE = 1e-8
 
 MOST_STEPS = 120
 
-_FIRST_SHIFT = 0.3
 _LEAST_SHIFT = 1e-3
-_LONGEST_STEP = 0.5  # widths that a corner moves in one step
 _SOFTER = (16.0, 4.0, 1.0)  # strains, over the one asked for, where the plain way stalls
 
 
@@ -503,8 +501,10 @@ def _minimum(
     # The flat area around the corner of each free coordinate.
     area = np.bincount(corners, np.repeat(membrane.area, 3) / 3.0, len(membrane.points))
     weight = np.asarray(np.repeat(area, 3).reshape(-1, 3)[free], dtype=np.float64)
-    shift = _FIRST_SHIFT
+    first_shift = 0.3
+    shift = first_shift
     gradient = membrane.gradient(positions)
+    longest_step = 0.5  # widths that a corner moves in one step
     for step in range(before, before + most_steps):
         residual = float(np.abs(gradient).max())
         words = f"largest force {residual:.1e} p W^2, {TOLERANCE:.0e} is rest"
@@ -526,7 +526,7 @@ def _minimum(
             gradient = gradient + 1e-5 * aside
         move, shift = _descent(membrane, matrix, gradient, (weight, shift, order))
         slope = float(gradient @ move)
-        share = min(1.0, _LONGEST_STEP / float(np.abs(move).max()))
+        share = min(1.0, longest_step / float(np.abs(move).max()))
         while True:
             tried = positions.copy()
             tried[free] += share * move

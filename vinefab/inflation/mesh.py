@@ -39,8 +39,6 @@ LEAST_ANGLE_DEG = 1.0
 """Meshes with a sharper triangle are refused."""
 
 _CORNER_RAD = math.radians(20.0)
-_MOST_REPAIRS = 6
-_SMOOTHINGS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,7 +136,8 @@ def mesh_of(
             scipy.spatial.cKDTree(curve.at(places)).query(fixed)[0] > 0.25 * sizes.inside(fixed)
         ]
     free = _lattice(curve, places, fixed, straights, sizes, across)
-    for _ in range(_MOST_REPAIRS):
+    most_repairs = 6
+    for _ in range(most_repairs):
         points, triangles, missing = _triangulated(curve, places, fixed, free)
         if not len(missing) and len(np.unique(triangles)) == len(points):
             break
@@ -488,9 +487,10 @@ def _triangulated(
     seam = curve.at(places)
     kept = len(seam) + len(fixed)
     points = np.concatenate([seam, fixed, free])
-    for turn in range(_SMOOTHINGS + 1):
+    smoothings = 4
+    for turn in range(smoothings + 1):
         triangles = _inside_triangles(points, len(seam))
-        if turn == _SMOOTHINGS or not len(free):
+        if turn == smoothings or not len(free):
             break
         edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
         count = np.bincount(edges.ravel(), minlength=len(points))
@@ -557,8 +557,6 @@ There, edges do not lie along the lines about which the sheet bends, which makes
 too stiff.
 """
 
-_START_SLOPE = 0.45  # height of the start over the distance from the seam
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sheet:
@@ -593,7 +591,8 @@ class Sheet:
         points = self.mesh.points
         held = ~self.membrane.free[:, 2]
         away = scipy.spatial.cKDTree(points[held]).query(points)[0]
-        return np.column_stack([points, np.where(held, 0.0, _START_SLOPE * away)])
+        start_slope = 0.45  # height of the start over the distance from the seam
+        return np.column_stack([points, np.where(held, 0.0, start_slope * away)])
 
     def seam_loads(self, found: Equilibrium) -> Floats:
         """Return the load that opens the weld at each corner of `SheetMesh.seam`, over p W.

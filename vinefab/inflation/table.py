@@ -34,17 +34,10 @@ LEAST_GAP_DEG = 2.0
 TRUSTED_DEG = 0.6
 """Largest standard deviation of an angle from the table, by the distance to its rows."""
 
-MOST_SENSITIVE = 4.0
-"""Joints whose flat angles matter more than so are simulated."""
-
-CROWDED_DEG = 16.0
-"""Four and more siblings that deploy nearer to each other are simulated."""
 
 NARROW_DEG, NARROW_RATIO = 34.0, 0.45
 """So are two or three that are narrower, where they deploy nearer to each other."""
 
-_EVENED = 0.65  # flat over deployed turn of an inner child, where a fan is nearly even
-_MOST_UNEVEN_DEG = 1.5
 _BLOCK = 512  # joints at a time
 
 
@@ -125,7 +118,8 @@ class JointRows:
     @property
     def flat_deg(self) -> Floats:
         """Flat angles of fans that deploy evenly, their outer children as those simulated."""
-        return self.cut_deg + _EVENED * self.unevenness_deg
+        evened = 0.65  # flat over deployed turn of an inner child, where a fan is nearly even
+        return self.cut_deg + evened * self.unevenness_deg
 
     @property
     def is_open(self) -> Bools:
@@ -133,7 +127,8 @@ class JointRows:
         if self.children == 1:
             return np.ones(len(self.places), dtype=np.bool_)
         apart = self.deployed_fan_deg / (self.children - 1) > LEAST_GAP_DEG
-        is_near = np.abs(self.unevenness_deg).max(axis=1) < _MOST_UNEVEN_DEG
+        most_uneven_deg = 1.5
+        is_near = np.abs(self.unevenness_deg).max(axis=1) < most_uneven_deg
         return np.asarray(apart & is_near, dtype=np.bool_)
 
     @property
@@ -283,8 +278,10 @@ class FanTable:
         lengths, *rest = (process(x)[0] for process in self.figures)
         sensitivity, load = float(np.exp(rest[0][0])), float(np.exp(rest[1][0]))
         is_narrow = bool(x[0, 1] < NARROW_RATIO)
-        least = CROWDED_DEG if count > 3 else NARROW_DEG if is_narrow else 1.5 * LEAST_GAP_DEG
-        if apart < least or sensitivity > MOST_SENSITIVE:
+        crowded_deg = 16.0  # four and more siblings that deploy nearer to each other are simulated
+        least = crowded_deg if count > 3 else NARROW_DEG if is_narrow else 1.5 * LEAST_GAP_DEG
+        most_sensitive = 4.0  # joints whose flat angles matter more than so are simulated
+        if apart < least or sensitivity > most_sensitive:
             return None
         backs, offsets = lengths[: count - half], lengths[count - half :]
 

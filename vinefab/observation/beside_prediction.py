@@ -41,9 +41,6 @@ from vinefab.physics.tube import inflated_radius_mm
 
 MeetingOutcome = Literal["slid", "stopped", "unclear"]
 
-AGREES_MM = 2.5
-AGREES_SHARE = 0.02
-"""A replay has the shape seen if no point of one is farther from the other than both together."""
 
 SAME_PLACE_MM = 1.0
 """Places nearer to each other along a branch are one on a photo."""
@@ -53,27 +50,11 @@ _TURNS_DEG = (0.0, -0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -3.0, 3.0, -5.0, 5.0, -8.0, 
 HEADING_ERROR_DEG = 0.7
 """Standard error of a line's heading over 40 mm [assumed, above what rendered photos show]."""
 
-TIP_ERROR_DEG = 2.5
-"""Standard error of the heading of a tip by its film [assumed, above what rendered photos show]."""
-
-JOINT_ERROR_DEG = 5.5
-"""Standard error of a joint's angle [assumed: real joints are 4 to 7 degrees off]."""
 
 BEND_PER_MM, BEND_OVER_MM = 1.0 / 600.0, 60.0
 """Standard deviation of the curvature of real branches, and the length over which it lasts
 [assumed]: so far a tip's heading strays from that of its joint."""
 
-TIP_LENGTH_MM = 40.0
-"""Of the line by whose bend the heading of a tip is found."""
-
-TIP_AT_WALL_MM = 2.5
-"""A tip that stopped at a wall lies so near to it [assumed]."""
-
-STEEPEST_STOP_DEG = 45.0
-"""Whatever ends a body that lies flatter at its wall, it is not the contact's angle [assumed]."""
-
-CORNER_DEG = 30.0
-"""Walls whose normals differ by more make a corner for a tip that touches both."""
 
 SHORT_OF_LENGTH_MM, SHORT_OF_LENGTH_SHARE = 6.0, 0.05
 """A stop is told from a full length by so much at least: where a joint lies is known by its
@@ -263,9 +244,12 @@ def seen_meetings(replays: Replays, seen: SeenBranch) -> tuple[tuple[WallMeeting
     """
     meetings = list[WallMeeting]()
     best = _best_replay(replays, seen)
+    # A replay has the shape seen if no point of one is farther from the other than both together.
+    agrees_share = 0.02
+    agrees_mm = 2.5
     if best is not None:
         replay, end, turn_deg, away_mm = best
-        fits = away_mm <= AGREES_MM + AGREES_SHARE * seen.length_mm
+        fits = away_mm <= agrees_mm + agrees_share * seen.length_mm
         for meeting in replay.meetings[:end]:
             distance_mm = _touching_mm(replays, seen, meeting.wall)
             # What is met within the error of the length may not have been met at all.
@@ -304,10 +288,11 @@ def _stop_at_wall(replays: Replays, seen: SeenBranch) -> tuple[WallMeeting, bool
     tip = seen.points_mm[-1]
     heading, error = _tip_heading(seen.points_mm)
     near = list[tuple[float, float, float, str]]()  # angle, distance, direction, wall
+    tip_at_wall_mm = 2.5  # A tip that stopped at a wall lies so near to it [assumed]
     for name, shape in replays.walls.items():
         edge = shape.boundary if isinstance(shape, Polygon) else shape
         line = shapely.shortest_line(shapely.Point(tip), edge)
-        if line.length > seen.radius_mm + TIP_AT_WALL_MM or line.length < 0.3 * seen.radius_mm:
+        if line.length > seen.radius_mm + tip_at_wall_mm or line.length < 0.3 * seen.radius_mm:
             continue
         way = shapely.get_coordinates(line)[1] - tip
         normal = math.atan2(way[1], way[0])
@@ -318,8 +303,12 @@ def _stop_at_wall(replays: Replays, seen: SeenBranch) -> tuple[WallMeeting, bool
         return None
     angle, away, normal, name = min(near)
     others = [abs(deg(math.remainder(one[2] - normal, math.tau))) for one in near]
-    is_corner = max(others) > CORNER_DEG
-    if angle > STEEPEST_STOP_DEG and not is_corner:
+    # Walls whose normals differ by more make a corner for a tip that touches both.
+    corner_deg = 30.0
+    is_corner = max(others) > corner_deg
+    # Whatever ends a body that lies flatter at its wall, it is not the contact's angle [assumed].
+    steepest_stop_deg = 45.0
+    if angle > steepest_stop_deg and not is_corner:
         return None
     place = tip + away * np.array([math.cos(normal), math.sin(normal)])
     meeting = WallMeeting(
@@ -339,7 +328,8 @@ def _tip_heading(line_mm: Floats) -> tuple[float, float]:
     """Return the heading of a tip by the bend of its line's end, and its error in degrees."""
     line = LineString(line_mm)
     headings = []
-    for length in (TIP_LENGTH_MM, TIP_LENGTH_MM / 2.0):
+    tip_length_mm = 40.0  # of the line by whose bend the heading of a tip is found
+    for length in (tip_length_mm, tip_length_mm / 2.0):
         over = min(length, line.length)
         along = np.linspace(0.0, over, 25)
         points = shapely.get_coordinates(shapely.line_interpolate_point(line, line.length - along))
@@ -347,8 +337,10 @@ def _tip_heading(line_mm: Floats) -> tuple[float, float]:
         headings.append(math.atan2(-slopes[1], -slopes[0]))
     # A kink near the end bends the longer stretch otherwise than the shorter one.
     apart = deg(math.remainder(headings[0] - headings[1], math.tau))
-    short = max(1.0, TIP_LENGTH_MM / max(1.0, line.length))
-    return headings[0], min(30.0, math.hypot(TIP_ERROR_DEG * short, 0.5 * apart))
+    short = max(1.0, tip_length_mm / max(1.0, line.length))
+    # Standard error of the heading of a tip by its film [assumed, above what rendered photos show].
+    tip_error_deg = 2.5
+    return headings[0], min(30.0, math.hypot(tip_error_deg * short, 0.5 * apart))
 
 
 def _best_replay(
@@ -404,17 +396,6 @@ NO_WALL: Final = "ends early without a wall at its end"
 
 NO_VERDICT: Final = "the photo gives no verdict"
 
-ON_FILM = 0.6
-"""Least share of film over the middle of a tube, of 1, where it is on film."""
-
-AHEAD_DEG = 60.0
-"""To both sides of a tip's heading film would go on."""
-
-BEYOND_MM = 2.0, 4.5
-"""From a tip's edge: there lies neither its blur nor its seam, but film that continues would."""
-
-WIDE_ENOUGH = 0.5
-"""Film that continues is at least this share of the tube wide."""
 
 NEAR_MM, NEAR_RADII = 15.0, 4.0
 """Film so near to a tip should belong to a line."""
@@ -422,11 +403,6 @@ NEAR_MM, NEAR_RADII = 15.0, 4.0
 MOST_NEAR = 0.25
 """Unexplained film near a tip, over the square of the tube's diameter."""
 
-THICK_MM = 3.0
-"""Thinner unexplained film is an edge's: seams, gloss and shadows make it."""
-
-MOST_GAP_MM = 6.0
-"""Longer stretches of a line without film are no crossing or gloss."""
 
 MOST_TURN_DEG, MOST_HINGE_DEG = 20.0, 60.0
 """Joints of real robots were up to 7 degrees off; three times that is another branch, unless a wall
@@ -434,11 +410,6 @@ that the body touches has turned it about its joint."""
 
 TOUCHING_MM = 3.0
 """A body so near to a wall may lean on it."""
-
-LEAST_ALONE = 0.5
-"""Of a branch of which less lies alone it is not known which film is its."""
-
-DIRECTIONS_MM = 40.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -497,7 +468,8 @@ class _Looks:
             rows, columns = np.nonzero(left)
             places = film.view.to_map(np.column_stack([columns, rows]).astype(np.float64) + 0.5)
             left[rows, columns] = ~shapely.contains_xy(explained, places)
-        thick = max(1, round(THICK_MM / film.view.mm_per_pixel))
+        thick_mm = 3.0  # thinner unexplained film is an edge's: seams, gloss and shadows make it
+        thick = max(1, round(thick_mm / film.view.mm_per_pixel))
         left = scipy.ndimage.binary_opening(left, np.ones((thick, thick), dtype=np.bool_))
         return cls(film, traced, radii, areas, np.asarray(left))
 
@@ -516,9 +488,11 @@ class _Looks:
             found += self._beyond(index)
         line, radius = _dense(branch.points_mm), self.radius_mm[index]
         there = (self.film.at(line, radius) > 0.5) | self.film.hidden(line, radius)
-        if _longest(~there) * branch.length_mm / max(1, len(line)) > MOST_GAP_MM:
+        most_gap_mm = 6.0  # longer stretches of a line without film are no crossing or gloss
+        if _longest(~there) * branch.length_mm / max(1, len(line)) > most_gap_mm:
             found.append(OFF_FILM)
-        if branch.told_apart < LEAST_ALONE:
+        least_alone = 0.5  # of a branch of which less lies alone it is not known which film is its
+        if branch.told_apart < least_alone:
             found.append(ON_OTHERS)
         tree, parent = self.traced.tree, int(self.traced.tree.parent[index])
         if parent >= 0 and self.traced.branches[parent].deployed:
@@ -537,7 +511,8 @@ class _Looks:
         points = point_mm + np.vstack([np.zeros(2), around])
         if self.film.hidden(points, radius).mean() > 0.5:
             return False
-        return float(self.film.at(points, radius).mean()) >= ON_FILM
+        on_film = 0.6  # least share of film over the middle of a tube, of 1, where it is on film
+        return float(self.film.at(points, radius).mean()) >= on_film
 
     def _beyond(self, index: int) -> list[str]:
         """Return whether the film ends at the tip, all around the way ahead."""
@@ -545,9 +520,13 @@ class _Looks:
         line = self.traced.branches[index].points_mm
         tip, heading = line[-1], _heading(line[::-1], max(3.0, radius)) + np.pi
         step = max(2.0, deg(0.7 / radius))
-        angle = heading + np.radians(np.arange(-AHEAD_DEG, AHEAD_DEG + 0.1, step))
+        ahead_deg = 60.0  # to both sides of a tip's heading film would go on
+        angle = heading + np.radians(np.arange(-ahead_deg, ahead_deg + 0.1, step))
         way = np.column_stack([np.cos(angle), np.sin(angle)])
-        rings = [tip + (radius + out) * way for out in BEYOND_MM]
+        # From a tip's edge: there lies neither its blur nor its seam, but film that continues
+        # would.
+        beyond_mm = 2.0, 4.5
+        rings = [tip + (radius + out) * way for out in beyond_mm]
         is_film = np.logical_and.reduce(
             [(film.at(ring, radius) > 0.5) & ~film.is_solid(ring) for ring in rings]
         )
@@ -555,11 +534,12 @@ class _Looks:
         seen = film.moved(rings[0], radius, film.sight.plane_mm)
         in_other = shapely.contains_xy(other, seen)
         hidden = film.hidden(rings[0], radius) & ~film.is_solid(rings[0])
-        arc = (radius + BEYOND_MM[0]) * np.radians(step)
+        arc = (radius + beyond_mm[0]) * np.radians(step)
         found = []
-        if _longest(is_film & ~in_other) * arc >= WIDE_ENOUGH * 2.0 * radius:
+        wide_enough = 0.5  # film that continues is at least this share of the tube wide
+        if _longest(is_film & ~in_other) * arc >= wide_enough * 2.0 * radius:
             found.append(GOES_ON)
-        if _longest(is_film) * arc >= WIDE_ENOUGH * 2.0 * radius and not found:
+        if _longest(is_film) * arc >= wide_enough * 2.0 * radius and not found:
             found.append(AT_OTHERS)
         middle = np.abs(np.arange(len(angle)) - len(angle) // 2) <= len(angle) // 4
         if hidden[middle].mean() > 0.5:
@@ -641,7 +621,8 @@ def _heading(line_mm: Floats, over_mm: float) -> float:
 def _launch_heading(branch: TracedBranch, radius: float) -> float:
     """Return the direction in which a branch leaves its joint, where its film is its own."""
     line = LineString(branch.points_mm)
-    ends = np.array([min(1.5 * radius, 0.3 * line.length), min(DIRECTIONS_MM, line.length)])
+    directions_mm = 40.0
+    ends = np.array([min(1.5 * radius, 0.3 * line.length), min(directions_mm, line.length)])
     one, two = shapely.get_coordinates(shapely.line_interpolate_point(line, ends))
     return float(np.arctan2(two[1] - one[1], two[0] - one[0]))
 
@@ -659,29 +640,12 @@ def _longest(there: NDArray[np.bool_]) -> int:
 HALF_ANGLES_DEG = (1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 12.0, 15.0)
 """Head-on half-angles that predictions are made with: the contact range, which is assumed."""
 
-SHAPE_ERROR_MM = 2.0
-SHAPE_ERROR_SHARE = 0.03
-"""Standard error of a predicted branch, plus this share of the way to it [assumed]: real robots
-were 0.3 to 3.5 % of their length off predictions of the model."""
-
-WORST_ERRORS = 4.0
-"""A branch is never counted as farther off than so many standard errors, so that one that went
-another way, or did not deploy, does not decide alone."""
 
 POINTS = 60
 """Points at equal arc lengths at which two lines are compared."""
 
 UNCLEAR = "unclear"
 """A stop of which it is not known how it came about."""
-
-LEAST_EXPLAINED = 0.8
-"""With less of the film in the lines, or of the lines on film, design and photo do not fit."""
-
-MOST_DOUBTFUL = 0.5
-"""With more of the branches in doubt, they do not either."""
-
-TOLD_APART_SHARE = 0.5
-"""A branch of which less than this share lies alone could not be told from others."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -792,7 +756,9 @@ class ComparedBranch:
     @property
     def is_ambiguous(self) -> bool:
         """Whether it could not be told from other branches."""
-        return self.deployed_observed and self.traced.told_apart < TOLD_APART_SHARE
+        # A branch of which less than this share lies alone could not be told from others.
+        told_apart_share = 0.5
+        return self.deployed_observed and self.traced.told_apart < told_apart_share
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -848,10 +814,13 @@ def compare_with_prediction(
         seen = _compared(index, traced, design, prediction, choice.options, replays)
         no_wall = [NO_WALL] * (seen.stop_observed == UNCLEAR)
         branches.append(replace(seen, sight=sight).in_doubt(*no_wall))
+    # With less of the film in the lines, or of the lines on film, design and photo do not fit.
+    least_explained = 0.8
     # Lines explain the film, film supports the lines, and joints explain the branches.
-    explained = min(traced.film_explained, traced.lines_supported) >= LEAST_EXPLAINED
+    explained = min(traced.film_explained, traced.lines_supported) >= least_explained
     doubtful = sum(bool(branch.sight.doubts) for branch in branches)
-    is_read = explained and doubtful <= MOST_DOUBTFUL * len(branches)
+    most_doubtful = 0.5  # with more of the branches in doubt, they do not either
+    is_read = explained and doubtful <= most_doubtful * len(branches)
     if not is_read:
         branches = [branch.in_doubt(NO_VERDICT) for branch in branches]
     return Compared(
@@ -878,6 +847,8 @@ def _compared(
     parent, length_mm = int(tree.parent[index]), float(tree.length_mm[index])
     contacts: tuple[WallMeeting, ...] = ()
     stop = Stop.NOT_DEPLOYED.label
+    # Standard error of a joint's angle [assumed: real joints are 4 to 7 degrees off].
+    joint_error_deg = 5.5
     if seen.deployed:
         heading, error = prediction.pose.heading_rad, 1.5
         if parent >= 0:
@@ -886,7 +857,7 @@ def _compared(
             # The shorter the last straight stretch, the less its heading is known.
             last_mm = float(np.hypot(*(corners[-1] - corners[-2])))
             line_error = HEADING_ERROR_DEG * max(1.0, 40.0 / max(1.0, last_mm))
-            error = float(np.hypot(line_error, JOINT_ERROR_DEG))
+            error = float(np.hypot(line_error, joint_error_deg))
         known = SeenBranch(
             points_mm=seen.points_mm,
             length_mm=seen.length_mm,
@@ -963,6 +934,13 @@ def _half_angle_fits(
         if parent >= 0:
             begins[index] = begins[parent] + float(traced.tree.length_mm[parent])
     fits = []
+    # A branch is never counted as farther off than so many standard errors, so that one that went
+    # another way, or did not deploy, does not decide alone.
+    worst_errors = 4.0
+    # Standard error of a predicted branch, plus this share of the way to it [assumed]: real robots
+    # were 0.3 to 3.5 % of their length off predictions of the model.
+    shape_error_share = 0.03
+    shape_error_mm = 2.0
     for angle in sorted({*HALF_ANGLES_DEG, deg(options.only_half_angle_rad)}):
         changed = GrowthOptions.of({"head_on_half_angle_deg": angle}, options)
         predicted = grow_on(design, terrain, pose, changed)
@@ -972,13 +950,13 @@ def _half_angle_fits(
             mean, _ = distance_mm(branch.traced.points_mm, chain)
             if mean is None:
                 missed = (len(branch.traced.points_mm) > 1) != (len(chain) > 1)
-                log -= 0.5 * WORST_ERRORS**2 * missed
+                log -= 0.5 * worst_errors**2 * missed
                 continue
             length = min(branch.traced.length_mm, grown_mm)
             total, weight = total + mean * length, weight + length
-            error = SHAPE_ERROR_MM + SHAPE_ERROR_SHARE * (begins[index] + branch.planned_mm)
+            error = shape_error_mm + shape_error_share * (begins[index] + branch.planned_mm)
             away = max(mean, abs(branch.traced.length_mm - grown_mm))
-            log -= 0.5 * min(away / error, WORST_ERRORS) ** 2
+            log -= 0.5 * min(away / error, worst_errors) ** 2
         stops = [Stop(int(stop)).label for stop in predicted.stop]
         same = sum(
             b.stop_observed == stop != Stop.NOT_DEPLOYED.label

@@ -38,16 +38,6 @@ from vinefab.prediction.robot_set import RobotSet, union_curve
 from vinefab.tasks.areas import BodyCover, TargetCover, TipCover
 from vinefab.tasks.reach import task_targets
 
-PLAN_PT = 360.0
-"""Longer side of a plan in the picture that has all."""
-
-MOST_ARROWS = 150
-
-ARROWS_APART = 0.035
-"""Arrows stand this far apart, as a share of the map's longer side."""
-
-_ARROW_PT = 9.0
-
 
 def aim_svg(panel: Callable[..., Panel], *args: object) -> bytes:
     """Return one of these panels as an SVG document."""
@@ -86,13 +76,16 @@ def landscape_panel(
         panel.bar = (words, low, high, HEAT_COLOURS)
     # The best headings at some places, the best places first.
     headings, taken = landscape.best_headings_rad[known], list[int]()
+    arrows_apart = 0.035  # arrows stand this far apart, as a share of the map's longer side
+    most_arrows = 150
     for index in np.argsort(-scores, kind="stable").tolist():
-        if len(taken) == MOST_ARROWS:
+        if len(taken) == most_arrows:
             break
         away = np.hypot(*(places[taken] - places[index]).T)
-        if not (away < ARROWS_APART * size_mm).any():
+        if not (away < arrows_apart * size_mm).any():
             taken.append(index)
-    reach_mm = _ARROW_PT * (panel.box[2] - panel.box[0]) / panel.width_pt
+    arrow_pt = 9.0
+    reach_mm = arrow_pt * (panel.box[2] - panel.box[0]) / panel.width_pt
     ink = Ink(line=INK, width_pt=1.1, line_alpha=0.8)
     for index in taken:
         towards = np.array([np.cos(headings[index]), np.sin(headings[index])])
@@ -232,22 +225,23 @@ def aim_sheet(found: Aims) -> Page:
     """Return the maps, the best deployments and the headings of all designs in one picture."""
     robots = found.robots
     plans = list[list[Panel]]([[], []])
+    plan_pt = 360.0  # longer side of a plan in the picture that has all
     for robot in robots:
-        first = landscape_panel(found, robot, bar=robot is robots[-1], longest_pt=PLAN_PT)
+        first = landscape_panel(found, robot, bar=robot is robots[-1], longest_pt=plan_pt)
         best, (low, high) = robot.best, robot.best.interval
         first.title = (
             f"{robot.name} from {pose_text(best.pose)}\n"
             f"{best.mean:.3f} [{low:.3f}, {high:.3f}; {best.over}], "
             f"worst tenth {best.worst_tenth:.3f} (simulated)"
         )
-        second = best_deployments_panel(found, robot, PLAN_PT)
+        second = best_deployments_panel(found, robot, plan_pt)
         tried = counted(len(robot.shown), "deployment")
         second.title = f"{tried} from there, one in full (simulated)"
         plans[0].append(first)
         plans[1].append(second)
     teams = [robot.team for robot in robots if robot.team is not None]
     if teams:
-        third = [team_panel(found, team, PLAN_PT) for team in teams]
+        third = [team_panel(found, team, plan_pt) for team in teams]
         for panel in third:
             panel.title = "robots that together cover most, at one draw (simulated)"
         plans.append(third)

@@ -148,9 +148,6 @@ class PairedDifference(MeanValue):
         return f"{self.measure.title}: no clear difference; {pair}"
 
 
-MOST_DESIGNS = 12
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class DesignComparison(Result):
     """Designs on the same maps from the same poses (simulated).
@@ -351,8 +348,9 @@ def compare_designs(
     growth_notes
         Why they are grown by these rules, a sentence each.
     """
-    if not 2 <= len(designs) <= MOST_DESIGNS:
-        raise BadInputError("designs", counted(len(designs), "design"), f"2 to {MOST_DESIGNS}")
+    most_designs = 12
+    if not 2 <= len(designs) <= most_designs:
+        raise BadInputError("designs", counted(len(designs), "design"), f"2 to {most_designs}")
     worlds = tuple(world for family in families for world in family.worlds)
     label = " and ".join(family.label for family in families)
     prepared = PreparedFamily.of(MapFamily(label=label, worlds=worlds), plan)

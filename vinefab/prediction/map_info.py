@@ -47,26 +47,11 @@ from vinefab.pages.plan import UNSEEN_DETAIL, draw_map, draw_pose, page_bytes
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import pose_text
 
-PASSAGE_SHARES = (0.9, 0.5)
-"""Shares of the free area for which the widest body is computed."""
-
 _HALVINGS = 7
 COARSE = 0.01
 """The widest bodies are known to about 1 % of the one that just fits at the start: walls are
 smoothed by so much, and the range is halved so often."""
 
-_MOST_AT_ONCE = 2_000
-"""More corners are shrunk piece by piece: at once, each meets all that are near it."""
-
-_GRID_SHARE = 1e-6
-"""Of a radius: what is shrunk piece by piece is rounded to it."""
-
-_ARC_SEGMENTS_PER_QUARTER = 8
-"""Rounded corners of swept areas: within 0.5 % of a radius."""
-
-
-LEAST_OUTSIDE_SHARE = 1e-6
-"""Of an obstacle's area: less is rounding of an obstacle that ends at the bounds."""
 
 _MOST_NAMED = 5
 """Obstacles that reach over the bounds, by number in one line."""
@@ -110,8 +95,9 @@ def start_room(free: BaseGeometry, pose: Pose) -> StartRoom:
 
 def widest_bodies(free: BaseGeometry, starts: tuple[StartRoom, ...]) -> dict[float, float | None]:
     """Return the lay-flat width of the widest body that sweeps each share of the free area."""
+    passage_shares = (0.9, 0.5)  # shares of the free area for which the widest body is computed
     if not starts or starts[0].clearance_mm <= 0.0:
-        return dict.fromkeys(PASSAGE_SHARES)
+        return dict.fromkeys(passage_shares)
     start = starts[0]
     home = shapely.simplify(_home(free, start), COARSE * start.clearance_mm)
 
@@ -120,7 +106,7 @@ def widest_bodies(free: BaseGeometry, starts: tuple[StartRoom, ...]) -> dict[flo
         return float(_swept(home, start, radius_mm).area / free.area)
 
     found = dict[float, float | None]()
-    for share in PASSAGE_SHARES:
+    for share in passage_shares:
         low_mm, high_mm = 0.0, start.clearance_mm
         if share_of(high_mm) >= share:
             low_mm = high_mm
@@ -150,11 +136,15 @@ def _swept(home: BaseGeometry, start: StartRoom, radius_mm: float) -> BaseGeomet
     The middle of the body stays a radius away from all walls, in one piece with the start; the
     body fills a radius around that. The area falls as the radius grows.
     """
-    arcs = _ARC_SEGMENTS_PER_QUARTER
+    arc_segments_per_quarter = 8  # rounded corners of swept areas: within 0.5 % of a radius
+    arcs = arc_segments_per_quarter
     point = Point(start.pose.x_mm, start.pose.y_mm)
     home = without_notches(home, NOTCH_SHARE * radius_mm, MANY_NOTCHES)
-    if shapely.get_num_coordinates(home) > _MOST_AT_ONCE:
-        middles = shrunk_piecewise(home, radius_mm, _GRID_SHARE * radius_mm, arcs)
+    grid_share = 1e-6  # of a radius: what is shrunk piece by piece is rounded to it
+    # More corners are shrunk piece by piece: at once, each meets all that are near it.
+    most_at_once = 2_000
+    if shapely.get_num_coordinates(home) > most_at_once:
+        middles = shrunk_piecewise(home, radius_mm, grid_share * radius_mm, arcs)
     else:
         middles = shapely.buffer(home, -radius_mm, quad_segs=arcs)
     parts = shapely.get_parts(middles)
@@ -404,6 +394,8 @@ def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) ->
     over = np.flatnonzero(~shapely.covers(world.bounds, obstacles))
     beyond_mm2 = shapely.area(shapely.difference(obstacles[over], world.bounds))
     shares = beyond_mm2 / shapely.area(obstacles[over])
+    # Of an obstacle's area: less is rounding of an obstacle that ends at the bounds.
+    least_outside_share = 1e-6
     return MapInfo(
         world=world,
         free=free,
@@ -414,13 +406,12 @@ def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) ->
         outside={
             int(index) + 1: float(share)
             for index, share in zip(over, shares, strict=True)
-            if share > LEAST_OUTSIDE_SHARE
+            if share > least_outside_share
         },
     )
 
 
 _ROOM = level_colour(3)
-_MOST_LABELLED = 30
 
 
 def passage_plan(
@@ -450,9 +441,10 @@ def passage_plan(
         middles = np.array([passage.middle_mm for passage in passages])
         label = "narrow passage (computed)"
         panel.marks(middles, "o", 11.0, Ink(line=ALERT, width_pt=1.0), rank=6.0, label=label)
-    named = passages[:_MOST_LABELLED]
+    most_labelled = 30
+    named = passages[:most_labelled]
     words_of = [f"{number}: {one.width_mm:.1f} mm" for number, one in enumerate(named, start=1)]
-    starts = world.starts if 1 < len(world.starts) <= _MOST_LABELLED else ()
+    starts = world.starts if 1 < len(world.starts) <= most_labelled else ()
     places = [one.middle_mm for one in named] + [(s.pose.x_mm, s.pose.y_mm) for s in starts]
     colours = [ALERT] * len(named) + [INK] * len(starts)
     words_of += [f"start {number}" for number in range(1, len(starts) + 1)]

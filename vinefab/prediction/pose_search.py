@@ -105,8 +105,6 @@ class PoseErrors:
 
 # --- Deploying from many poses ------------------------------------------------------------------
 
-MOST_TOGETHER = 8192
-"""So many launches are prepared at a time: memory does not grow with their number."""
 
 DeploymentCounter = Callable[[int], None]
 """Called with the number of deployments that have just been done."""
@@ -196,7 +194,9 @@ class PoseTrial:
         count: DeploymentCounter = _count_nothing,
     ) -> NDArray[Any]:
         """Return the results of ``work`` for every growth, shape (n, k) or (n, k, ...)."""
-        together, parts = max(1, MOST_TOGETHER // len(draws)), list[NDArray[Any]]()
+        # So many launches are prepared at a time: memory does not grow with their number.
+        most_together = 8192
+        together, parts = max(1, most_together // len(draws)), list[NDArray[Any]]()
         for first in range(0, len(poses), together):
             some = poses[first : first + together]
             batch = Batch(self.plans, self.launches(some, draws), self.options, self.workspaces)
@@ -234,9 +234,6 @@ def nearest_places(region: BaseGeometry, points_mm: Floats) -> Floats:
     return np.asarray(shapely.get_coordinates(lines)[::2])
 
 
-PRINTED_DECIMALS = 2
-"""Of millimetres and degrees of a pose, as it is printed."""
-
 _PRINTED_STEPS = np.array([(i, j) for i in range(-2, 3) for j in range(-2, 3)], dtype=np.float64)
 
 
@@ -245,11 +242,12 @@ def printed_pose(trial: PoseTrial, row: Floats) -> Floats:
 
     Bases stand where the trunk just touches a wall; rounded to the nearest, half would stand in it.
     """
-    places = np.round(np.round(row[:2], PRINTED_DECIMALS) + 0.01 * _PRINTED_STEPS, PRINTED_DECIMALS)
+    printed_decimals = 2  # of millimetres and degrees of a pose, as it is printed
+    places = np.round(np.round(row[:2], printed_decimals) + 0.01 * _PRINTED_STEPS, printed_decimals)
     order = np.argsort(np.hypot(*(places - row[:2]).T), kind="stable")
     has_room = trial.prepared.terrain.have_room(places[order], trial.radius_mm)
     place = places[order[np.argmax(has_room)]]
-    heading_deg = round(deg(float(row[2])) % 360.0, PRINTED_DECIMALS) % 360.0
+    heading_deg = round(deg(float(row[2])) % 360.0, printed_decimals) % 360.0
     return np.array([*place, rad(heading_deg)])
 
 
@@ -470,11 +468,6 @@ OVERALL, NARROWED, REFINED = 0.6, 0.2, 0.17
 FEWEST_DRAWS, MOST_DRAWS = 4, 64
 """Draws at every pose of the first round: more where there are few poses."""
 
-NARROWING = (16, 64)
-"""Draws that the best poses are tried at, round by round."""
-
-LAST_DRAWS = 256
-"""Draws that the last few poses are tried at."""
 
 LAST_POSES, ROUNDS = 5, 3
 
@@ -638,7 +631,8 @@ def _search_from(
     scored: _Scored, region: BaseRegion, errors: PoseErrors, deployments: int, start: int
 ) -> tuple[PoseLandscape, Floats]:
     """Search all over a region, then around the best; ``start`` numbers the grid."""
-    draws = errors.even(LAST_DRAWS)
+    last_draws = 256  # draws that the last few poses are tried at
+    draws = errors.even(last_draws)
 
     def tried(field_: _Field, until: int) -> _Field:
         if until <= field_.draws:
@@ -651,12 +645,13 @@ def _search_from(
     flat = landscape.scores.ravel()
     known = np.isfinite(flat)
     found = _Field(landscape.poses[known], flat[known] * landscape.draws, landscape.draws)
-    for until in NARROWING:
+    narrowing = (16, 64)  # draws that the best poses are tried at, round by round
+    for until in narrowing:
         if until > found.draws:
-            share = NARROWED * deployments / len(NARROWING)
+            share = NARROWED * deployments / len(narrowing)
             found = tried(found.best(max(LAST_POSES, int(share / (until - found.draws)))), until)
     found = _refined(found, region, landscape, REFINED * deployments, tried)
-    last = tried(found.best(LAST_POSES), LAST_DRAWS).best(1)
+    last = tried(found.best(LAST_POSES), last_draws).best(1)
     return landscape, last.poses[0]
 
 

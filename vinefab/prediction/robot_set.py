@@ -112,9 +112,6 @@ SET_DRAWS = 32
 FRESH_SET_DRAWS = 200
 """Draws that no choice has seen, for the values that are reported."""
 
-MOST_BITS = 400_000_000
-"""Candidates times draws times elements: 50 MB."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RobotSet:
@@ -208,7 +205,8 @@ class TeamSearch:
             For the fresh draws.
         """
         weight = self.cover.weight
-        most = max(count, min(candidates, MOST_BITS // (SET_DRAWS * len(weight))))
+        most_bits = 400_000_000  # candidates times draws times elements: 50 MB
+        most = max(count, min(candidates, most_bits // (SET_DRAWS * len(weight))))
         poses = candidate_poses(landscape, most, best[None])
         draws = self.errors.even(SET_DRAWS)
         bits = np.empty((len(poses), SET_DRAWS, math.ceil(len(weight) / 8)), dtype=np.uint8)

@@ -42,9 +42,6 @@ from vinefab.tasks.reach import task_targets
 
 FRONT_FILE = "front.json"
 
-MOST_ROBOTS = 4
-"""Most designs of the front that are drawn, the knee among them if there is one."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrontMember(Finalist):
@@ -209,10 +206,11 @@ def front_picture(
 
     The robots are spread over the front, the knee included; their numbers stand at their points.
     """
-    places = np.linspace(0, len(members) - 1, min(MOST_ROBOTS, len(members))).round().astype(int)
+    most_robots = 4  # most designs of the front that are drawn, the knee among them if there is one
+    places = np.linspace(0, len(members) - 1, min(most_robots, len(members))).round().astype(int)
     bends = [place for place, member in enumerate(members) if member.is_knee]
     chosen = sorted({*places.tolist(), *bends})
-    if len(chosen) > MOST_ROBOTS:
+    if len(chosen) > most_robots:
         inner = [place for place in chosen[1:-1] if place not in bends]
         chosen.remove(min(inner, key=lambda place: abs(place - bends[0])))
     terrain, options = Terrain.of(world), settings.growth.at_one_angle

@@ -275,10 +275,6 @@ def history_figure(history: Sequence[Generation]) -> Page:
     return fitness_curve(*curve_of(history))
 
 
-MOST_MAPS_SHOWN = 4
-"""Most training maps that a report shows."""
-
-
 def search_section(result: RunResult, training: Sequence[Map]) -> Section:
     """Return the report's section on a search and its training maps."""
     curve = Picture(
@@ -286,11 +282,12 @@ def search_section(result: RunResult, training: Sequence[Map]) -> Section:
         caption="Fitness per generation (simulated). New poses are drawn for every generation, so "
         "a best value can be luck: finalists are evaluated again on fresh poses.",
     )
+    most_maps_shown = 4  # most training maps that a report shows
     maps = tuple(
         Picture(
             image=page_svg(map_plan(world, longest_pt=288.0)), caption=f"Training map {world.name}"
         )
-        for world in training[:MOST_MAPS_SHOWN]
+        for world in training[:most_maps_shown]
     )
     summary = (
         f"Run {result.run_id}: {counted(len(result.history), 'generation')}, "

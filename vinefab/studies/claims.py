@@ -13,8 +13,6 @@ from vinefab.core.statistics import NumberRange, holm
 from vinefab.core.validation import Floats
 from vinefab.core.view import Picture, p_value
 
-_RESAMPLES = 1000
-
 _STREAM = 1801
 
 Statistic = Callable[[Floats], Floats]
@@ -99,8 +97,9 @@ class CrossedSample:
         by_run = statistic(values.reshape(len(values), -1))
         if statistic is seed_mean:
             return cls(by_run=by_run, cells=values.mean(axis=2), maps=count, factor=1.0 / count)
-        draws = child(0, _STREAM).integers(0, count, (_RESAMPLES, count))
-        cells = np.array([statistic(run[draws].reshape(_RESAMPLES, -1)) for run in values])
+        resamples = 1000
+        draws = child(0, _STREAM).integers(0, count, (resamples, count))
+        cells = np.array([statistic(run[draws].reshape(resamples, -1)) for run in values])
         return cls(by_run=by_run, cells=cells, maps=count, factor=count / max(count - 1.0, 1.0))
 
     def minus(self, other: "CrossedSample") -> "CrossedSample":

@@ -269,9 +269,6 @@ def pattern_plan(pattern: Pattern) -> Page:
 LONGEST_S = 20.0
 """Longest animation; a longer job is shown faster."""
 
-_FLATTEN_MM = 0.1
-_PAUSE = 0.06
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Bed:
@@ -332,7 +329,8 @@ def job_animation(job: Job, profile: LaserProfile) -> bytes:
     beds = _beds_in_rows(job, profile)
     total_s = beds[-1].ends_s or 1.0
     film_s = min(LONGEST_S, max(total_s, 1.0))
-    scale = (1.0 - _PAUSE) / total_s
+    pause = 0.06
+    scale = (1.0 - pause) / total_s
     one = (job.sheets or (job,))[0]
     wide, high, room_mm = one.sheet_width_mm, one.sheet_height_mm, _title_room_mm(one)
     width, height = max(bed.left_mm for bed in beds) + wide, beds[-1].top_mm + high
@@ -406,8 +404,9 @@ def _head(beds: Sequence[_Bed], film_s: float, scale: float) -> str:
 def _samples(run: PathPass) -> tuple[Floats, Floats]:
     """Return points along a path and when the head is there, from the path's start."""
     places, seconds, now = [], [], 0.0
+    flatten_mm = 0.1
     for segment, time_s in zip(run.path.contour.segments, run.times_s, strict=True):
-        points = segment.flattened_mm(_FLATTEN_MM)[:-1]
+        points = segment.flattened_mm(flatten_mm)[:-1]
         places.append(points)
         seconds.append(now + time_s * np.arange(len(points)) / len(points))
         now += time_s
@@ -425,8 +424,6 @@ def _animate(attribute: str, film_s: float, times: Floats, values: Floats) -> st
         f' keyTimes="{keys}" values="{steps}"/>'
     )
 
-
-_VIEW_RIM_MM = 12.0
 
 SEVERITY_SIGNS = {
     Severity.ERROR: "M-6 0A6 6 0 0 1 6 0A6 6 0 0 1 -6 0ZM-2.5 -2.5L2.5 2.5M2.5 -2.5L-2.5 2.5",
@@ -476,7 +473,8 @@ def sheet_box_mm(job: Job) -> tuple[float, float, float, float]:
         boxes.append((x, y, x + tile.sheet_width_mm, y + tile.sheet_height_mm))
     sides = np.array(boxes)
     (x0, y0), (x1, y1) = sides[:, :2].min(axis=0).tolist(), sides[:, 2:].max(axis=0).tolist()
-    return x0 - _VIEW_RIM_MM, y0 - _VIEW_RIM_MM, x1 + _VIEW_RIM_MM, y1 + _VIEW_RIM_MM
+    view_rim_mm = 12.0
+    return x0 - view_rim_mm, y0 - view_rim_mm, x1 + view_rim_mm, y1 + view_rim_mm
 
 
 def beds_svg(job: Job) -> str:

@@ -12,7 +12,6 @@ from vinefab.fabrication.rules.rule import Limits, RuleApplied, Subject, design_
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import read_profile
-from vinefab.model.tree import branch_tree
 
 
 @design_rule(
@@ -25,7 +24,7 @@ from vinefab.model.tree import branch_tree
 )
 def film_in_all_branches(subject: Subject, limits: Limits) -> RuleApplied:
     """All branches together take little film."""
-    broken = limits.most(branch_tree(subject.design).total_length_mm / 1000.0)
+    broken = limits.most(subject.design.tree.total_length_mm / 1000.0)
     message = "so much film is slow to evert: shorten or leave out branches"
     return RuleApplied.of_one(broken and replace(broken, message=message))
 

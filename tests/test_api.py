@@ -777,7 +777,7 @@ WRONG = {
     "one level": (
         lambda _: vf.Design(name="a", trunk_length_mm=9, levels=vf.Level.of(2, 9),
                             build=vf.Build.standard(2)),
-        "angle_deg, growth_percent; in Python also an instance of Level",
+        "angle_deg, growth_percent, bends; in Python also an instance of Level",
     ),
     "a width as a build": (lambda _: vf.Design(name="a", trunk_length_mm=9, build=3), "build is 3"),
     "one width": (lambda _: vf.Build(widths_mm=3.0, fillet_mm=()), "widths_mm is 3.0"),

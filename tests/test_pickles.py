@@ -97,6 +97,7 @@ def nouns(folder):
         body_outline(DESIGN).contour,
     ]
     found += [vf.Pouch(shape="round", radius_mm=9.0), vf.Collar(clamp_diameter_mm=20.0)]
+    found += [vf.Branch(name="left", length_mm=50.0)]
     found += [vf.runs(written_run(folder)), vf.BadInputError("key", 2, "less", "file.toml")]
     found += [vf.StudyOutcome(found=score, blocks=tuple(score.view()), text=score.json_text())]
     found += [vf.ExportRefusedError("robot", "it is too wide", summary=("a line",))]

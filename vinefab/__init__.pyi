@@ -42,6 +42,7 @@ from .fabrication.profile_listing import ProfileNumbers as ProfileNumbers
 from .fabrication.rules.rule import Rule as Rule
 from .model.deployment import Deployment as Deployment
 from .model.deployment import Stop as Stop
+from .model.design import Branch as Branch
 from .model.design import Build as Build
 from .model.design import Collar as Collar
 from .model.design import Design as Design

@@ -20,7 +20,6 @@ from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
-from vinefab.model.tree import branch_tree
 
 STOP = GrowthOptions(branch_contact="stop", pressure_stop=False)
 PASS = STOP.changed(branch_contact="pass")
@@ -153,7 +152,7 @@ def test_mirroring_turning_and_scaling_everything_moves_the_result(
     )
     x, y = np.array([[c, -hand * s], [s, hand * c]]) @ (pose.x_mm, pose.y_mm)
     start = Pose(x_mm=float(x), y_mm=float(y), heading_rad=hand * pose.heading_rad + turn_rad)
-    tree = branch_tree(design)
+    tree = design.tree
     build = Build(widths_mm=tuple(scale * width for width in design.build.widths_mm))
     robot = design.changed(
         trunk_length_mm=scale * design.trunk_length_mm,
@@ -161,7 +160,7 @@ def test_mirroring_turning_and_scaling_everything_moves_the_result(
         build=build,
     )
     length_mm, offset_rad = scale * tree.length_mm, hand * tree.offset_rad
-    plan = Plan.of(robot, STOP, replace(tree, length_mm=length_mm, offset_rad=offset_rad))
+    plan = Plan.of(robot, STOP, replace(robot.tree, length_mm=length_mm, offset_rad=offset_rad))
     there = grow_on(robot, Terrain.of(other), start, STOP, "kernel", plan)
     assert there.stop.tolist() == grown.stop.tolist()
     assert_allclose(there.grown_mm, scale * grown.grown_mm, atol=1e-4 * max(1.0, scale))

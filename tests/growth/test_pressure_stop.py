@@ -17,7 +17,6 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.physics.growth_pressure import (
     FITTED,
-    constants_by_level,
     growth_pressure_kpa,
     growth_pressures_kpa,
 )
@@ -128,16 +127,14 @@ def test_a_slide_ends_where_drag_and_turn_have_used_up_the_pressure(engine, vine
     assert_allclose(grown.tips_mm[0], [100.0, 100.0 * math.tan(angle_rad)], rtol=1e-9)
 
 
-def pressures_kpa(deployment, robot, constants):
-    widths_mm = robot.build.widths_mm
-    by_level = constants_by_level(widths_mm, constants)
-    return growth_pressures_kpa([deployment], widths_mm, [by_level])[0]
+def pressures_kpa(deployment, constants):
+    return growth_pressures_kpa([deployment], [constants])[0]
 
 
 def some_pressure_kpa(robot, terrain, pose, options, constants, rng):
     """Return a pressure that some of the branches need, where any grew."""
     free = grow_on(robot, terrain, pose, options)
-    needed_kpa = pressures_kpa(free, robot, constants)
+    needed_kpa = pressures_kpa(free, constants)
     known = needed_kpa[np.isfinite(needed_kpa)]
     return float(rng.uniform(0.98 * known.min(), known.max())) if len(known) else 10.0
 
@@ -166,7 +163,7 @@ def test_twins_agree_and_pressure_is_used_up_where_it_stops(
         plain = grow_reference(robot, terrain, pose, options)
         assert fast.stop.tolist() == plain.stop.tolist(), number
         assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
-        needed_kpa = pressures_kpa(fast, robot, constants)
+        needed_kpa = pressures_kpa(fast, constants)
         working_kpa = robot.build.pressure_kpa
         ended = fast.stop == Stop.PRESSURE
         inside = fast.deployed & ~ended
@@ -220,7 +217,7 @@ def test_a_shape_on_the_way_is_part_of_the_final_one(random_map, random_pose, ra
 
 def test_a_plan_that_is_cut_keeps_its_tension(tree):
     plan = Plan.of(tree(100.0, (3, 80.0, 60.0, 1.0), (2, 50.0, 40.0, 1.0)), PRESSED)
-    part = plan.cut(np.array([0, 1, 2, 3]), np.full(4, 10.0))
+    part = plan.cut(np.array([0, 1, 2, 3]), np.full(4, 10.0), PRESSED)
     assert part.edges == (0, 4)
     assert part.store_kpa.tolist() == plan.store_kpa[:4].tolist()
     assert part.tree.length_mm.tolist() == [10.0] * 4

@@ -10,7 +10,6 @@ from vinefab.inflation.table import flat_fan
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import read_profile
-from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 
 PROFILE = read_profile(DEFAULT_RECIPE)
 
@@ -63,10 +62,9 @@ def test_a_gain_turns_so_many_times_as_far():
 )
 def test_it_is_near_the_simulated_pattern(design):
     exact, quick = pattern_of(design, PROFILE).flat, quick_pattern(design, PROFILE.material)
-    for one, two in zip(exact.levels, quick.flat.levels, strict=True):
-        off = np.degrees(fan_offsets_rad(one) - fan_offsets_rad(two))
-        assert np.abs(off).max() < 1.5
-        np.testing.assert_allclose(child_lengths_mm(one), child_lengths_mm(two), atol=1.5)
+    one, two = exact.tree, quick.flat.tree
+    assert np.degrees(np.abs(one.offset_rad - two.offset_rad)).max() < 1.5
+    np.testing.assert_allclose(one.length_mm, two.length_mm, atol=1.5)
     assert exact.trunk_length_mm == quick.flat.trunk_length_mm
     assert (quick.flat.build, quick.beyond) == (exact.build, 0.0)
 
@@ -85,5 +83,5 @@ def test_fans_narrower_than_any_simulated_are_told_and_short_children_keep_a_len
     narrow = quick_pattern(tree((3, 1.0, 120.0)), PROFILE.material)
     wider = quick_pattern(tree((3, 2.0, 120.0)), PROFILE.material)
     assert narrow.beyond > wider.beyond > 0.0
-    (short,) = quick_pattern(tree((4, 300.0, 0.2)), PROFILE.material).flat.levels
-    assert min(short.lengths_mm) > 0.5 * LEAST_LENGTH * 0.2
+    short = quick_pattern(tree((4, 300.0, 0.2)), PROFILE.material).flat.tree
+    assert short.length_mm[1:].min() > 0.5 * LEAST_LENGTH * 0.2

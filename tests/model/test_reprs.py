@@ -13,7 +13,6 @@ from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.outline import Contour
 from vinefab.model.score import Evaluation, Score
-from vinefab.model.tree import branch_tree
 
 LONGEST = 150
 POSE = Pose(x_mm=250.0, y_mm=15.0, heading_rad=math.pi / 2)
@@ -39,7 +38,7 @@ def world(name: str = "room", obstacles: int = 2) -> Map:
 
 def deployment(robot: Design) -> Deployment:
     """The trunk grew in full, its first child 20 mm; all others stayed inside."""
-    tree = branch_tree(robot)
+    tree = robot.tree
     stop = np.full(len(tree), int(Stop.NOT_DEPLOYED))
     stop[:2] = Stop.FULL_LENGTH, Stop.HEAD_ON
     grown_mm = np.zeros(len(tree))
@@ -92,7 +91,7 @@ def report(name: str = "fork", findings: int = 2) -> CheckReport:
     [
         (design(), "<Design 'fork': 2 levels of 100 + 50 mm, 3 branches, trunk 40 mm wide>"),
         (world(), "<Map 'room': 500 x 400.5 mm, 2 obstacles, 12 walls, 1 start>"),
-        (branch_tree(design()), "<BranchTree: 3 branches on 2 levels, 200 mm>"),
+        (design().tree, "<BranchTree: 3 branches on 2 levels, 200 mm>"),
         (
             deployment(design()),
             "<Deployment: 120 of 200 mm grown, 3 branches: "
@@ -115,7 +114,7 @@ def test_nouns_say_what_they_are(noun, shown):
     [
         design("n" * 100, MOST_LEVELS),
         world("n" * 1000, 150),
-        branch_tree(design(depth=MOST_LEVELS)),
+        design(depth=MOST_LEVELS).tree,
         deployment(design(depth=MOST_LEVELS)),
         contour(5000),
         job("n" * 1000, 500),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.tree import branch_tree, child_lengths_mm, fan_offsets_rad
+from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 
 
 def fan(branches: int, fan_rad: float = 1.2, growth: float = 0.5) -> Level:
@@ -29,7 +29,7 @@ def test_tree_has_every_branch_with_the_id_of_its_path():
     design = Design(
         name="t", trunk_length_mm=50.0, levels=(fan(2), fan(3)), build=Build.standard(3)
     )
-    tree = branch_tree(design)
+    tree = design.tree
     assert len(tree) == design.branch_count == 9
     assert tree.ids[:3] == ("0", "0.0", "0.1")
     assert tree.ids[-1] == "0.1.2"
@@ -40,6 +40,6 @@ def test_tree_has_every_branch_with_the_id_of_its_path():
 
 
 def test_a_plain_vine_is_one_leaf():
-    tree = branch_tree(Design(name="v", trunk_length_mm=5.0, build=Build.standard(1)))
+    tree = Design(name="v", trunk_length_mm=5.0, build=Build.standard(1)).tree
     assert tree.ids == ("0",)
     assert tree.is_leaf.tolist() == [True]

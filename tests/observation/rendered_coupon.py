@@ -17,7 +17,6 @@ from rendered_photo import CELL_MM, Look, Scene, render
 from vinefab.fabrication.calibration.coupons import joint_designs, joint_tables
 from vinefab.inflation.compensation import deployed_joint, flat_joint
 from vinefab.inflation.robot import inflated_robot, joints_of
-from vinefab.model.design import UnevenLevel
 from vinefab.model.map import Pose
 from vinefab.observation.observe_photo import joint_angle_deg, observe_photo
 from vinefab.photos.photo import read_photo
@@ -36,8 +35,10 @@ def gained_coupon(design, gain):
     flat = np.array(joint.angles_deg)
     goal = flat + gain * (np.array(deployed_joint(joint, exact=True).deployed_deg) - flat)
     cut = flat_joint(joint.with_angles(tuple(goal.tolist())), exact=True).flat.angles_deg
-    children = UnevenLevel.of_children(cut, design.levels[0].lengths_mm)
-    return inflated_robot(design.changed(levels=(children,)), hoop_strain=strain)
+    turned = design
+    for branch, angle_deg in zip(design.branches, cut, strict=True):
+        turned = turned.with_branch(branch.name, angle_deg=angle_deg)
+    return inflated_robot(turned, hoop_strain=strain)
 
 
 def true_deg(found):

@@ -32,7 +32,6 @@ from rendered_photo import (
 
 from vinefab.growth.terrain import Terrain
 from vinefab.model.map import corner_markers
-from vinefab.model.tree import branch_tree
 from vinefab.physics.tube import inflated_radius_mm
 
 STEP_MM = 1.0
@@ -65,7 +64,7 @@ class TrueBranch:
 
 def grow_bent(design, world, pose, body, rng):
     """Return the branches of a robot whose tubes bend and whose joints are off."""
-    tree, terrain = branch_tree(design), Terrain.of(world)
+    tree, terrain = design.tree, Terrain.of(world)
     grown = []
     for index in range(len(tree)):
         parent, level = int(tree.parent[index]), int(tree.level[index])

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tests.oracles.fans import fans_of, level_lengths_mm, level_tapers_rad
 from tests.oracles.quick_cuts import PieceLimits, pair_depths, quick_cuts, straight_begins_mm
 from vinefab.fabrication.job.passes import bare_sheet_mm, seal_offset_mm, taken_mm
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits
@@ -33,35 +34,20 @@ from vinefab.fabrication.rules.spacing import (
 )
 from vinefab.fabrication.rules.tree_rules import check_packing, occupancies
 from vinefab.inflation.pattern import quick_pattern
-from vinefab.model.design import Design, Level, UnevenLevel
+from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile
-from vinefab.model.tree import (
-    branch_tree,
-    child_lengths_mm,
-    fan_offsets_rad,
-    widest_turn_rad,
-)
 from vinefab.outline.body_outline import flat_layout
-from vinefab.outline.ends import pouch_takes_mm
+from vinefab.outline.ends import pouch_takes_mm, usual_leaf
 from vinefab.outline.joint import (
     LEAST_SEGMENT_MM,
     Point,
     crotch_reach_mm,
     largest_fillet_mm,
-    level_lengths_mm,
-    level_tapers_rad,
 )
 from vinefab.physics.growth_pressure import planned_growth_kpa
 from vinefab.search.penalty_batch import MOST_CHECKED_BRANCHES, width_violations
 
 Pair = tuple[float, float]
-
-
-def least_gap_rad(level: Level) -> float:
-    """Return the smallest angle between neighbours of a fan of two children or more."""
-    if isinstance(level, UnevenLevel):
-        return math.radians(min(two - one for one, two in pairwise(level.angles_deg)))
-    return level.fan_rad / (level.branches - 1)
 
 
 def rooms_mm(design: Design) -> list[Pair]:
@@ -72,7 +58,10 @@ def rooms_mm(design: Design) -> list[Pair]:
     """
     ends = [*(_joint(design, level) for level in range(1, design.depth))]
     bases_mm = [0.0, *(child_mm for _, child_mm in ends)]
-    tips_mm = [*(parent_mm for parent_mm, _ in ends), pouch_takes_mm(design.build)]
+    tips_mm = [
+        *(parent_mm for parent_mm, _ in ends),
+        pouch_takes_mm(usual_leaf(design.build), design.build.pouch),
+    ]
     lengths_mm = [_trunk_mm(design)]
     for number in range(2, design.depth + 1):
         leans, all_mm = level_tapers_rad(design, number), level_lengths_mm(design, number)
@@ -122,9 +111,7 @@ def window_penalty(
     values = check_window.limits_under(limits)
     fit = GrowthConstantsRange.of(profile, values)
     build = design.build
-    takes_kpa = planned_growth_kpa(
-        branch_tree(design), build.widths_mm, fit.loose, fit.diameter_mm
-    ).max()
+    takes_kpa = planned_growth_kpa(design.tree, fit.loose, fit.diameter_mm).max()
     most_kpa = most_growth_kpa(build, profile, values)
     return math.log1p(min(MOST_OF_ONE, max(0.0, takes_kpa / most_kpa - 1.0)))
 
@@ -175,7 +162,7 @@ def fabrication_penalty(
         search can follow it; the logarithm keeps a hopeless tree below about 100.
     """
     changed, film_mm, beside_mm = limits or {}, DEFAULT_FILM_MM, DEFAULT_TAKEN_MM
-    passages, beyond = (1.0,) * len(design.levels), 0.0
+    passages, beyond = (1.0,) * (design.depth - 1), 0.0
     if profile is not None:
         film_mm, beside_mm = profile.material.film_mm, taken_mm(profile)
         pattern = quick_pattern(design, profile.material)
@@ -194,13 +181,13 @@ def fabrication_penalty(
     narrow = _short_of(angles_deg, _limit(check_angle, changed))
     webbed = _over((share for _, share in gaps), _limit(check_crotch, changed))
     # What rides in a child comes through the passage of its joint.
+    filled, level = (
+        occupancies(design, film_mm, _limit(check_packing, changed, "packing")),
+        design.tree.level,
+    )
     shares = [
-        share / passage
-        for share, passage in zip(
-            occupancies(design, film_mm, _limit(check_packing, changed, "packing")),
-            (1.0, *passages),
-            strict=False,
-        )
+        float(filled[level == number].max()) / passage
+        for number, passage in enumerate((1.0, *passages), start=1)
     ]
     kinds = (
         width_violations(design.build, changed),
@@ -222,10 +209,11 @@ def _contacts(design: Design) -> Iterator[float]:
     """Yield the share of the shortest sibling that lies on another, of each deployed fan."""
     if design.build.compensation == "none":
         return
-    for width_mm, level in zip(design.build.widths_mm[1:], design.levels, strict=True):
+    for width_mm, level in zip(design.build.widths_mm[1:], fans_of(design), strict=True):
         if level.branches > 1:
-            gap_deg = math.degrees(least_gap_rad(level))
-            yield contact_mm(gap_deg, width_mm) / float(child_lengths_mm(level).min())
+            gap_deg = math.degrees(level.least_gap_rad)
+            share = contact_mm(gap_deg, width_mm, width_mm) / float(level.lengths_mm.min())
+            yield share
 
 
 class FilletSizes(NamedTuple):
@@ -276,10 +264,10 @@ def _fillets(design: Design) -> Iterator[tuple[float, float, float, float]]:
     Fans are their own mirror images: of two gaps alike the smaller radius counts.
     """
     build, above_mm = design.build, design.trunk_length_mm
-    for number, level in enumerate(design.levels, start=1):
+    for number, level in enumerate(fans_of(design), start=1):
         wide, narrow = build.end_widths_mm[number - 1] / 2.0, build.widths_mm[number] / 2.0
-        lengths_mm = child_lengths_mm(level).tolist()
-        headings = [-math.pi, *fan_offsets_rad(level).tolist(), math.pi]
+        lengths_mm = level.lengths_mm.tolist()
+        headings = [-math.pi, *level.angles_rad.tolist(), math.pi]
         sides = [(wide, above_mm), *((narrow, mm) for mm in lengths_mm), (wide, above_mm)]
         core_mm, drawn = max(wide, narrow), list[tuple[float, float, float]]()
         for (one, one_mm), (two, two_mm), (before, after) in zip(
@@ -358,10 +346,10 @@ def _drawn_fillets_mm(design: Design) -> list[float]:
     """
     found: list[float] = []
     build, above_mm = design.build, design.trunk_length_mm
-    for number, level in enumerate(design.levels, start=1):
+    for number, level in enumerate(fans_of(design), start=1):
         wide, narrow = build.end_widths_mm[number - 1] / 2.0, build.widths_mm[number] / 2.0
         disc, designed = max(wide, narrow), build.fillet_mm[number - 1]
-        child_mm = float(child_lengths_mm(level).min())
+        child_mm = float(level.lengths_mm.min())
         sides = ((wide, above_mm), (narrow, child_mm))
         angles_rad = gap_angles_rad(design, number)
         for angle_rad, (half, length_mm) in zip(angles_rad, sides, strict=False):
@@ -384,12 +372,9 @@ def gap_angles_rad(design: Design, number: int) -> tuple[float, ...]:
 
 def _gaps_rad(design: Design, number: int) -> list[float]:
     """Return the least angle beside the parent, and that of each gap between children."""
-    level, lean = design.levels[number - 1], least_lean_rad(design, number + 1)
-    beside = math.pi - widest_turn_rad(level) - max(level_tapers_rad(design, number)) + lean
-    if isinstance(level, UnevenLevel):
-        between = np.diff(fan_offsets_rad(level)).tolist()
-    else:  # all alike, and equal to the last digit
-        between = [least_gap_rad(level)] * (level.branches - 1) if level.branches > 1 else []
+    level, lean = fans_of(design)[number - 1], least_lean_rad(design, number + 1)
+    beside = math.pi - level.widest_turn_rad - max(level_tapers_rad(design, number)) + lean
+    between = np.diff(level.angles_rad).tolist()
     return [beside, *(angle + 2.0 * lean for angle in between)]
 
 
@@ -403,9 +388,9 @@ def bare_gaps(design: Design) -> list[tuple[float, float]]:
     found = []
     widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
     above_mm = design.trunk_length_mm
-    for number, level in enumerate(design.levels, start=1):
+    for number, level in enumerate(fans_of(design), start=1):
         wide, narrow = ends_mm[number - 1] / 2.0, widths_mm[number] / 2.0
-        lengths_mm = child_lengths_mm(level).tolist()
+        lengths_mm = level.lengths_mm.tolist()
         shortest_mm = min(lengths_mm)
         disc = max(wide, narrow)
         beside, *between = _gaps_rad(design, number)

@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.oracles.fans import fans_of, level_lengths_mm
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import (
     STRAIGHT_BEFORE_MM,
@@ -34,13 +35,11 @@ from vinefab.fabrication.rules.spacing import Capsules, RotatedSpan, Spacing, sp
 from vinefab.fabrication.rules.tree_rules import check_lap_packing, fullest_laps, widest_cut_mm
 from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.laser import LaserProfile
-from vinefab.model.tree import fan_offsets_rad
 from vinefab.outline.body_outline import FlatLayout, flat_layout
-from vinefab.outline.ends import pouch_takes_mm
+from vinefab.outline.ends import pouch_takes_mm, usual_leaf
 from vinefab.outline.joint import (
     Point,
     largest_fillet_mm,
-    level_lengths_mm,
     neck_length_mm,
 )
 from vinefab.search.penalty_batch import (
@@ -143,8 +142,8 @@ def planned_sides(
                 stop[level] = used
             else:
                 start[level + 1, place] = used
-    stop[design.depth] = pouch_takes_mm(design.build, reach)
-    children = [1, *(level.branches for level in design.levels)]
+    stop[design.depth] = pouch_takes_mm(usual_leaf(design.build), design.build.pouch, reach)
+    children = [1, *(fan.branches for fan in fans_of(design))]
     first = np.searchsorted(tree.level, tree.level)
     places = [
         (level, row % children[level - 1])
@@ -163,11 +162,11 @@ def _joint_takes(
     design: Design, level: int, size: SleeveSize, reach: float
 ) -> dict[int | None, float]:
     """Return what the joint below a level takes of each child, and under None of the parent."""
-    below, build = design.levels[level - 1], design.build
+    below, build = fans_of(design)[level - 1], design.build
     wide, narrow = build.widths_mm[level - 1] / 2.0, build.widths_mm[level] / 2.0
     lengths, disc = level_lengths_mm(design, level + 1), max(wide, narrow)
     around = [None, *range(below.branches), None]
-    headings = [-math.pi, *fan_offsets_rad(below).tolist(), math.pi]
+    headings = [-math.pi, *below.angles_rad.tolist(), math.pi]
     takes: dict[int | None, float] = dict.fromkeys(around, 0.0)
     for pair, (before, after) in zip(pairwise(around), pairwise(headings), strict=True):
         angle = after - before
@@ -217,7 +216,8 @@ class _TreeCuts:
         else:
             sides = planned_sides(design, layout, limits.size, limits.reach_mm)
         sides = StraightSides(start_mm=sides.start_mm, end_mm=sides.end_mm + LEAST_DEPTH)
-        self.design, self.passages = design, dict(enumerate(passages, start=2))
+        known = (1.0, *passages) if passages else (1.0,) * design.depth
+        self.design, self.passages = design, np.array(known)[layout.tree.level - 1]
         self.sleeves = {
             row: sleeve
             for row, sleeve in sleeves_of(layout, sides, limits.size).items()

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from vinefab.model.design import Pouch
 from vinefab.model.outline import Part
+from vinefab.outline.body_outline import DrawnTree
 from vinefab.outline.ends import (
     Leaf,
     corner_radii_mm,
@@ -137,7 +138,8 @@ def test_the_shoulder_is_shared_by_neck_and_corner(length, width, fillet, radii)
     [(None, 20.0), (Pouch(shape="round", radius_mm=25.0), 25.0), (rectangle(60.0, 48.0), 2.0)],
 )
 def test_the_smallest_convex_radius_is_what_an_inward_offset_uses_up(make_plan, pouch, radius_mm):
-    assert least_convex_radius_mm(make_plan((40.0,), pouch=pouch)) == radius_mm
+    drawn = DrawnTree.of(make_plan((40.0,), pouch=pouch))
+    assert least_convex_radius_mm(drawn.leaf(0), drawn.pouches[0]) == radius_mm
 
 
 @pytest.mark.parametrize(("width_mm", "fillet_mm"), [(4.0, 2.0), (40.0, 10.0)])

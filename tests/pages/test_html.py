@@ -9,7 +9,6 @@ from vinefab.core.view import Answer, Block, Fact, Facts, Number, Picture, Rows,
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose, Start
-from vinefab.model.tree import branch_tree
 from vinefab.pages.html import page
 from vinefab.pages.page_files import page_png, page_svg
 from vinefab.pages.panel import Shape
@@ -32,7 +31,7 @@ def deployment():
     fork = Level(branches=2, length_mm=20.0, fan_rad=1.0)
     design = Design(name="y", trunk_length_mm=30.0, levels=(fork,), build=Build.standard(2))
     return Deployment(
-        tree=branch_tree(design),
+        tree=design.tree,
         pose=Pose(x_mm=50.0, y_mm=0.0, heading_rad=1.5),
         points_mm=np.array([[50.0, 0], [60, 10], [50, 30], [50, 30], [40, 45.0]]),
         first_point=np.array([0, 3, 5, 5]),

@@ -1,6 +1,7 @@
 """Growth pressure along a path, and along every path of a tree."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,6 @@ from hypothesis import strategies as st
 from vinefab.core.errors import BadInputError
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.laser import Standing
-from vinefab.model.tree import branch_tree
 from vinefab.physics.growth_pressure import (
     FITTED,
     GrowthPath,
@@ -93,7 +93,7 @@ TREE = Design(name="tree", trunk_length_mm=200.0, levels=(FORK, FORK), build=Bui
 
 
 def test_planned_paths_turn_at_joints_only() -> None:
-    paths = planned_paths(branch_tree(TREE))
+    paths = planned_paths(TREE.tree)
     assert paths[0] == GrowthPath(lengths_mm=(200.0,), turns_rad=())
     assert paths[-1] == GrowthPath(lengths_mm=(200.0, 50.0, 50.0), turns_rad=(0.5, 0.5))
     assert paths[-1].length_mm == 300.0
@@ -109,8 +109,9 @@ def test_film_that_rides_along_costs_drag_before_every_turn() -> None:
 
 
 def test_descendants_ride_weighted_by_their_width() -> None:
-    tree = branch_tree(TREE)
-    riding = riding_mm(tree, (40.0, 24.0, 12.0))
+    tree = TREE.tree
+    widths_mm = np.array([40.0, 24.0, 12.0])[tree.level - 1]
+    riding = riding_mm(replace(tree, width_mm=widths_mm))
     # each child carries 100 + 50 mm of half its width; the trunk carries all of it
     assert riding[1:3] == pytest.approx([75.0, 75.0])
     assert riding[0] == pytest.approx((150.0 * 24.0 + 300.0 * 12.0) / 40.0)
@@ -124,10 +125,9 @@ def test_descendants_ride_weighted_by_their_width() -> None:
 def test_the_tree_at_once_is_what_each_path_gives(depth: int) -> None:
     fan = Level(branches=3, length_mm=80.0, fan_rad=2.0, growth=0.6)
     build = Build.standard(depth, 30.0)
-    tree = branch_tree(
-        Design(name="t", trunk_length_mm=150.0, levels=(fan,) * (depth - 1), build=build)
-    )
-    riding = riding_mm(tree, build.widths_mm)
+    levels = (fan,) * (depth - 1)
+    tree = Design(name="t", trunk_length_mm=150.0, levels=levels, build=build).tree
+    riding = riding_mm(tree)
     expected = [
         path.pressure_kpa(
             FITTED.at_diameter(inflated_diameter_mm(build.widths_mm[level - 1]), 25.0), ride
@@ -136,5 +136,5 @@ def test_the_tree_at_once_is_what_each_path_gives(depth: int) -> None:
             planned_paths(tree), tree.level.tolist(), riding.tolist(), strict=True
         )
     ]
-    found = planned_growth_kpa(tree, build.widths_mm, FITTED, 25.0)
+    found = planned_growth_kpa(tree, FITTED, 25.0)
     assert found.tolist() == pytest.approx(expected, rel=1e-12)

@@ -20,7 +20,6 @@ from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.contacts import contacts_of
 from vinefab.model.map import Pose, Start
-from vinefab.model.tree import branch_tree
 from vinefab.prediction.aimed_robot import AimPlan, PoseEstimate, ScoreGain
 from vinefab.prediction.aiming import (
     FRESH_DRAWS,
@@ -91,7 +90,7 @@ def test_the_aimed_pose_beats_the_start_and_every_first_look_is_counted(found):
 
 def test_the_plain_vine_has_the_same_length_film_and_rules():
     vine = plain_vine_of(TREE)
-    assert branch_tree(vine).total_length_mm == pytest.approx(200.0)
+    assert vine.tree.total_length_mm == pytest.approx(200.0)
     assert (vine.branch_count, vine.build.widths_mm) == (1, TREE.build.widths_mm[:1])
     trained = TREE.changed(origin={"growth": {"pressure_stop": False}, "seed": 3})
     assert not aim_growth(held_against(trained), None).options.pressure_stop

@@ -17,7 +17,6 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import MOST_SHOWN, Evaluation, Score
-from vinefab.model.tree import branch_tree
 from vinefab.pages.plan import STOP_WORDS, body_cells
 from vinefab.prediction.family_deployments import (
     FIRST_UNSEEN,
@@ -203,7 +202,7 @@ def test_endings_are_counted_level_by_level():
     design = Design(name="d", trunk_length_mm=80.0, levels=(fan,), build=Build.standard(2))
     chain = [[0.0, 0.0], [80.0, 0.0]]
     deployment = Deployment(
-        tree=branch_tree(design),
+        tree=design.tree,
         pose=Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.0),
         points_mm=np.array(chain + [[80.0, 0.0], [90.0, 0.0]] * 3),
         first_point=np.array([0, 2, 4, 6, 8, 8]),
@@ -258,9 +257,8 @@ def test_heat_of_varied_poses(explorer, result):
 
 
 def test_stuck_tips_are_gathered_by_place():
-    tree = branch_tree(
-        Design(name="v", trunk_length_mm=10.0, build=Build.standard(1, trunk_width_mm=20.0))
-    )
+    build = Build.standard(1, trunk_width_mm=20.0)
+    tree = Design(name="v", trunk_length_mm=10.0, build=build).tree
 
     def ended(x, y, stop):
         return Deployment(

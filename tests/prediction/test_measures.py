@@ -7,7 +7,7 @@ from tests.oracles.grown_paths import grown_paths
 from vinefab.core.statistics import mean_interval
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Pose
-from vinefab.physics.growth_pressure import constants_by_level, growth_pressures_kpa, riding_mm
+from vinefab.physics.growth_pressure import growth_pressures_kpa, riding_mm
 from vinefab.prediction.family_deployments import PredictionPlan, PreparedFamily, deploy_family
 from vinefab.prediction.measures import (
     ANCHORING,
@@ -51,12 +51,13 @@ def test_a_straight_vine_in_an_empty_room_gives_what_paper_and_pencil_give(strai
 
 
 def test_pressures_on_arrays_are_those_of_paths_from_the_base(result, explorer):
+    riding = riding_mm(result.deployments[0].tree)
     widths_mm = explorer.build.widths_mm
-    riding = riding_mm(result.deployments[0].tree, widths_mm)
-    several = [constants_by_level(widths_mm, fit) for fit in (LOOSE, TIGHT)]
+    tubes_mm = [2.0 * width_mm / np.pi for width_mm in widths_mm]
+    several = [[fit.at_diameter(mm, 25.0) for mm in tubes_mm] for fit in (LOOSE, TIGHT)]
     turned = 0
     for deployment in result.deployments:
-        rows = growth_pressures_kpa([deployment], widths_mm, several)
+        rows = growth_pressures_kpa([deployment], (LOOSE, TIGHT))
         assert (np.isfinite(rows) == deployment.deployed).all()
         for levels, row in zip(several, rows, strict=True):
             for branch, path in grown_paths(deployment).items():

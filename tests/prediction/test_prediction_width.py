@@ -12,7 +12,6 @@ from vinefab.core.view import document
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Pose, Start
-from vinefab.model.tree import branch_tree
 from vinefab.prediction.family_deployments import (
     MapFamily,
     PredictionPlan,
@@ -201,7 +200,7 @@ def test_one_map_is_varied_pose_by_pose(explorer, result):
 
 
 def test_made_trees_stay_within_the_tolerances(explorer):
-    tree = branch_tree(explorer)
+    tree = explorer.tree
     made = made_tree(tree, child(1, 2))
     off = made.length_mm / tree.length_mm - 1.0
     turned_deg = np.degrees(made.offset_rad - tree.offset_rad)
@@ -212,7 +211,7 @@ def test_made_trees_stay_within_the_tolerances(explorer):
 
 def test_scaled_designs_keep_their_widths(explorer):
     longer = scaled_tree(explorer, 1.1)
-    assert branch_tree(longer).length_mm == pytest.approx(1.1 * branch_tree(explorer).length_mm)
+    assert longer.tree.length_mm == pytest.approx(1.1 * explorer.tree.length_mm)
     assert longer.build == explorer.build
 
 
@@ -248,7 +247,7 @@ def test_scatter_of_fabrication_is_over_robots(straight):
     plan = PredictionPlan(poses=1)
     evaluator = VariantEvaluator(design, PreparedFamily.of(family, plan), plan)
     found = tolerance(evaluator, 5)
-    tree = branch_tree(design)
+    tree = design.tree
     lengths_mm = np.array(
         [made_tree(tree, child(5, 1703, robot)).length_mm[0] for robot in range(ROBOTS)]
     )

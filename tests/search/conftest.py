@@ -13,7 +13,6 @@ from tests.fabrication.rules.conftest import (  # noqa: F401  fixtures
 from vinefab.core.progress import heard_by
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.tree import branch_tree
 from vinefab.search.record.generations import Generation, SearchProgress
 from vinefab.search.run import Search
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
@@ -50,7 +49,7 @@ def film_penalty():
     """A stand-in for fabrication rules: film beyond 600 mm, in metres."""
 
     def penalty(design):
-        return max(0.0, branch_tree(design).total_length_mm - 600.0) / 1000.0
+        return max(0.0, design.tree.total_length_mm - 600.0) / 1000.0
 
     return penalty
 

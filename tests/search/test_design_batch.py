@@ -16,7 +16,6 @@ from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.poses import draw_poses
 from vinefab.model.design import MOST_BRANCHES
-from vinefab.model.tree import branch_tree
 from vinefab.search.space import (
     LIMITS,
     SPACE_DECIMALS,
@@ -152,7 +151,7 @@ def test_trees_too_large_for_a_design_are_counted_but_not_planned():
         .each[0]
         .tree
     )
-    np.testing.assert_array_equal(tree.parent, branch_tree(space.design(x[2])).parent)
+    np.testing.assert_array_equal(tree.parent, space.design(x[2]).tree.parent)
 
 
 def test_every_corner_of_what_bounds_may_be_is_a_design_unless_it_is_too_large():

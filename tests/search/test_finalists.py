@@ -17,7 +17,6 @@ from vinefab.core.limits import rad
 from vinefab.growth.options import CONTACT_ANGLES_DEG
 from vinefab.model.design import Design
 from vinefab.model.map import Pose, Start
-from vinefab.model.tree import branch_tree
 from vinefab.search.dask_cluster import deserialized, serialized
 from vinefab.search.evaluator import FRESH, Evaluator
 from vinefab.search.finalists import (
@@ -331,7 +330,7 @@ def test_finalists_of_a_run_are_its_front(small, maps):
     x = np.concatenate([g.x for g in result.history])
     assert len(x) == 30
     assert 2 <= len(result.finalists) <= 3
-    lengths = [branch_tree(finalist.design).total_length_mm for finalist in result.finalists]
+    lengths = [finalist.design.tree.total_length_mm for finalist in result.finalists]
     assert max(lengths) > 1.5 * min(lengths)
     assert result.fabricable
 
@@ -437,10 +436,10 @@ class Short:
     """Designs over 700 mm of film are penalized; those of 300 to 500 mm fail the full check."""
 
     def __call__(self, design):
-        return max(0.0, branch_tree(design).total_length_mm - 700.0) / 1000.0
+        return max(0.0, design.tree.total_length_mm - 700.0) / 1000.0
 
     def passes(self, design):
-        return not 300.0 < branch_tree(design).total_length_mm < 500.0
+        return not 300.0 < design.tree.total_length_mm < 500.0
 
 
 def test_every_design_of_a_front_is_manufacturable(fabricable, maps):

@@ -8,7 +8,6 @@ from tests.search.conftest import optimize
 from vinefab.core.errors import UnreadableFileError
 from vinefab.growth.options import GrowthOptions, trained_growth
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.tree import branch_tree
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import Words
 from vinefab.search.front import FrontFile, front_of, front_picture, front_table
@@ -96,7 +95,7 @@ def test_file_and_table_describe_the_front(result, tmp_path):
 def test_a_knee_is_named_where_there_is_one(result):
     """The same finalists with fitness that rises early, and with fitness that rises late."""
     settings = SETTINGS.changed(objectives=("coverage", "film_length"))
-    by_cost = sorted(result.finalists, key=lambda f: branch_tree(f.design).total_length_mm)
+    by_cost = sorted(result.finalists, key=lambda f: f.design.tree.total_length_mm)
     assert len(by_cost) >= 4
 
     def with_fitness(power, count):

@@ -16,7 +16,6 @@ from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.model.map import Pose
-from vinefab.model.tree import branch_tree
 from vinefab.outline.body_outline import body_outline, flat_layout
 from vinefab.search import space as space_module
 from vinefab.search.record.generations import RunIdentity
@@ -79,7 +78,7 @@ POUCHES = (
 
 def twin(design):
     """The costs of one design, as one would compute them by hand."""
-    tree = branch_tree(design)
+    tree = design.tree
     capsules = capsules_of(flat_layout(design), design.build)
     ends = np.concatenate([capsules.end_mm, capsules.start_mm[1:]])
     halves = np.concatenate([capsules.end_half_mm, capsules.half_mm[1:]])[:, None]

@@ -16,7 +16,6 @@ from tests.oracles.shapely_reference import ReferenceWorld, grow_tree, tips_mm
 from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.poses import draw_poses
-from vinefab.model.tree import branch_tree
 from vinefab.studies.benchmark import (
     BENCH_GROWTH,
     SIZES,
@@ -33,7 +32,7 @@ if __name__ == "__main__":
     world = square_map(SIZES[0])
     terrain, design = Terrain.of(world), tree_of_40()
     poses = draw_poses(world, GROWTHS, 1)
-    course, tree = ReferenceWorld(terrain.free_space()), branch_tree(design)
+    course, tree = ReferenceWorld(terrain.free_space()), design.tree
 
     def grow_slowly() -> list[np.ndarray]:
         few = poses[:SLOW_GROWTHS]

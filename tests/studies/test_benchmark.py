@@ -12,7 +12,6 @@ from vinefab.growth.batch import grow_on
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.poses import draw_poses
-from vinefab.model.tree import branch_tree
 from vinefab.studies import benchmark as bench_module
 from vinefab.studies.benchmark import (
     BENCH_GROWTH,
@@ -40,14 +39,14 @@ def test_the_reference_ends_where_the_kernel_does(children, half_angle_deg):
     )
     course, design = ReferenceWorld(GROUND.free_space()), tree_of_40()
     for pose in (*draw_poses(WORLD, 6, 1), *free_poses(GROUND, 12)):
-        branches = grow_tree(course, branch_tree(design), pose, options)
+        branches = grow_tree(course, design.tree, pose, options)
         grown = grow_on(design, GROUND, pose, options)
         assert [branch.stop for branch in branches] == grown.stop.tolist()
         np.testing.assert_allclose(tips_mm(branches), grown.tips_mm, atol=1e-9)
 
 
 def test_the_case_is_a_tree_of_40_on_about_300_walls_at_any_size():
-    assert len(branch_tree(tree_of_40())) == 40
+    assert len(tree_of_40().tree) == 40
     assert 250 <= WORLD.wall_count <= 350
     larger = square_map(3000)
     densities = [world.wall_count / world.bounds.area for world in (WORLD, larger)]

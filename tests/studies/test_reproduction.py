@@ -14,7 +14,6 @@ from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileE
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Design, PieceSettings
-from vinefab.model.tree import branch_tree
 from vinefab.search.settings import RunSettings, read_run
 from vinefab.studies.assumption_studies import VARIANTS
 from vinefab.studies.deployment_studies import BEYOND, RedeploymentJob, shape_count, tip_groups
@@ -193,7 +192,7 @@ def test_a_design_is_kept_to_the_bit_without_its_origin():
     assert again == result
     assert (again.design.levels, again.design.build) == (cut.levels, cut.build)
     assert not again.design.origin
-    assert total_length_mm(again.design) == pytest.approx(branch_tree(design).total_length_mm)
+    assert total_length_mm(again.design) == pytest.approx(design.tree.total_length_mm)
 
 
 @pytest.fixture

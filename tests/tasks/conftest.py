@@ -9,7 +9,6 @@ from shapely import Polygon, box
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
-from vinefab.model.tree import branch_tree
 from vinefab.tasks.map_context import MapContext
 
 Chain = Sequence[tuple[float, float]]
@@ -33,7 +32,7 @@ def ended() -> Callable[..., Deployment]:
         lengths = [np.hypot(*np.diff(p, axis=0).T).sum() if len(p) else 0.0 for p in points]
         codes = [Stop.FULL_LENGTH if chain else Stop.NOT_DEPLOYED for chain in chains]
         return Deployment(
-            tree=branch_tree(design),
+            tree=design.tree,
             pose=Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.0),
             points_mm=np.concatenate(points),
             first_point=np.cumsum([0] + [len(p) for p in points]),

@@ -53,7 +53,9 @@ def test_cells_stay_within_the_band_that_is_proven(pillar_room: Map) -> None:
         for count in (1, 4, 12):
             points = rng.uniform((0, 0), (400, 300), (count + 1, 2))
             ends = np.array([0, count + 1])
-            chains = Chains(points, ends, np.array([0, 1]), ends)
+            chains = Chains(
+                points, ends, np.array([0, 1]), ends, np.zeros(len(points), dtype=np.bool_)
+            )
             (fast,) = raster.reached_mm2(chains).tolist()
             line = shapely.LineString(points)
             least, most = (

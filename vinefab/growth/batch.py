@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, get_args, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vinefab.core.compiling import interpreted, is_compiler_installed
 from vinefab.core.errors import UnknownNameError
@@ -18,7 +19,7 @@ from vinefab.core.progress import each, phase
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import Growth, JobArrays, Rules, TerrainSetArrays, TreesArrays
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plan, Plans
+from vinefab.growth.plan import BranchParts, Plan, Plans
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
@@ -81,6 +82,7 @@ class Settling:
         self,
         trees: TreesArrays,
         radius_mm: Floats,
+        emergence: Floats,
         jobs: JobArrays,
         growth: Growth,
         tolerance_mm: Floats,
@@ -95,6 +97,8 @@ class Settling:
             See `vinefab.growth.arrays`; ``growth`` is written to.
         radius_mm
             Radius of the body of each branch, in the order of the trees.
+        emergence
+            Probability that each comes out, in that order.
         tolerance_mm
             Of the map of each job.
         seeds
@@ -110,7 +114,7 @@ class Settling:
                 radius_mm,
                 jobs,
                 tolerance_mm,
-                self.emergence,
+                emergence,
                 seeds,
                 self.stops,
                 growth,
@@ -333,6 +337,7 @@ class GrowthBlock:
     branch: Ints
     room: Ints
     growth: Growth  # the results, concatenated
+    at_bend: NDArray[np.bool_]  # whether each chain point is a preformed bend
 
     def __len__(self) -> int:
         return len(self.plan)
@@ -370,7 +375,8 @@ class GrowthBlock:
     def read_only(self) -> "GrowthBlock":
         """Return the same block for foreign code, which must not write into it."""
         growth = {name: array.view() for name, array in self.growth._asdict().items()}
-        own = {n: getattr(self, n).view() for n in ("plan", "launch", "branch", "room")}
+        names = ("plan", "launch", "branch", "room", "at_bend")
+        own = {name: getattr(self, name).view() for name in names}
         for view in (*growth.values(), *own.values()):
             view.setflags(write=False)
         return replace(self, growth=Growth(**growth), **own)
@@ -389,7 +395,30 @@ class GrowthBlock:
             stop=self.growth.stop[one:two].copy(),
             grown_mm=self.growth.grown[one:two].copy(),
             contact_turn_rad=self.growth.turn[one:two].copy(),
+            bend_points=np.flatnonzero(self.at_bend[room : room + first_point[-1]]),
         )
+
+
+def _joined(
+    joined: BranchParts, jobs: JobArrays, grown: Growth, at_bend: NDArray[np.bool_]
+) -> tuple[Ints, Growth]:
+    """Return where each growth's branches begin, and the growths of whole branches."""
+    branch = np.zeros(len(jobs.tree) + 1, dtype=np.int64)
+    np.cumsum(np.diff(joined.first)[jobs.tree], out=branch[1:])
+    whole = Growth.empty(int(branch[-1]), len(grown.points))
+    whole = whole._replace(first_point=np.zeros(branch[-1] + len(jobs.tree), dtype=np.int64))
+    batch_kernel.join_parts(
+        jobs.tree,
+        *joined,
+        jobs.branch,
+        jobs.room,
+        grown,
+        branch,
+        int(Stop.NOT_DEPLOYED),
+        whole,
+        at_bend,
+    )
+    return branch, whole
 
 
 def _deployments_of(block: GrowthBlock) -> list[Deployment]:
@@ -464,6 +493,7 @@ class Batch:
         self._rules, self._half_angle = rules_of(options, 0.0), half_angle_rad
         self._settling = Settling.of(options)
         self._radius_mm = plans.radius_mm if self._settling.is_needed else np.zeros(0)
+        self._emergence = plans.emergence(self._settling.emergence)
         self._walls = launches.atlas.arrays(plans.spans.radii_mm)
         self._page = launches.atlas.pages(plans.spans.radii_mm)
         # Appending and popping are safe between threads.
@@ -563,20 +593,25 @@ class Batch:
             self._settling.settle(
                 trees,
                 self._radius_mm,
+                self._emergence,
                 jobs,
                 growth,
                 tolerance_mm,
                 self.launches.seeds[launch],
                 self._engine,
             )
+        branch, at_bend = jobs.branch, np.zeros(len(growth.points), dtype=np.bool_)
+        if self.plans.parts is not None:
+            branch, growth = _joined(self.plans.parts, jobs, growth, at_bend)
         return GrowthBlock(
             plan=plan,
             launch=launch,
             plans=self.plans,
             launches=self.launches,
-            branch=jobs.branch,
+            branch=branch,
             room=jobs.room,
             growth=growth,
+            at_bend=at_bend,
         )
 
     def _mark_trunks(self, which: Ints, launch: Ints, jobs: JobArrays) -> None:
@@ -603,7 +638,7 @@ class Batch:
         if first > 0:
             ends = growth.first_point[jobs.branch[job] + job + 1 :]
             start = growth.points[
-                jobs.room[job] - 1 + ends[self.plans.each[plan].tree.parent[first:last]]
+                jobs.room[job] - 1 + ends[self.plans.each[plan].parts.parent[first:last]]
             ]
         radii_mm = self.plans.each[plan].radii_mm
         terrain = int(jobs.page[job]) // len(self.plans.spans.radii_mm)

@@ -109,3 +109,60 @@ def gather_tips(branch, room, points, first_point, stop, hidden, tips, first):
                 count += 1
     first[len(branch) - 1] = count
     return count
+
+
+# Types of arguments, see `takes`.
+_GROWTH = "vinefab.growth.arrays:Growth(f2 i1 i1 f1 f1 f2 i1 f1 f1 f1 i1 f1 f1)"
+
+
+@compiled
+@takes(f"i1 i1 i1 i1 i1 i1 {_GROWTH} i1 i {_GROWTH} b1", seconds=0.6)
+def join_parts(plan, first, part_first, part, branch, room, grown, to, hidden, whole, at_bend):
+    """Join the straight parts of branches with bends into branches.
+
+    Parameters
+    ----------
+    plan
+        Tree of each growth, shape (j,).
+    first, part_first, part
+        As in `vinefab.growth.plan.BranchParts`.
+    branch, room, grown
+        Growths of the parts, as `vinefab.growth.batch.GrowthBlock` holds them.
+    to
+        Where each growth's branches begin in the result, shape (j + 1,).
+    hidden
+        What ``stop`` is for a part that did not emerge.
+    whole
+        Where the growths of the branches go, with the same room for points.
+    at_bend
+        Where the marks of points at bends go.
+    """
+    for job in range(len(plan)):
+        at, base = 0, room[job]
+        whole.first_point[to[job] + job] = 0
+        for k in range(to[job + 1] - to[job]):
+            row, planned = to[job] + k, first[plan[job]] + k
+            whole.grown[row] = whole.turn[row] = 0.0
+            whole.events[row] = 0
+            for i in range(part_first[planned], part_first[planned + 1]):
+                this, is_first = branch[job] + part[i], i == part_first[planned]
+                if (not is_first) & (grown.stop[this] == hidden):
+                    break
+                whole.stop[row] = grown.stop[this]
+                whole.grown[row] += grown.grown[this]
+                whole.turn[row] += grown.turn[this]
+                whole.events[row] += grown.events[this]
+                whole.heading[row, 0] = grown.heading[this, 0]
+                whole.heading[row, 1] = grown.heading[this, 1]
+                whole.gain[row], whole.drawn[row] = grown.gain[this], grown.drawn[this]
+                one, two = grown.first_point[this + job], grown.first_point[this + job + 1]
+                if not is_first:
+                    if grown.grown[this] == 0.0:
+                        break  # it stopped where it should have turned
+                    at_bend[base + at - 1] = True
+                    one += 1  # the tip of the part before
+                for point in range(base + one, base + two):
+                    whole.points[base + at, 0] = grown.points[point, 0]
+                    whole.points[base + at, 1] = grown.points[point, 1]
+                    at += 1
+            whole.first_point[row + job + 1] = at

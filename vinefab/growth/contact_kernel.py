@@ -284,7 +284,7 @@ def _set_out(parent, chains, first_point, stop, grown, emergence, seed, work):
             continue
         if above >= 0:
             work[k, BEGIN] = work[above, END]
-            if emergence < 1.0 and _draw(seed, k) >= emergence:
+            if emergence[k] < 1.0 and _draw(seed, k) >= emergence[k]:
                 work[k, STATE], work[k, END] = CUT, work[k, BEGIN]
                 stop[k] = -NOT_EVERTED
                 changed = True
@@ -470,7 +470,7 @@ _GROWTH = "vinefab.growth.arrays:Growth(f2 i1 i1 f1 f1 f2 i1 f1 f1 f1 i1 f1 f1)"
 
 
 @compiled
-@takes(f"{_TREES} f1 {_JOBS} f1 f i1 b {_GROWTH} f2", seconds=4.7)
+@takes(f"{_TREES} f1 {_JOBS} f1 f1 i1 b {_GROWTH} f2", seconds=4.7)
 def settle_jobs(trees, radius, jobs, tolerance, emergence, seeds, stops, growth, work):
     """Let children fail to come out, and branches stop at each other, in finished growths.
 
@@ -483,7 +483,8 @@ def settle_jobs(trees, radius, jobs, tolerance, emergence, seeds, stops, growth,
     tolerance
         Distances up to this count as touching, on the map of each job; shape (j,).
     emergence
-        Probability that a child comes out of its parent's tip.
+        Probability that each planned branch comes out of its parent's tip, in the order of
+        ``trees``.
     seeds
         Seed of each job's draws; shape (j,).
     stops
@@ -506,7 +507,8 @@ def settle_jobs(trees, radius, jobs, tolerance, emergence, seeds, stops, growth,
         )
         first_point = growth.first_point[one + job : two + job + 1]
         stop, grown = growth.stop[one:two], growth.grown[one:two]
-        changed = _set_out(parent, chains, first_point, stop, grown, emergence, seeds[job], work)
+        share = emergence[first:last]
+        changed = _set_out(parent, chains, first_point, stop, grown, share, seeds[job], work)
         if stops:
             step = STEPS * tolerance[job]
             changed |= _settle(parent, chains, first_point, stop, radius[first:last], work, step)

@@ -15,7 +15,7 @@ from vinefab.core.limits import deg, rad
 from vinefab.core.table import Slider, Table, declared_keys
 from vinefab.core.validation import Floats, number
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber, contacts_of
-from vinefab.model.design import ORIGIN_GROWTH, Design, UnevenLevel
+from vinefab.model.design import ORIGIN_GROWTH, Design
 from vinefab.physics.growth_pressure import FITTED_DIAMETER_MM
 from vinefab.physics.tube import inflated_radius_mm
 
@@ -444,14 +444,14 @@ def growth_text(options: GrowthOptions, designs: Sequence[Design]) -> str:
         parts.append(f"stops at {at} (film {film}, assumed)")
     else:
         parts.append("no pressure stops it")
-    if any(design.levels for design in designs):
+    if any(design.branch_count > 1 for design in designs):
         parts.append(_CONTACT_WORDS[options.branch_contact])
     if options.emergence < 1.0:
         share = f"{options.emergence:g} ({options.emergence_standing})"
         parts.append(f"a child comes out with probability {share}")
     if options.deploys_stuck:
         parts.append("children of a stuck branch grow all the same")
-    cut = [d.name for d in designs if any(isinstance(one, UnevenLevel) for one in d.levels)]
+    cut = [design.name for design in designs if design.shape is not None]
     if cut:
         names = " and ".join(dict.fromkeys(cut))
         parts.append(f"{names} with the angles at which its flat ones deploy (simulated)")

@@ -8,34 +8,37 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import TreesArrays
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Build, Design
-from vinefab.model.tree import BranchTree, branch_tree
+from vinefab.model.tree import BranchTree
 from vinefab.physics.growth_pressure import FITTED, riding_mm
 from vinefab.physics.tube import inflated_diameter_mm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Feed:
-    """How film comes to the tips of a design's levels: film taken by growth, film available.
+    """How film comes to the tips of tubes: film taken by growth, film available.
 
-    All is in terms of the tube that the constants were fitted to: a level of another diameter
+    All is in terms of the tube that the constants were fitted to: a tube of another diameter
     needs pressures inverse to it (assumed), so its working pressure counts in proportion.
     """
 
-    limit_kpa: Floats  # tension at which a tip of each level stops, infinite without, shape (k,)
+    limit_kpa: Floats  # tension at which each tip stops, infinite without, shape (k,)
     tension_kpa: float  # of the film as it leaves its store
     drag_kpa_mm: float  # friction per mm of film
 
     @classmethod
-    def of(cls, build: Build, options: GrowthOptions) -> "Feed":
-        """Return the feed of a design; without pressure, or with it left out, nothing stops."""
-        limit_kpa = np.full(len(build.widths_mm), np.inf)
+    def of(cls, build: Build, options: GrowthOptions, width_mm: Floats) -> "Feed":
+        """Return the feed of tubes of some lay-flat widths, shape (k,).
+
+        Without pressure, or with it left out, nothing stops.
+        """
+        limit_kpa = np.full(len(width_mm), np.inf)
         if options.pressure_stop and build.pressure_kpa > 0.0:
-            diameter_mm = inflated_diameter_mm(1.0) * np.array(build.widths_mm)
-            share = diameter_mm / options.fitted_diameter_mm
+            share = inflated_diameter_mm(1.0) * width_mm / options.fitted_diameter_mm
             limit_kpa = build.pressure_kpa * share - FITTED.yield_kpa.value
         return cls(
             limit_kpa=limit_kpa,
@@ -52,10 +55,11 @@ class Feed:
 class Plan:
     """A design prepared for growth."""
 
-    tree: BranchTree  # the planned branches
-    turn: Floats  # cosine and sine of each branch's angle from its parent, shape (n, 2)
-    # span k, the branches that grow on the same walls, is ``edges[k] .. edges[k + 1] - 1``: the
-    # whole tree for bare centrelines, one level for inflated bodies
+    tree: BranchTree  # the planned branches, n of them
+    parts: BranchTree  # their straight parts, m of them: what grows; without bends the tree itself
+    turn: Floats  # cosine and sine of each part's angle from the part before, shape (m, 2)
+    # span k, the parts that grow on the same walls, is ``edges[k] .. edges[k + 1] - 1``: the whole
+    # tree for bare centrelines, parts of one level and width for inflated bodies
     edges: tuple[int, ...]
     radii_mm: tuple[float, ...]  # body radius on each span
     limit_kpa: Floats  # tension at which each branch's tip stops, infinite if none does, shape (n,)
@@ -65,71 +69,92 @@ class Plan:
     @classmethod
     def of(cls, design: Design, options: GrowthOptions, tree: BranchTree | None = None) -> "Plan":
         """Return the plan of a design, or of a tree that came out a little different."""
-        tree = branch_tree(design) if tree is None else tree
-        turn = np.column_stack([np.cos(tree.offset_rad), np.sin(tree.offset_rad)])
-        if options.body == "centerline":
-            edges, radii_mm = [0, len(tree)], [0.0]
-        else:
-            edges = np.searchsorted(tree.level, np.arange(1, design.depth + 2)).tolist()
-            radii_mm = [options.radius_mm(width_mm) for width_mm in design.build.widths_mm]
-        feed = Feed.of(design.build, options)
-        return cls(
-            tree=tree,
-            turn=turn,
-            edges=tuple(edges),
-            radii_mm=tuple(radii_mm),
-            limit_kpa=feed.limit_kpa[tree.level - 1],
-            store_kpa=feed.store_kpa(riding_mm(tree, design.build.widths_mm)),
-            build=design.build,
+        tree = design.tree if tree is None else tree
+        feed = Feed.of(design.build, options, tree.width_mm)
+        return cls.of_parts(
+            tree, options, feed.limit_kpa, feed.store_kpa(riding_mm(tree)), design.build
         )
 
-    def cut(self, branches: Ints, length_mm: Floats) -> "Plan":
+    @classmethod
+    def of_parts(
+        cls,
+        tree: BranchTree,
+        options: GrowthOptions,
+        limit_kpa: Floats,
+        store_kpa: Floats,
+        build: Build,
+    ) -> "Plan":
+        """Return the plan of a tree whose feed is known."""
+        parts = tree.straight
+        if parts is not tree and options.deploys_stuck:
+            allowed = "stop for a robot with bends: a branch that stopped never makes its next one"
+            raise BadInputError("children_of_stuck", "deploy", allowed)
+        if options.body == "centerline":
+            edges, radii_mm = [0, len(parts)], [0.0]
+        else:
+            # Elbows of a tapered tube grow on the walls of its base, as its straight parts do.
+            wide_mm = tree.width_mm[parts.branch]
+            differs = (np.diff(parts.level) != 0) | (np.diff(wide_mm) != 0.0)
+            edges = [0, *(np.flatnonzero(differs) + 1).tolist(), len(parts)]
+            radii_mm = [options.radius_mm(wide_mm[one]) for one in edges[:-1]]
+        return cls(
+            tree=tree,
+            parts=parts,
+            turn=np.column_stack([np.cos(parts.offset_rad), np.sin(parts.offset_rad)]),
+            edges=tuple(edges),
+            radii_mm=tuple(radii_mm),
+            limit_kpa=limit_kpa,
+            store_kpa=store_kpa,
+            build=build,
+        )
+
+    def cut(self, branches: Ints, length_mm: Floats, options: GrowthOptions) -> "Plan":
         """Return the plan of some branches, whole families of siblings, with other lengths.
 
         What rides inside them, and so their tension, stays that of the whole tree.
         """
-        tree, place = self.tree, np.full(len(self.tree), -1)
-        place[branches] = np.arange(len(branches))
-        parent = tree.parent[branches]
-        cut = BranchTree(
-            parent=frozen_ints(np.where(parent < 0, -1, place[parent])),
-            level=frozen_ints(tree.level[branches]),
-            offset_rad=frozen_floats("offset_rad", tree.offset_rad[branches]),
-            length_mm=frozen_floats("length_mm", length_mm),
-        )
-        edges = np.searchsorted(branches, self.edges).tolist()
-        return replace(
-            self,
-            tree=cut,
-            turn=self.turn[branches],
-            edges=tuple(edges),
-            limit_kpa=self.limit_kpa[branches],
-            store_kpa=self.store_kpa[branches],
+        return Plan.of_parts(
+            self.tree.taken(branches, length_mm),
+            options,
+            self.limit_kpa[branches],
+            self.store_kpa[branches],
+            self.build,
         )
 
     @property
     def radius_mm(self) -> Floats:
-        """Radius of each branch's body, mm, shape (n,)."""
+        """Radius of each part's body, mm, shape (m,)."""
         return np.repeat(self.radii_mm, np.diff(self.edges))
 
     @property
     def without_pressure(self) -> "Plan":
         """The same plan where no pressure stops growth."""
-        return replace(self, limit_kpa=np.full(len(self), np.inf))
+        return replace(self, limit_kpa=np.full(len(self.tree), np.inf))
 
     def __len__(self) -> int:
-        return len(self.tree)
+        return len(self.parts)
 
     def arrays(self) -> TreesArrays:
-        """Return the tree as the engines take it."""
+        """Return the straight parts as the engines take them."""
+        parts = self.parts
         return TreesArrays(
-            parent=self.tree.parent,
+            parent=parts.parent,
             turn=self.turn,
-            length=self.tree.length_mm,
-            limit=self.limit_kpa,
-            store=self.store_kpa,
+            length=parts.length_mm,
+            limit=self.limit_kpa[parts.branch],
+            store=self.store_kpa[parts.branch],
             first=np.array([0, len(self)]),
         )
+
+    @property
+    def is_wider(self) -> list[bool]:
+        """Whether each span's bodies are wider than those that reached its base, the trunk is."""
+        if len(self.radii_mm) == 1:
+            return [self.radii_mm[0] > 0.0]
+        radius_mm, parent = self.radius_mm, self.parts.parent
+        grows = np.where(parent < 0, radius_mm > 0.0, radius_mm > radius_mm[parent])
+        wider: list[bool] = np.logical_or.reduceat(grows, self.edges[:-1]).tolist()
+        return wider
 
 
 class Spans(NamedTuple):
@@ -159,8 +184,36 @@ class Spans(NamedTuple):
             spans.until[row, : number[row]] = plan.edges[1:]
             spans.radius[row, : number[row]] = np.searchsorted(radii_mm, plan.radii_mm)
             # Only a body wider than the one that reached the place can lack room there.
-            spans.is_wider[row, : number[row]] = np.diff(plan.radii_mm, prepend=0.0) > 0.0
+            spans.is_wider[row, : number[row]] = plan.is_wider
         return spans
+
+
+class BranchParts(NamedTuple):
+    """The branches of all plans, and the straight parts that each is grown as.
+
+    Parameters
+    ----------
+    first
+        Where the branches of each tree begin, with the total at the end; shape (d + 1,).
+    part_first, part
+        The parts of branch k, numbered within their tree, from the base outward:
+        ``part[part_first[k]:part_first[k + 1]]``.
+    """
+
+    first: Ints
+    part_first: Ints
+    part: Ints
+
+    @classmethod
+    def of(cls, plans: Sequence[Plan]) -> "BranchParts":
+        """Return the branches of some plans."""
+        count = [np.bincount(plan.parts.branch, minlength=len(plan.tree)) for plan in plans]
+        part = [np.lexsort((np.arange(len(plan)), plan.parts.branch)) for plan in plans]
+        return cls(
+            first=np.cumsum([0, *(len(plan.tree) for plan in plans)]),
+            part_first=np.concatenate([[0], np.cumsum(np.concatenate(count))]),
+            part=np.concatenate(part),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -168,8 +221,9 @@ class Plans:
     """Several designs prepared for growth."""
 
     each: Sequence[Plan]  # the plans one by one
-    trees: TreesArrays  # their branches, one tree after the other
-    spans: Spans  # branches that grow on the same walls
+    trees: TreesArrays  # their straight parts, one tree after the other
+    spans: Spans  # parts that grow on the same walls
+    parts: BranchParts | None = None  # the branches of the parts; None where no branch has a bend
     _lengths: list[Floats] = field(default_factory=list)
 
     def __len__(self) -> int:
@@ -187,7 +241,7 @@ class Plans:
 
     @property
     def radius_mm(self) -> Floats:
-        """Radius of the body of each branch, in the order of the trees, mm."""
+        """Radius of the body of each part, in the order of the trees, mm."""
         spans = self.spans
         there = np.arange(spans.radius.shape[1]) < spans.number[:, None]
         count = np.diff(spans.until, axis=1, prepend=0)[there]
@@ -205,4 +259,12 @@ class Plans:
             each=tuple(plans),
             trees=TreesArrays.of([plan.arrays() for plan in plans]),
             spans=Spans.of(plans),
+            parts=BranchParts.of(plans) if any(p.parts is not p.tree for p in plans) else None,
         )
+
+    def emergence(self, share: float) -> Floats:
+        """Return the probability that each part comes out: certain behind a bend."""
+        if self.parts is None:
+            return np.full(len(self.trees.parent), share)
+        bent = np.concatenate([plan.parts.is_bent for plan in self.each])
+        return np.where(bent, 1.0, share)

@@ -65,6 +65,8 @@ def _path(way: str, joint: JointShape) -> Path:
 
 def _plain(joint: JointShape) -> dict[str, Any]:
     plain: dict[str, Any] = json.loads(json.dumps(asdict(joint)))
+    if not joint.is_bend:
+        del plain["is_bend"]
     return plain
 
 
@@ -208,7 +210,7 @@ def _by_table(way: str, joint: JointShape) -> FlatJoint | None:
         )
     )
     table = fan_table(count)
-    if off > _EVEN_WITHIN or table is None or file is None:
+    if joint.is_bend or off > _EVEN_WITHIN or table is None or file is None:
         return None
     place = (joint.widths[0], joint.fillets[0], joint.hoop_strain)
     compensated = way == "flat"

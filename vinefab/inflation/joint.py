@@ -32,6 +32,8 @@ from vinefab.outline.joint import (
     Pen,
     Point,
     Strip,
+    inner_bend,
+    outer_bends,
     placed,
     polar,
     solve_gap,
@@ -66,12 +68,15 @@ class JointShape:
         child, between children, from the last child to the trunk's left side.
     hoop_strain
         p W / (pi E t) of the trunk.
+    is_bend
+        Whether its only child is the trunk itself behind a preformed bend: an elbow.
     """
 
     angles_deg: tuple[float, ...]
     widths: tuple[float, ...]
     fillets: tuple[float, ...]
     hoop_strain: float = 0.01
+    is_bend: bool = False
 
     def __post_init__(self) -> None:
         count = len(self.angles_deg)
@@ -118,11 +123,11 @@ class JointShape:
     @property
     def mirrored(self) -> "JointShape":
         """The joint seen from below."""
-        return JointShape(
+        return replace(
+            self,
             angles_deg=tuple(-angle for angle in reversed(self.angles_deg)),
             widths=tuple(reversed(self.widths)),
             fillets=tuple(reversed(self.fillets)),
-            hoop_strain=self.hoop_strain,
         )
 
 
@@ -162,10 +167,13 @@ def joint_outline(
         replace(parent, angle_rad=math.pi),
     ]
     core = Core(radius_mm=half * max(1.0, *joint.widths))
-    gaps = [
-        solve_gap(one, two, core, fillet * _DRAWN_MM)
-        for (one, two), fillet in zip(pairwise(around), joint.fillets, strict=True)
-    ]
+    gaps = []
+    for (one, two), fillet in zip(pairwise(around), joint.fillets, strict=True):
+        is_inside = joint.is_bend and two.angle_rad - one.angle_rad < math.pi
+        gaps.append((inner_bend if is_inside else solve_gap)(one, two, core, fillet * _DRAWN_MM))
+    if joint.is_bend:
+        inner_mm = min(joint.fillets) * _DRAWN_MM
+        gaps = outer_bends(gaps, inner_mm + _DRAWN_MM)
     begins = [
         max(right.second_used_mm, left.first_used_mm) / _DRAWN_MM for right, left in pairwise(gaps)
     ]

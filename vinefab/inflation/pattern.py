@@ -6,10 +6,11 @@ in their fan and number of children, so that one short table for each of these n
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -32,11 +33,11 @@ from vinefab.inflation.compensation import (
 from vinefab.inflation.joint import JointShape
 from vinefab.inflation.mesh import tube_stretch
 from vinefab.inflation.table import CHILDREN, FILLET, RATIO, STRAIN, fan_table, flat_fan, scaled
-from vinefab.model.design import Build, Design, Trunk, UnevenLevel
+from vinefab.model.design import Build, Design
 from vinefab.model.files.run_context import ChosenRecipe
 from vinefab.model.laser import LaserProfile, Material, Standing
-from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
-from vinefab.outline.joint import joint_of
+from vinefab.outline.body_outline import DrawnTree
+from vinefab.outline.joint import JointPlan, joint_of
 from vinefab.physics.tube import hoop_strain
 
 LEAST_STRAIN = 0.002
@@ -51,17 +52,25 @@ ASSUMED_PRESSURE_KPA = 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PatternJoint:
-    """The joint that all branches of one level sprout from."""
+    """A kind of joint, or of preformed bend, and where it is."""
 
-    level: int  # of the children, 2 for those of the trunk
+    level: int  # of the children, 2 for those of the trunk; of a bend, that of its branch
     width_mm: float  # lay-flat width of the parent at the joint
-    count: int  # joints of this kind in the robot
+    child_widths_mm: tuple[float, ...]  # lay-flat width of each child at the joint
+    rows: tuple[int, ...]  # straight parts at whose ends it is, see `BranchTree.straight`
+    name: str  # for people: ``level 2``, or the branches at whose ends it is
+    is_bend: bool  # whether it is a preformed bend
     wanted_deg: tuple[float, ...]  # designed angle of each child
     # Angles that the joint is solved for: the designed ones, turned so that tips come near.
     aimed_deg: tuple[float, ...]
     found: FlatJoint | None  # as cut and as deployed (simulated); None where there is none
     problem: str = ""  # why it does not deploy as designed; empty where it does
     is_known: bool = True  # False: nothing but a simulation would tell, and none was asked for
+
+    @property
+    def count(self) -> int:
+        """Joints of this kind in the robot."""
+        return len(self.rows)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,12 +83,17 @@ class Pattern:
     design: Design
     flat: Design
     deployed: Design
-    joints: tuple[PatternJoint, ...]  # of each level from the second on
+    joints: tuple[PatternJoint, ...]  # each kind, in the order of the first part that ends there
     standing: str = "simulated, unverified"
 
     @property
+    def is_by_levels(self) -> bool:
+        """Whether all joints of a level are alike."""
+        return all(joint.name == f"level {joint.level}" for joint in self.joints)
+
+    @property
     def problems(self) -> tuple[str, ...]:
-        """Why levels do not deploy as designed, a sentence each."""
+        """Why joints do not deploy as designed, a sentence each."""
         return tuple(joint.problem for joint in self.joints if joint.problem)
 
 
@@ -165,9 +179,9 @@ def _gained(found: FlatJoint, gain: float) -> FlatJoint:
 def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = False) -> Pattern:
     """Return the flat tree that a design is cut as.
 
-    Every joint of a level is alike: each is solved once, whatever the number of branches. Angles
-    become those that deploy as designed, and lengths grow by the pull-back of the joint. A level
-    whose joint cannot be solved keeps its designed angles and has a problem.
+    Joints that are alike are solved once, whatever their number. Angles become those that deploy as
+    designed, and lengths grow by the pull-back of the joint. A joint that cannot be solved keeps
+    its designed angles and has a problem.
 
     Parameters
     ----------
@@ -178,36 +192,41 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
         Simulate nothing: look joints up in milliseconds, for views that follow a pointer. The
         table's values are good for a degree or two; nothing may be cut by them.
     """
-    material = profile.material
-    build, flat, deployed = design.build, list(design.levels), list(design.levels)
-    joints = []
+    material, build = profile.material, design.build
     compensated = build.compensation == "inflation"
-    parents = 1
-    for place, level in enumerate(each("joints", design.levels)):
-        width_mm = build.end_widths_mm[place]
-        lengths_mm = child_lengths_mm(level)
-        wanted = tuple(map(math.degrees, fan_offsets_rad(level).tolist()))
-        aimed, problem = wanted, ""
+    drawn = DrawnTree.of(design)
+    parts = drawn.tree
+    flat_rad, deployed_rad = parts.offset_rad.copy(), parts.offset_rad.copy()
+    stretch = np.array([stretch_of(design, material, width) for width in parts.width_mm.tolist()])
+    cut_mm = parts.length_mm / stretch if compensated else parts.length_mm.copy()
+    grown_mm = parts.length_mm.copy() if compensated else parts.length_mm * stretch
+    joints = []
+    for family in each("joints", joint_families(drawn)):
+        children = np.array([drawn.children[row] for row in family.rows])
+        wanted = tuple(math.degrees(one.angle_rad) for one in family.plan.children)
+        aimed, problem, is_known = wanted, "", True
         found: FlatJoint | None
-        is_known = True
         try:
-            aimed, found = _level_joint(
-                design, material, place, compensated=compensated, known_only=known_only
+            aimed, found = _solved_joint(
+                family, build, material, compensated=compensated, known_only=known_only
             )
         except UnreachableJointError as error:
             is_known = not isinstance(error, UnknownJointError)
             aimed, found = error.wanted.angles_deg, error.nearest
-            problem = f"level {place + 2}: {error}"
+            problem = f"{family.name}: {error}"
         except VinefabError as error:
-            found, problem = None, f"level {place + 2}: {error}"
+            found, problem = None, f"{family.name}: {error}"
         if found and any(one >= two for one, two in pairwise(found.deployed_deg)):
             # Siblings would pass through each other: nothing that could be drawn.
             found = None
         joints.append(
             PatternJoint(
-                level=place + 2,
-                width_mm=width_mm,
-                count=parents,
+                level=family.level,
+                width_mm=2.0 * family.plan.parent.half_mm,
+                child_widths_mm=tuple(2.0 * one.half_mm for one in family.plan.children),
+                rows=family.rows,
+                name=family.name,
+                is_bend=family.plan.is_bend,
                 wanted_deg=wanted,
                 aimed_deg=aimed,
                 found=found,
@@ -216,33 +235,88 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
             )
         )
         if found is not None:
-            backs_mm = width_mm * np.array(found.pull_backs)
-            stretch = stretch_of(design, material, build.widths_mm[place + 1])
-            reached_mm = lengths_mm if compensated else lengths_mm * stretch - backs_mm
+            backs_mm = 2.0 * family.plan.parent.half_mm * np.array(found.pull_backs)
+            planned_mm, longer = parts.length_mm[children], stretch[children]
+            deployed_rad[children] = np.radians(found.deployed_deg)
             if compensated:
-                cut_mm = (lengths_mm + backs_mm) / stretch
-                flat[place] = UnevenLevel.of_children(found.flat.angles_deg, cut_mm.tolist())
-            deployed[place] = UnevenLevel.of_children(found.deployed_deg, reached_mm.tolist())
-        parents *= level.branches
-    stretch = stretch_of(design, material, build.widths_mm[0])
-    trunk_mm = design.trunk_length_mm
-    cut_trunk_mm = trunk_mm / stretch if compensated else trunk_mm
-    grown_trunk_mm = trunk_mm if compensated else trunk_mm * stretch
+                flat_rad[children] = np.radians(found.flat.angles_deg)
+                cut_mm[children] = (planned_mm + backs_mm) / longer
+            else:
+                grown_mm[children] = planned_mm * longer - backs_mm
+    tree = design.tree
     return Pattern(
         design=design,
-        flat=design.changed(
-            trunk=Trunk(length_mm=cut_trunk_mm),
-            levels=tuple(flat),
-            build=build.changed(compensation="none"),
+        flat=design.shaped(
+            tree.of_parts(parts, flat_rad, cut_mm), build.changed(compensation="none")
         ),
-        deployed=design.changed(
-            trunk=Trunk(length_mm=grown_trunk_mm),
-            levels=tuple(deployed),
-            build=build.changed(compensation="inflation"),
+        deployed=design.shaped(
+            tree.of_parts(parts, deployed_rad, grown_mm), build.changed(compensation="inflation")
         ),
         joints=tuple(joints),
         standing=standing_of(material),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointFamily:
+    """Joints that are alike, and so cut and deployed alike."""
+
+    plan: JointPlan  # of the first of them
+    rows: tuple[int, ...]  # straight parts at whose ends they are, rising
+    level: int  # of the children; of a bend, that of its branch
+    away_mm: tuple[float, ...]  # mean way from the joint to the tips behind it, through each child
+    name: str  # ``level 2`` where all joints of the level are alike, else branches
+
+
+def joint_families(drawn: DrawnTree) -> list[JointFamily]:
+    """Return the joints and bends of a tree by their kinds, in the order of the first of each.
+
+    Tapers of the parents' own sides make no difference.
+    """
+    tree = drawn.tree
+    away_mm = [0.0] * len(tree)
+    length_mm, level = tree.length_mm.tolist(), tree.level.tolist()
+    for row in range(len(tree) - 1, -1, -1):
+        if below := drawn.children[row]:
+            away_mm[row] = math.fsum(length_mm[one] + away_mm[one] for one in below) / len(below)
+
+    def ways_mm(row: int) -> tuple[float, ...]:
+        return tuple(length_mm[one] + away_mm[one] for one in drawn.children[row])
+
+    alike: dict[tuple[Any, ...], tuple[JointPlan, list[int]]] = {}
+    for plan, rows in drawn.joints():
+        for row in rows:
+            key = level[row], plan.parent.half_mm, plan.children, plan.is_bend, ways_mm(row)
+            alike.setdefault(key, (plan, []))[1].append(row)
+    ids, found = tree.ids, []
+    forks = {row for row, below in enumerate(drawn.children) if below}
+    forks -= {row for plan, rows in alike.values() if plan.is_bend for row in rows}
+    for plan, rows in sorted(alike.values(), key=lambda one: min(one[1])):
+        rows.sort()
+        own = level[rows[0]]
+        if plan.is_bend:
+            words = "bend at the end of" if len(rows) == 1 else "bends at the ends of"
+            name = f"{words} {_some(ids, rows)}"
+        elif len(rows) == sum(level[row] == own for row in forks):
+            name = f"level {own + 1}"
+        else:
+            name = f"joint{'' if len(rows) == 1 else 's'} at the end of {_some(ids, rows)}"
+        found.append(
+            JointFamily(
+                plan=plan,
+                rows=tuple(rows),
+                level=own if plan.is_bend else own + 1,
+                away_mm=ways_mm(rows[0]),
+                name=name,
+            )
+        )
+    return found
+
+
+def _some(ids: tuple[str, ...], rows: list[int]) -> str:
+    """Return the names of some branches, three at most."""
+    more = f" and {len(rows) - 3} more" if len(rows) > 3 else ""
+    return f"{', '.join(ids[row] for row in rows[:3])}{more}"
 
 
 def as_grown(
@@ -255,15 +329,15 @@ def as_grown(
     profile
         Of its film; that of the design's run, or the default, if None.
     known_only
-        Simulate nothing, as `pattern_of`: levels that are not known keep their designed angles.
+        Simulate nothing, as `pattern_of`: joints that are not known keep their designed angles.
     """
     if design.build.compensation != "none":
         return design
     profile = profile or ChosenRecipe.of(design).profile
     found = pattern_of(design, profile, known_only=known_only)
-    for level, joint in zip(found.deployed.levels, found.joints, strict=True):
-        if not known_only and not isinstance(level, UnevenLevel):
-            why = joint.problem or f"level {joint.level}: siblings deploy through each other"
+    for joint in found.joints:
+        if not known_only and joint.found is None:
+            why = joint.problem or f"{joint.name}: siblings deploy through each other"
             note(f"{why}: grown at its designed angles (compensation none)")
     return found.deployed
 
@@ -281,48 +355,52 @@ def standing_of(material: Material) -> str:
     return f"simulated; {', '.join(known)}"
 
 
-def _level_joint(
-    design: Design, material: Material, place: int, *, compensated: bool, known_only: bool
+def _solved_joint(
+    family: JointFamily, build: Build, material: Material, *, compensated: bool, known_only: bool
 ) -> tuple[tuple[float, ...], FlatJoint]:
-    """Return the angles that the joint of one level is solved for, and the joint.
+    """Return the angles that a joint is solved for, and the joint.
 
     Fillets are those that its flat angles leave room for.
     """
-    build, level = design.build, design.levels[place]
+    plan = family.plan
     gain = 1.0 if material.closing_gain is None else material.closing_gain.value
-    width_mm = build.end_widths_mm[place]
-    wanted_deg = tuple(round(math.degrees(one), 3) for one in fan_offsets_rad(level).tolist())
-    levels = list(design.levels)
-    # Children stand off their designed axes: turned a little, their tips come nearer.
-    away_mm = sum(float(child_lengths_mm(below).mean()) for below in design.levels[place:])
-    turn_deg, fillets = 0.0, tuple[float, ...]()
+    width_mm = 2.0 * plan.parent.half_mm
+    wanted_deg = tuple(round(math.degrees(one.angle_rad), 3) for one in plan.children)
+    # Children stand off their designed axes: turned a little, their tips come nearer. An even fan
+    # is turned as a whole.
+    is_fan = all(abs(a + b) < 1e-9 for a, b in zip(wanted_deg, wanted_deg[::-1], strict=True))
+    designed_deg = np.array(wanted_deg)
+    most_deg = np.minimum(_MOST_TURN_DEG, np.abs(designed_deg) / 5.0)
+    turn_deg, fillets, flat = np.zeros(len(wanted_deg)), tuple[float, ...](), plan
     if compensated:
         # Crotches are wider flat than deployed: narrow fans have room for fillets there only.
-        levels[place] = UnevenLevel.of_children(
-            likely_flat_deg(np.array(wanted_deg)).tolist(), child_lengths_mm(level).tolist()
-        )
+        flat = plan.turned(likely_flat_deg(np.array(wanted_deg)).tolist())
     for step in range(4):
-        drawn = joint_of(design.changed(levels=tuple(levels)), place + 1, 0.0)
+        drawn = joint_of(flat, 0.0)
         before, fillets = fillets, tuple(round(gap.radius_mm / width_mm, 3) for gap in drawn.gaps)
         same = before and max(abs(a - b) for a, b in zip(before, fillets, strict=True)) <= 0.01
         if same and step > 1:
             break
-        share = 1.0 - turn_deg / wanted_deg[-1] if wanted_deg[-1] else 1.0
+        aimed_deg = designed_deg - turn_deg
+        if is_fan:
+            share = 1.0 - turn_deg[-1] / wanted_deg[-1] if wanted_deg[-1] else 1.0
+            aimed_deg = share * designed_deg
         wanted = JointShape(
-            angles_deg=tuple(round(share * angle, 3) for angle in wanted_deg),
-            widths=(round(build.widths_mm[place + 1] / width_mm, 4),) * level.branches,
+            angles_deg=tuple(round(angle, 3) for angle in aimed_deg.tolist()),
+            widths=tuple(round(2.0 * one.half_mm / width_mm, 4) for one in plan.children),
             fillets=fillets,
-            hoop_strain=strain_of(design, material, width_mm),
+            hoop_strain=strain_at(build, material, width_mm),
+            is_bend=plan.is_bend,
         )
         found = _joint(wanted, compensated, gain, known_only)
         if not compensated:
             break
-        turn_deg = math.degrees(found.side_offsets[-1] * width_mm / away_mm)
-        most_deg = min(_MOST_TURN_DEG, abs(wanted_deg[-1]) / 5.0)
-        turn_deg = min(max(turn_deg, -most_deg), most_deg)
-        levels[place] = UnevenLevel.of_children(
-            found.flat.angles_deg, child_lengths_mm(level).tolist()
-        )
+        away_mm = np.array(family.away_mm)
+        if is_fan:
+            away_mm = np.full(len(away_mm), math.fsum(family.away_mm) / len(away_mm))
+        turn_deg = np.degrees(np.array(found.side_offsets) * width_mm / away_mm)
+        turn_deg = np.clip(turn_deg, -most_deg, most_deg)
+        flat = plan.turned(found.flat.angles_deg)
     return wanted.angles_deg, found
 
 
@@ -339,8 +417,8 @@ def pattern_blocks(
     Parameters
     ----------
     in_robot_deg
-        Mean angle of each child within the whole robot, by the level of the children, if that was
-        simulated.
+        Mean angle of each child within the whole robot, by the joint's place among those of the
+        pattern, if that was simulated.
     """
     yield pattern_table(pattern, in_robot_deg)
     yield joint_table(pattern)
@@ -355,57 +433,64 @@ def pattern_table(pattern: Pattern, in_robot_deg: dict[int, Floats] | None = Non
     in_robot_deg
         As of `pattern_blocks`.
     """
-    trees = (pattern.design, pattern.flat, pattern.deployed)
+    trees = [one.tree.straight for one in (pattern.design, pattern.flat, pattern.deployed)]
     whole, means_deg = in_robot_deg is not None, in_robot_deg or {}
-    trunks = [_SHOWN(tree.trunk_length_mm) for tree in trees]
-    rows: list[tuple[Value, ...]] = [
-        (1, 1, *(_NOTHING,) * 3, *((_NOTHING,) if whole else ()), *trunks, _NOTHING)
-    ]
+    by_level = pattern.is_by_levels
+    ids = trees[0].ids
+    rows = list[tuple[Value, ...]]()
+
+    def row(branch: int, level: int, child: int, values: Iterable[Value]) -> None:
+        rows.append((*(() if by_level else (ids[branch],)), level, child, *values))
+
+    trunks = [_SHOWN(float(tree.length_mm[0])) for tree in trees]
+    row(0, 1, 1, (*(_NOTHING,) * 3, *((_NOTHING,) if whole else ()), *trunks, _NOTHING))
     for place, joint in enumerate(pattern.joints):
         if (found := joint.found) is None:
             continue
         angles = zip(joint.wanted_deg, found.flat.angles_deg, found.deployed_deg, strict=True)
-        lengths = zip(*(child_lengths_mm(tree.levels[place]) for tree in trees), strict=True)
-        for child, (degrees, sizes_mm) in enumerate(zip(angles, lengths, strict=True)):
-            here = (_SHOWN(float(means_deg[joint.level][child])),) if whole else ()
+        children = np.flatnonzero(trees[0].parent == joint.rows[0])
+        for child, (degrees, branch) in enumerate(zip(angles, children.tolist(), strict=True)):
+            here = (_SHOWN(float(means_deg[place][child])),) if whole else ()
             aside = _SHOWN(joint.width_mm * found.side_offsets[child])
-            rows.append(
-                (joint.level, child + 1, *map(_SHOWN, degrees), *here,
-                 *(_SHOWN(float(one)) for one in sizes_mm), aside)
-            )  # fmt: skip
+            sizes = (_SHOWN(float(tree.length_mm[branch])) for tree in trees)
+            row(branch, joint.level, child + 1, (*map(_SHOWN, degrees), *here, *sizes, aside))
     within = "of the joint alone, and the mean within the whole robot" if whole else "of the joint"
+    of = "Branches of each level" if by_level else "Branches, the first of each kind"
     return Rows(
-        caption="Branches of each level: angles to the parent in deg (positive: left), lengths in "
+        caption=f"{of}: angles to the parent in deg (positive: left), lengths in "
         f"mm; as designed, as cut, as expected {within} ({pattern.standing}; triangles are good "
         "for 0.6 deg)",
-        headings=("level", "child", "angle designed", "cut", "expected",
-                  *(("in the robot",) if whole else ()),
+        headings=(*(() if by_level else ("branch",)), "level", "child", "angle designed", "cut",
+                  "expected", *(("in the robot",) if whole else ()),
                   "length designed", "cut", "expected", "aside"),
         rows=tuple(rows),
         key="branches",
-        keys=("level", "child", "designed_deg", "cut_deg", "expected_deg",
-              *(("in_robot_deg",) if whole else ()),
+        keys=(*(() if by_level else ("branch",)), "level", "child", "designed_deg", "cut_deg",
+              "expected_deg", *(("in_robot_deg",) if whole else ()),
               "designed_mm", "cut_mm", "expected_mm", "aside_mm"),
     )  # fmt: skip
 
 
 def joint_table(pattern: Pattern) -> Rows:
     """Return sensitivity, load and passage of each kind of joint."""
+    by_level = pattern.is_by_levels
     return Rows(
         caption="Joints: change of the deployed angle over that of the flat one, load that "
         "opens the weld in a crotch over that of the trunk's straight seam, largest ball that "
         "passes into a child over the child's tube (simulated)",
-        headings=("children on level", "joints", "parent mm", "sensitivity", "crotch load",
-                  "passage"),
+        headings=(*(() if by_level else ("joint",)), "children on level", "joints", "parent mm",
+                  "sensitivity", "crotch load", "passage"),
         rows=tuple(
-            (joint.level, joint.count, Number(joint.width_mm, form=".1f"),
+            (*(() if by_level else (joint.name,)), joint.level, joint.count,
+             Number(joint.width_mm, form=".1f"),
              _PLAIN(joint.found.sensitivity), _PLAIN(joint.found.crotch_load),
              _PLAIN(joint.found.passage))
             for joint in pattern.joints
             if joint.found is not None
         ),
         key="joints",
-        keys=("level", "count", "parent_mm", "sensitivity", "crotch_load", "passage"),
+        keys=(*(() if by_level else ("joint",)), "level", "count", "parent_mm", "sensitivity",
+              "crotch_load", "passage"),
     )  # fmt: skip
 
 
@@ -508,17 +593,28 @@ def fan_law(children: int, ratio: float, fillet: float, strain: float, gain: flo
     return law
 
 
-def level_law(build: Build, material: Material, place: int, children: int) -> FanLaw:
-    """Return the law of the joints below a level, the trunk's at place 0.
+def joint_law(
+    build: Build,
+    material: Material,
+    widths_mm: tuple[float, float],
+    fillet_mm: float,
+    children: int,
+) -> FanLaw:
+    """Return the law of joints with an even fan of equal children.
 
     Joints that differ by a hundredth of the parent's width at most are one: angles change by a
     tenth of a degree.
+
+    Parameters
+    ----------
+    widths_mm
+        Lay-flat width of the parent where it ends, and of a child where it begins.
     """
-    width_mm = build.end_widths_mm[place]
+    width_mm, child_mm = widths_mm
     return fan_law(
         children,
-        round(build.widths_mm[place + 1] / width_mm, 2),
-        round(build.fillet_mm[place] / width_mm, 2),
+        round(child_mm / width_mm, 2),
+        round(fillet_mm / width_mm, 2),
         strain_at(build, material, width_mm),
         1.0 if material.closing_gain is None else material.closing_gain.value,
     )
@@ -529,7 +625,7 @@ class QuickPattern:
     """The flat tree of a design by the law alone."""
 
     flat: Design
-    passages: tuple[float, ...]  # of the joints below each level, the trunk's first
+    passages: tuple[float, ...]  # of the joints of each kind, in the order of their first parts
     # By how much deployed fans are narrower than any simulated one, relative to that; summed.
     beyond: float
 
@@ -538,44 +634,55 @@ def quick_pattern(design: Design, material: Material) -> QuickPattern:
     """Return about the flat tree that a design is cut as; the design itself without compensation.
 
     Angles are within a few degrees of those of `vinefab.inflation.pattern.pattern_of`. Only even
-    fans of at most `MOST_CHILDREN` children are compensated.
+    fans of at most `MOST_CHILDREN` equally wide children are compensated; other joints and bends
+    keep their designed angles.
     """
-    build = design.build
-    levels, passages, beyond = list(design.levels), list[float](), 0.0
-    means_mm = [float(child_lengths_mm(level).mean()) for level in design.levels]
-    for place, level in enumerate(design.levels):
-        if isinstance(level, UnevenLevel) or level.branches > MOST_CHILDREN:
+    build, drawn = design.build, DrawnTree.of(design)
+    parts, passages, beyond = drawn.tree, list[float](), 0.0
+    stretch = np.array([stretch_at(build, material, width) for width in parts.width_mm.tolist()])
+    offset_rad, length_mm = parts.offset_rad.copy(), parts.length_mm.copy()
+    length_mm[0] /= stretch[0]
+    for family in joint_families(drawn):
+        plan, children = family.plan, np.array([drawn.children[row] for row in family.rows])
+        fan_rad = _even_fan_rad(plan)
+        if fan_rad is None or len(plan.children) > MOST_CHILDREN:
             passages.append(1.0)
             continue
-        law = level_law(build, material, place, level.branches)
-        fan_rad = level.fan_rad if level.branches > 1 else 0.0
+        width_mm, child = 2.0 * plan.parent.half_mm, plan.children[0]
+        widths_mm = width_mm, 2.0 * child.half_mm
+        law = joint_law(build, material, widths_mm, child.fillet_mm, len(plan.children))
         if build.compensation == "none":
             passages.append(float(_at(law.passages_as_drawn, fan_rad)[0]))
             continue
-        width_mm = build.end_widths_mm[place]
         if fan_rad < law.least_rad:
             beyond += (law.least_rad - fan_rad) / law.least_rad
         # Children stand off their designed axes: turned a little, their tips come nearer.
         offset_mm = width_mm * float(_at(law.side_offsets, fan_rad))
         most_rad = min(MOST_TURN_RAD, fan_rad / 10.0)
-        turn_rad = min(max(offset_mm / math.fsum(means_mm[place:]), -most_rad), most_rad)
+        away_mm = math.fsum(family.away_mm) / len(family.away_mm)
+        turn_rad = min(max(offset_mm / away_mm, -most_rad), most_rad)
         fan_rad -= 2.0 * turn_rad
-        stretch = stretch_at(build, material, build.widths_mm[place + 1])
         backs_mm = width_mm * _at(law.pull_backs, fan_rad)
-        planned_mm = child_lengths_mm(level)
-        lengths_mm = np.maximum(planned_mm + backs_mm, LEAST_LENGTH * planned_mm) / stretch
-        angles_deg = np.degrees(_at(law.angles_rad, fan_rad))
-        levels[place] = UnevenLevel.of_children(angles_deg.tolist(), lengths_mm.tolist())
+        planned_mm = parts.length_mm[children]
+        cut_mm = np.maximum(planned_mm + backs_mm, LEAST_LENGTH * planned_mm)
+        length_mm[children] = cut_mm / stretch[children]
+        offset_rad[children] = _at(law.angles_rad, fan_rad)
         passages.append(float(_at(law.passages, fan_rad)))
     if build.compensation == "none":
         return QuickPattern(flat=design, passages=tuple(passages), beyond=0.0)
-    trunk_mm = design.trunk_length_mm / stretch_at(build, material, build.widths_mm[0])
-    flat = design.changed(
-        trunk=Trunk(length_mm=trunk_mm),
-        levels=tuple(levels),
-        build=build.changed(compensation="none"),
-    )
+    tree = design.tree.of_parts(parts, offset_rad, length_mm)
+    flat = design.shaped(tree, build.changed(compensation="none"))
     return QuickPattern(flat=flat, passages=tuple(passages), beyond=beyond)
+
+
+def _even_fan_rad(plan: JointPlan) -> float | None:
+    """Return the fan of a joint whose children are alike and evenly apart; None of any other."""
+    angles = np.array([one.angle_rad for one in plan.children])
+    even = np.linspace(-0.5, 0.5, len(angles)) if len(angles) > 1 else np.zeros(1)
+    fan_rad = float(angles[-1] - angles[0])
+    alike = len({(one.half_mm, one.fillet_mm) for one in plan.children}) == 1
+    is_even = alike and not plan.is_bend and bool(np.abs(angles - fan_rad * even).max() < 1e-9)
+    return fan_rad if is_even else None
 
 
 def _at(rows: Floats, fan_rad: float) -> Floats:

@@ -16,15 +16,11 @@ from vinefab.core.validation import Floats
 from vinefab.inflation.joint import JointShape, axis_of
 from vinefab.inflation.membrane import Equilibrium
 from vinefab.inflation.mesh import Sheet, StraightSide, sheet_of
+from vinefab.inflation.pattern import joint_families
 from vinefab.model.design import Design
 from vinefab.model.outline import Contour, Part, Segment
-from vinefab.model.tree import fan_offsets_rad
-from vinefab.outline.body_outline import (
-    FlatLayout,
-    body_outline,
-    flat_layout,
-    outline_parts,
-)
+from vinefab.outline.body_outline import DrawnTree, FlatLayout, body_outline, flat_layout
+from vinefab.outline.joint import joint_of
 
 _FINE_MM = 0.05  # arcs become chords that lie this close to them
 
@@ -177,7 +173,7 @@ def _apart_words(layout: FlatLayout, found: tuple[Crossing, ...]) -> str:
 
 
 def joints_of(design: Design, *, hoop_strain: float = 0.01) -> tuple[JointShape, ...]:
-    """Return the joints of a design, one for each level that has children, the trunk's first.
+    """Return each kind of joint and bend of a design, in the order of the first part of each.
 
     Fillets are those that the outline has, capped where angles are narrow. Branches count as even:
     a taper gives the widths at the joint alone.
@@ -187,18 +183,19 @@ def joints_of(design: Design, *, hoop_strain: float = 0.01) -> tuple[JointShape,
     hoop_strain
         p W / (pi E t) of the trunk. That of a joint is smaller by its parent's width.
     """
-    build, joints = design.build, []
-    for level, kinds in enumerate(outline_parts(design, 0.0).joints):
-        parent, children = build.end_widths_mm[level], design.levels[level].branches
-        joints.append(
+    trunk_mm, found = design.build.widths_mm[0], []
+    for family in joint_families(DrawnTree.of(design)):
+        plan, parent_mm = family.plan, 2.0 * family.plan.parent.half_mm
+        found.append(
             JointShape(
-                angles_deg=tuple(np.degrees(fan_offsets_rad(design.levels[level])).tolist()),
-                widths=(build.widths_mm[level + 1] / parent,) * children,
-                fillets=tuple(gap.radius_mm / parent for gap in kinds[0].gaps),
-                hoop_strain=hoop_strain * parent / build.widths_mm[0],
+                angles_deg=tuple(math.degrees(one.angle_rad) for one in plan.children),
+                widths=tuple(2.0 * one.half_mm / parent_mm for one in plan.children),
+                fillets=tuple(gap.radius_mm / parent_mm for gap in joint_of(plan, 0.0).gaps),
+                hoop_strain=hoop_strain * parent_mm / trunk_mm,
+                is_bend=plan.is_bend,
             )
         )
-    return tuple(joints)
+    return tuple(found)
 
 
 def inflated_pattern(

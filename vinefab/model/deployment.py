@@ -64,6 +64,8 @@ class Deployment:
         Grown length of each branch, the length of its chain, shape (n,).
     contact_turn_rad
         Sum of absolute turns at contacts and at the base hinge, shape (n,).
+    bend_points
+        Indices of the chain points that are preformed bends, rising, shape (b,).
     design, world, growth
         What `Design.grow` grew, where, and the growth model's choices by name (plain values, angles
         in degrees); None and empty in a deployment that is one of a batch.
@@ -76,6 +78,7 @@ class Deployment:
     stop: Ints
     grown_mm: Floats
     contact_turn_rad: Floats
+    bend_points: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     design: Design | None = None
     world: Map | None = None
     growth: Mapping[str, object] = field(default_factory=dict)
@@ -103,7 +106,13 @@ class Deployment:
 
     def contacts_mm(self, branch: int) -> Floats:
         """Return the obstacle vertices that one branch is wrapped around, shape (k, 2)."""
-        return self.chain_mm(branch)[1:-1]
+        inside = np.arange(self.first_point[branch] + 1, self.first_point[branch + 1] - 1)
+        return self.points_mm[inside[~np.isin(inside, self.bend_points)]]
+
+    def bends_mm(self, branch: int) -> Floats:
+        """Return the preformed bends of one branch that it has grown beyond, shape (k, 2)."""
+        one, two = np.searchsorted(self.bend_points, self.first_point[branch : branch + 2])
+        return self.points_mm[self.bend_points[one:two]]
 
     @property
     def deployed(self) -> NDArray[np.bool_]:
@@ -239,6 +248,7 @@ def branches_content(deployment: Deployment) -> list[dict[str, object]]:
             "contact_turn_deg": deg(float(deployment.contact_turn_rad[index])),
             "joint_deg": deg(float(tree.offset_rad[index])),
             "contacts_mm": deployment.contacts_mm(index).tolist(),
+            **({"bends_mm": bent} if (bent := deployment.bends_mm(index).tolist()) else {}),
         }
         for index, name in enumerate(ids)
     ]

@@ -1,4 +1,6 @@
-"""Designs of branching vine robots: a tree of levels and how it is built.
+"""Designs of branching vine robots: a tree of branches and how it is built.
+
+The tree is written by levels, all branches of one alike, or branch by branch.
 
 Each table of a design file is one class: noun, file form and the studio's form at once.
 """
@@ -8,6 +10,7 @@ import re
 import reprlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
@@ -15,11 +18,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
 
 import tomli_w
 from annotated_types import Interval, Unit
-from pydantic import Field, model_validator
+from pydantic import Field, InstanceOf, model_validator
+from pydantic.json_schema import SkipJsonSchema
 from typing_extensions import Doc
 
 from vinefab.core.atomic import write_text
-from vinefab.core.errors import BadInputError, inside, located
+from vinefab.core.errors import BadInputError, UnknownNameError, inside, located, nearest
 from vinefab.core.front_door import ABOVE
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import file_number, rad
@@ -28,6 +32,7 @@ from vinefab.core.table import DeclaredKey, Slider, Table, validated
 from vinefab.core.validation import LARGEST_MM, SMALLEST, check_plain, number, whole
 from vinefab.model.files.shipped import locate, path_given
 from vinefab.model.files.toml import read_toml, table_content
+from vinefab.model.tree import Bend, BranchTree, tree_of_branches, tree_of_levels
 
 if TYPE_CHECKING:
     from vinefab.model.deployment import Deployment
@@ -73,10 +78,39 @@ class PerLevel:
     absent: float | None = None
 
 
+MOST_WRITTEN = 1000
+"""Branches that a file may give one by one."""
+
+MOST_BENDS = 1000
+"""Of one branch; elbows take more room than that in any."""
+
+TRUNK = "trunk"
+"""Name of the trunk among branches."""
+
 LengthMm = Annotated[float, Interval(ge=SMALLEST, le=LARGEST_MM), Unit("mm")]
 WidthMm = Annotated[float, Interval(ge=SMALLEST, le=WIDEST_BODY_MM), Unit("mm")]
 RadiusMm = Annotated[float, Interval(ge=0, le=LARGEST_MM), Unit("mm")]
 Taper = Annotated[float, Interval(ge=0.01, le=1), Unit("×")]  # noqa: RUF001  the sign of multiplication
+
+
+Bends = Annotated[
+    tuple[
+        Annotated[
+            tuple[
+                Annotated[float, Interval(gt=0, le=LARGEST_MM)],
+                Annotated[float, Interval(ge=-175, le=175)],
+            ],
+            Field(strict=False),
+        ],
+        ...,
+    ]
+    | None,
+    Field(strict=False),
+    Doc(
+        "preformed turns, `[mm from the base, degrees counter-clockwise]` each: the tube is cut "
+        "with them"
+    ),
+]
 
 
 def _share(percent: float) -> float:
@@ -99,6 +133,7 @@ class Trunk(Table):
         Slider(10, 500),
         Doc("of the trunk, times scale_mm_per_unit"),
     ]
+    bends: Bends = None
 
 
 class Level(Table):
@@ -132,6 +167,7 @@ class Level(Table):
         Slider(20, 300),
         Doc("last child's length over the first's (LGF)"),
     ] = 100.0
+    bends: Bends = None
 
     @model_validator(mode="before")
     @classmethod
@@ -196,40 +232,6 @@ class Level(Table):
         )
 
 
-class UnevenLevel(Level):
-    """A level whose children have angles and lengths one by one: of a pattern, or as deployed.
-
-    Files have no such levels. ``length_mm`` is that of the first child.
-    """
-
-    angles_deg: Annotated[
-        tuple[float, ...], Unit("deg"), Doc("of each child to its parent, counter-clockwise")
-    ]
-    lengths_mm: Annotated[tuple[LengthMm, ...], Unit("mm"), Doc("of each child")]
-
-    @classmethod
-    def of_children(cls, angles_deg: Sequence[float], lengths_mm: Sequence[float]) -> Self:
-        """Return the level of such children, clockwise-most first.
-
-        Raises
-        ------
-        BadInputError
-            If an angle is not above the one before, or a value is out of range.
-        """
-        angles = tuple(float(angle) for angle in angles_deg)
-        lengths = tuple(float(length) for length in lengths_mm)
-        if any(one >= two for one, two in pairwise(angles)):
-            raise BadInputError("angles_deg", list(angles), "each above the one before")
-        return cls(
-            branches=len(angles),
-            length_mm=lengths[0],
-            angle_deg=angles[-1] - angles[0],
-            growth_percent=100.0 * lengths[-1] / lengths[0],
-            angles_deg=angles,
-            lengths_mm=lengths,
-        )
-
-
 class Pouch(Table):
     """The wider pocket at every leaf tip that jams in a gap (flat sizes, before inflation)."""
 
@@ -261,6 +263,49 @@ class Pouch(Table):
         if self.shape == "round":
             return 2.0 * (self.radius_mm or 0.0)
         return self.width_mm or 0.0
+
+
+class Branch(Table):
+    """One branch of a robot that is written branch by branch."""
+
+    name: Annotated[str, Doc("unique: letters, digits, `-` and `_`")]
+    of: Annotated[str, Doc("name of its parent")] = TRUNK
+    angle_deg: Annotated[
+        float,
+        Interval(ge=-360, le=360),
+        Unit("deg"),
+        Slider(-180, 180),
+        Doc("from the parent's heading at its end, counter-clockwise positive"),
+    ] = 0.0
+    length_mm: Annotated[
+        LengthMm,
+        Field(alias="length", title="Length"),
+        Slider(10, 400),
+        Doc("of the branch, times scale_mm_per_unit"),
+    ]
+    bends: Bends = None
+    width_mm: Annotated[
+        WidthMm | None, Doc("lay-flat lumen width at its base; left out: that of its level")
+    ] = None
+    taper: Annotated[
+        Taper | None, Doc("width at its end over that at its base; left out: that of its level")
+    ] = None
+    fillet_mm: Annotated[
+        RadiusMm | None, Doc("radius in the joint at its base; left out: that of its level")
+    ] = None
+    pouch: Annotated[
+        bool | Pouch | None,
+        Doc("at its tip, where it has no children: false for none; left out: that of the build"),
+    ] = None
+
+    @model_validator(mode="after")
+    def _is_named(self) -> Self:
+        if not _BRANCH_NAME.fullmatch(self.name) or len(self.name) > 100:
+            raise BadInputError("name", self.name, "at most 100 letters, digits, '-' and '_'")
+        return self
+
+
+_BRANCH_NAME = re.compile(r"[A-Za-z0-9_-]+")
 
 
 class Collar(Table):
@@ -542,6 +587,11 @@ class Design(Table):
         Field(alias="level", strict=False),
         Doc("one per level after the trunk; none: a plain vine"),
     ] = ()
+    branches: Annotated[
+        tuple[Branch, ...] | None,
+        Field(alias="branch", strict=False),
+        Doc("every branch after the trunk, in any order; in place of levels"),
+    ] = None
     build: Annotated[Build, Doc("how it is made")] = Build()
     waivers: Annotated[
         tuple[Waiver, ...], Field(alias="waive", strict=False), Doc("findings that are accepted")
@@ -563,6 +613,8 @@ class Design(Table):
     ] = Field(default_factory=dict)
     # Of the file that it was read from, in which its origin names files; it makes no difference.
     folder: Annotated[Path | None, Field(exclude=True)] = None
+    # Its tree as cut, or as deployed, in place of the one that its levels or branches give.
+    shape: Annotated[SkipJsonSchema[InstanceOf[BranchTree] | None], Field(exclude=True)] = None
 
     @classmethod
     def python_keys(cls) -> Iterator[DeclaredKey]:
@@ -594,9 +646,11 @@ class Design(Table):
             raise BadInputError("name", self.name, "letters, digits, '_', '-' and '.'")
         if self.name.startswith(".") or len(self.name) > 100:
             raise BadInputError("name", self.name, "at most 100 characters, not starting with '.'")
+        if self.branches is not None:
+            self._check_branches(self.branches)
         if self.depth > MOST_LEVELS:
-            given = counted(len(self.levels), "level")
-            raise BadInputError("level", given, f"at most {MOST_LEVELS - 1}")
+            given = counted(self.depth - 1, "level")
+            raise BadInputError("level", given, f"at most {MOST_LEVELS - 1} below the trunk")
         if (branches := self.branch_count) > MOST_BRANCHES:
             given = counted(branches, "branch")
             raise BadInputError("level", given, f"at most {MOST_BRANCHES} in all")
@@ -605,54 +659,213 @@ class Design(Table):
             settled["trunk"] = _scaled(self.trunk, scale, "trunk")
             numbered = enumerate(self.levels, start=1)
             settled["levels"] = tuple(_scaled(one, scale, f"level[{n}]") for n, one in numbered)
+            if self.branches is not None:
+                settled["branches"] = tuple(
+                    _scaled(one, scale, f"branch[{n}]")
+                    for n, one in enumerate(self.branches, start=1)
+                )
+                settled.pop("_in_order", None)
             settled["scale_mm_per_unit"] = 1.0
         with inside("build"):
             settled["build"] = self.build.for_levels(self.depth)
+        self._check_bends()
         settled["origin"] = FrozenMapping(self.origin)
         frozen = {rule: FrozenMapping(named) for rule, named in self.limits.items()}
         settled["limits"] = FrozenMapping(frozen)
         return self
 
+    def _check_branches(self, branches: "tuple[Branch, ...]") -> None:
+        if self.levels:
+            raise BadInputError("branch", counted(len(branches), "branch"), "levels or branches")
+        if len(branches) > MOST_WRITTEN:
+            given = counted(len(branches), "branch")
+            raise BadInputError("branch", given, f"at most {MOST_WRITTEN}, one by one")
+        number: dict[str, int] = {TRUNK: 0}
+        for place, branch in enumerate(branches, start=1):
+            key = f"branch[{place}].name"
+            if branch.name in number:
+                taken = "the trunk has it" if branch.name == TRUNK else "another branch has it"
+                raise BadInputError(key, branch.name, f"another name: {taken}")
+            number[branch.name] = place
+        angles: dict[tuple[str, float], str] = {}
+        for place, branch in enumerate(branches, start=1):
+            if branch.of not in number:
+                hint = nearest(branch.of, number)
+                allowed = f"the name of a branch, or {TRUNK!r}{hint}"
+                raise BadInputError(f"branch[{place}].of", branch.of, allowed)
+            same = angles.setdefault((branch.of, branch.angle_deg), branch.name)
+            if same != branch.name:
+                allowed = f"another angle than {same!r} has: both are children of {branch.of!r}"
+                raise BadInputError(f"branch[{place}].angle_deg", branch.angle_deg, allowed)
+        for place, branch in enumerate(branches, start=1):
+            at, steps = branch, 0
+            while at.of != TRUNK:
+                at, steps = branches[number[at.of] - 1], steps + 1
+                if steps > len(branches) or at is branch:
+                    allowed = f"a branch that leads to the trunk: {branch.name!r} is its own parent"
+                    raise BadInputError(f"branch[{place}].of", branch.of, allowed)
+                if steps > MOST_LEVELS:
+                    break
+
+    def _check_bends(self) -> None:
+        widths_mm = self.build.widths_mm
+        _check_bends("trunk.bends", self.trunk, widths_mm[0])
+        for n, (level, width_mm) in enumerate(zip(self.levels, widths_mm[1:], strict=False), 1):
+            _check_bends(f"level[{n}].bends", level, width_mm)
+        numbered = {one.name: n for n, one in enumerate(self.branches or (), start=1)}
+        for one, of_level in zip(self._in_order, self._levels_in_order, strict=True):
+            key = f"branch[{numbered[one.name]}].bends"
+            _check_bends(key, one, self._width_of(one, of_level))
+
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Design):
             return NotImplemented
-        return {**self.__dict__, "folder": None} == {**other.__dict__, "folder": None}
+        names = [name for name in Design.model_fields if name not in ("folder", "shape")]
+        same = all(getattr(self, name) == getattr(other, name) for name in names)
+        if not same or self.shape is other.shape:
+            return same
+        return self.tree.key == other.tree.key
 
     # Its origin may hold anything.
     __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
-        lengths_mm = " + ".join(
-            [
-                f"{self.trunk_length_mm:.5g}",
-                *(f"{level.length_mm:.5g}" for level in self.levels[:4]),
+        if self.branches is None:
+            sizes = [level.length_mm for level in self.levels]
+            bends = [
+                *(self.trunk.bends or ()),
+                *(b for one in self.levels for b in one.bends or ()),
             ]
-        )
-        more = " + ..." if len(self.levels) > 4 else ""
+        else:
+            sizes, bends = [], list(self.tree.bend_mm)
+        lengths_mm = " + ".join(f"{size:.5g}" for size in (self.trunk_length_mm, *sizes[:4]))
+        more = " + ..." if len(sizes) > 4 else ""
+        bent = f"{counted(len(self.tree.bend_mm), 'bend')}, " if bends else ""
+        of = f"{lengths_mm}{more}" if self.branches is None else f"{self.tree.total_length_mm:.5g}"
         return (
-            f"<Design {reprlib.repr(self.name)}: {counted(self.depth, 'level')} of "
-            f"{lengths_mm}{more} mm, "
-            f"{counted(self.branch_count, 'branch')}, trunk {self.build.widths_mm[0]:.5g} mm wide>"
+            f"<Design {reprlib.repr(self.name)}: {counted(self.depth, 'level')} of {of} mm, "
+            f"{counted(self.branch_count, 'branch')}, {bent}"
+            f"trunk {self.build.widths_mm[0]:.5g} mm wide>"
         )
 
     @property
     def trunk_length_mm(self) -> float:
         """Length of the trunk, level 1."""
-        return self.trunk.length_mm
+        return self.trunk.length_mm if self.shape is None else float(self.shape.length_mm[0])
 
     @property
     def depth(self) -> int:
         """Number of levels, the trunk included."""
+        if self.branches is not None:
+            return 1 + max((level - 1 for level in self._levels_in_order), default=0)
         return 1 + len(self.levels)
 
     @property
     def branch_count(self) -> int:
         """Number of branches in the whole tree, the trunk included."""
+        if self.branches is not None:
+            return 1 + len(self.branches)
         total = count = 1
         for level in self.levels:
             count *= level.branches
             total += count
         return total
+
+    @cached_property
+    def _in_order(self) -> tuple[Branch, ...]:
+        """The branches as the tree has them: by level, siblings clockwise-most first."""
+        below: dict[str, list[Branch]] = {}
+        for branch in self.branches or ():
+            below.setdefault(branch.of, []).append(branch)
+        rows, parents = list[Branch](), [TRUNK]
+        while parents:
+            row = [
+                child
+                for parent in parents
+                for child in sorted(below.get(parent, ()), key=lambda one: one.angle_deg)
+            ]
+            rows += row
+            parents = [branch.name for branch in row]
+        return tuple(rows)
+
+    @cached_property
+    def _levels_in_order(self) -> tuple[int, ...]:
+        level = {TRUNK: 1}
+        for branch in self._in_order:
+            level[branch.name] = level[branch.of] + 1
+        return tuple(level[branch.name] for branch in self._in_order)
+
+    def _width_of(self, branch: Branch, level: int) -> float:
+        """Return the lay-flat width at the base of a branch of some level."""
+        return self.build.widths_mm[level - 1] if branch.width_mm is None else branch.width_mm
+
+    @cached_property
+    def tree(self) -> BranchTree:
+        """Every branch, parents before children: angles, lengths, widths and bends as arrays.
+
+        Examples
+        --------
+        >>> Design.read("three_level_tree").tree.ids[:3]
+        ('0', '0.0', '0.1')
+        """
+        if self.shape is not None:
+            return self.shape
+        trunk_bends = self.trunk.bends or ()
+        if self.branches is None:
+            bends = [trunk_bends, *(level.bends or () for level in self.levels)]
+            return tree_of_levels(self.trunk_length_mm, self.levels, self.build, bends)
+        return tree_of_branches(
+            self.trunk_length_mm, trunk_bends, self._in_order, self._levels_in_order, self.build
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the branches in a file, in the tree's order; empty where it has levels."""
+        if self.branches is None:
+            return ()
+        return (TRUNK, *(branch.name for branch in self._in_order))
+
+    @cached_property
+    def pouches(self) -> tuple[Pouch | None, ...]:
+        """The pouch at the tip of each branch, in the tree's order; None where there is none."""
+        leaf, usual = self.tree.is_leaf.tolist(), self.build.pouch
+        own: list[bool | Pouch | None] = [None, *(one.pouch for one in self._in_order)]
+        if self.branches is None:
+            return tuple(usual if is_leaf else None for is_leaf in leaf)
+        chosen = [usual if one is None or one is True else one or None for one in own]
+        return tuple(one if is_leaf else None for one, is_leaf in zip(chosen, leaf, strict=True))
+
+    def shaped(self, tree: BranchTree, build: "Build | None" = None) -> "Design":
+        """Return the design with the angles, lengths and bends of a tree of the same branches."""
+        return self.changed(shape=tree, build=self.build if build is None else build)
+
+    @property
+    def by_branches(self) -> "Design":
+        """The same robot written branch by branch: its levels and its shape become branches."""
+        if self.branches is not None and self.shape is None:
+            return self
+        tree, names = self.tree, self.names
+        if not names:
+            names = (TRUNK, *(one[2:].replace(".", "-") for one in tree.ids[1:]))
+        bends: list[list[Bend]] = [[] for _ in names]
+        for branch, at_mm, turn in zip(
+            tree.bend_branch.tolist(), tree.bend_mm.tolist(), tree.bend_rad.tolist(), strict=True
+        ):
+            bends[branch].append((at_mm, file_number(turn, math.degrees(turn), rad)))
+        own = {branch.name: branch for branch in self._in_order}
+        branches = []
+        for row in range(1, len(tree)):
+            offset = float(tree.offset_rad[row])
+            given = {
+                "name": names[row],
+                "of": names[int(tree.parent[row])],
+                "angle_deg": file_number(offset, math.degrees(offset), rad),
+                "length_mm": float(tree.length_mm[row]),
+                "bends": tuple(bends[row]) or None,
+            }
+            branches.append(own[names[row]].changed(**given) if own else Branch(**given))
+        trunk = Trunk(length_mm=float(tree.length_mm[0]), bends=tuple(bends[0]) or None)
+        return self.changed(trunk=trunk, levels=(), branches=tuple(branches), shape=None)
 
     @classmethod
     def read(cls, name_or_path: str | PathLike[str]) -> "Design":
@@ -680,6 +893,98 @@ class Design(Table):
         """
         path = locate("design", name_or_path)
         return design_of(read_toml(path), path).changed(folder=path.parent)
+
+    @classmethod
+    def of_branches(
+        cls,
+        branches: "Sequence[Branch]",
+        *,
+        trunk_length_mm: float | None = None,
+        trunk_bends: Sequence[Bend] = (),
+        build: "Build | None" = None,
+        name: str = "skeleton",
+    ) -> "Design":
+        """Return a robot whose branches have angles, lengths and bends of their own.
+
+        Parameters
+        ----------
+        branches
+            Every branch, in any order. One that is named ``trunk`` gives the trunk's length and
+            bends.
+        trunk_length_mm, trunk_bends
+            Of the trunk, where no branch is named so.
+        build
+            How it is made; the default build if None.
+        name
+            Of the design.
+
+        Raises
+        ------
+        BadInputError
+            If a value cannot be used, a parent is unknown, or there is no trunk's length.
+
+        Examples
+        --------
+        >>> left = Branch(name="left", angle_deg=60.0, length_mm=80.0, bends=((40.0, -30.0),))
+        >>> right = Branch(name="right", angle_deg=-45.0, length_mm=120.0)
+        >>> Design.of_branches([left, right], trunk_length_mm=150.0).branch_count
+        3
+        """
+        others = [branch for branch in branches if branch.name != TRUNK]
+        for trunk in branches:
+            if trunk.name == TRUNK:
+                trunk_length_mm, trunk_bends = trunk.length_mm, trunk.bends or ()
+        if trunk_length_mm is None:
+            allowed = f"the trunk's length, here or as the branch named {TRUNK!r}"
+            raise BadInputError("trunk_length_mm", None, allowed)
+        return cls(
+            name=name,
+            trunk=Trunk(length_mm=trunk_length_mm, bends=tuple(trunk_bends) or None),
+            branches=tuple(others),
+            build=Build() if build is None else build,
+        )
+
+    def with_branch(self, branch: str, *, name: str | None = None, **changes: Any) -> "Design":  # noqa: ANN401  values of a branch
+        """Return the design with other values of one branch; a design of levels becomes branches.
+
+        Parameters
+        ----------
+        branch
+            Its name, or its id such as ``0.2.1``; ``trunk`` or ``0`` is the trunk, which has a
+            ``length_mm`` and ``bends`` only.
+        name
+            The name of the new design; None keeps it.
+        **changes
+            Values by name, as of `Branch`: ``length_mm``, ``angle_deg``, ``bends``, ``width_mm``,
+            ``taper``, ``fillet_mm``, ``pouch``.
+
+        Raises
+        ------
+        BadInputError
+            If a value cannot be used.
+        UnknownNameError
+            If there is no such branch.
+
+        Examples
+        --------
+        >>> tree = Design.read("three_level_tree").with_branch("0.2", length_mm=90.0)
+        >>> float(tree.tree.length_mm[3])
+        90.0
+        """
+        free = self.by_branches
+        called = dict(zip(free.tree.ids, free.names, strict=True))
+        chosen = called.get(branch, branch)
+        if chosen not in free.names:
+            raise UnknownNameError("branch", branch, free.names)
+        name = self.name if name is None else name
+        if chosen == TRUNK:
+            for key, value in changes.items():
+                if key not in Trunk.model_fields:
+                    raise BadInputError(key, value, "length_mm or bends: a trunk has these")
+            return free.changed(name=name, trunk=free.trunk.changed(**changes))
+        given = free.branches or ()
+        branches = [one.changed(**changes) if one.name == chosen else one for one in given]
+        return free.changed(name=name, branches=tuple(branches))
 
     def with_level(  # noqa: PLR0913  what a level has
         self,
@@ -719,6 +1024,9 @@ class Design(Table):
         >>> narrow.name, narrow.build.widths_mm
         ('narrow', (40.0, 24.0, 7.0))
         """
+        if self.branches is not None:
+            allowed = "a design of levels; with_branch changes a branch of this one"
+            raise BadInputError("level", level, allowed)
         place = whole("level", level, 1, self.depth) - 1
         fan = {"branches": branches, "angle_deg": angle_deg, "growth_percent": growth_percent}
         if not place:
@@ -880,12 +1188,28 @@ def design_of(content: Mapping[str, Any], source: str | Path) -> Design:
     return design
 
 
-T = TypeVar("T", Trunk, Level)
+T = TypeVar("T", Trunk, Level, Branch)
 
 
 def _scaled(part: T, scale: float, key: str) -> T:
     length_mm = number(f"{key}.length", part.length_mm * scale, SMALLEST, LARGEST_MM, "mm")
-    return part.changed(length_mm=length_mm)
+    bends = part.bends and tuple((at_mm * scale, turn_deg) for at_mm, turn_deg in part.bends)
+    return part.changed(length_mm=length_mm, **({"bends": bends} if bends else {}))
+
+
+def _check_bends(key: str, body: "Trunk | Level | Branch", width_mm: float) -> None:
+    """Refuse bends outside of their branch, or closer together than the tube is wide."""
+    bends = sorted(body.bends or ())
+    if len(bends) > MOST_BENDS:
+        raise BadInputError(key, counted(len(bends), "bend"), f"at most {MOST_BENDS} of one branch")
+    for at_mm, _ in bends:
+        if at_mm >= body.length_mm:
+            allowed = f"bends on the branch, which is {body.length_mm:g} mm long"
+            raise BadInputError(key, at_mm, allowed)
+    for (one_mm, _), (two_mm, _) in pairwise(bends):
+        if two_mm - one_mm < width_mm:
+            allowed = f"bends as far apart as the tube is wide, {width_mm:g} mm, or more"
+            raise BadInputError(key, [one_mm, two_mm], allowed)
 
 
 def _with_one(values: tuple[float, ...], place: int, value: float | None) -> tuple[float, ...]:
@@ -907,7 +1231,11 @@ def design_text(design: "Design") -> str:
     blocks = [f"# {GENERATOR}\n{tomli_w.dumps(head)}"]
     for name, value in content.items():
         if isinstance(value, list):
-            blocks += [f"[[{name}]]\n{tomli_w.dumps(table)}" for table in value]
+            for table in value:
+                inner = {key: one for key, one in table.items() if isinstance(one, dict)}
+                flat = {key: one for key, one in table.items() if key not in inner}
+                blocks.append(f"[[{name}]]\n{tomli_w.dumps(flat)}")
+                blocks += [f"[{name}.{key}]\n{tomli_w.dumps(one)}" for key, one in inner.items()]
         elif isinstance(value, dict) and value:
             blocks.append(tomli_w.dumps({name: value}))
     return "\n".join(blocks)

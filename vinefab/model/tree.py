@@ -1,14 +1,26 @@
 """The planned branches of a design, and the flat pieces that they may be cut in."""
 
-import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vinefab.core.limits import rad
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints
-from vinefab.model.design import Design, Level, UnevenLevel
+
+if TYPE_CHECKING:
+    from vinefab.model.design import Branch, Build, Level
+
+Bend = tuple[float, float]
+"""A preformed turn of a branch: mm from its base, degrees counter-clockwise."""
+
+BEND_FILLET_RATIO = 0.25
+"""Inner radius of an elbow over the width of its tube, as the default of joints."""
+
+LEAST_BEND_FILLET_MM = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -16,7 +28,8 @@ class BranchTree:
     """All branches of a design, level by level, parents before children.
 
     The children of a branch follow each other from the clockwise-most to the counter-clockwise
-    one. Index 0 is the trunk.
+    one. Index 0 is the trunk. In the `straight` tree of a robot with preformed bends, each straight
+    part of a branch is a row, the only child of the part before.
 
     Parameters
     ----------
@@ -29,35 +42,124 @@ class BranchTree:
         0 for the trunk.
     length_mm
         Planned length, shape (n,).
+    width_mm, end_width_mm
+        Lay-flat lumen width where the branch begins and where it ends, shape (n,).
+    fillet_mm
+        Designed fillet radius of the joint where the branch begins, shape (n,); 0 for the trunk.
+    bend_branch, bend_mm, bend_rad
+        Branch of each bend, rising, its distance from the branch's base, rising within a branch,
+        and its turn, counter-clockwise positive; shape (b,). Bends of 0 degrees are left out.
+    branch
+        Branch that each row belongs to, shape (n,): rising from 0, but in a straight tree.
     """
 
     parent: Ints
     level: Ints
     offset_rad: Floats
     length_mm: Floats
+    width_mm: Floats
+    end_width_mm: Floats
+    fillet_mm: Floats
+    bend_branch: Ints
+    bend_mm: Floats
+    bend_rad: Floats
+    branch: Ints
+
+    @classmethod
+    def of(  # noqa: PLR0913  the columns of a tree
+        cls,
+        *,
+        parent: Ints,
+        level: Ints,
+        offset_rad: Floats,
+        length_mm: Floats,
+        build: "Build",
+        width_mm: Floats | None = None,
+        end_width_mm: Floats | None = None,
+        fillet_mm: Floats | None = None,
+        bends: Sequence[Sequence[Bend]] = (),
+    ) -> "BranchTree":
+        """Return a tree; widths and fillets that are left out are those of a build's levels.
+
+        Parameters
+        ----------
+        bends
+            Of each branch; empty: none has any. Bends at one place are one.
+        """
+        place = level - 1
+        if width_mm is None:
+            width_mm = np.array(build.widths_mm)[place]
+        if end_width_mm is None:
+            end_width_mm = np.array(build.end_widths_mm)[place]
+        if fillet_mm is None:
+            fillet_mm = np.array([0.0, *build.fillet_mm])[place]
+        rows = [
+            (branch, at_mm, turn_deg)
+            for branch, own in enumerate(bends)
+            for at_mm, turn_deg in _together(own)
+        ]
+        bend_branch, bend_mm, bend_deg = zip(*rows, strict=True) if rows else ((), (), ())
+        return cls(
+            parent=parent,
+            level=level,
+            offset_rad=offset_rad,
+            length_mm=length_mm,
+            width_mm=width_mm,
+            end_width_mm=end_width_mm,
+            fillet_mm=fillet_mm,
+            bend_branch=frozen_ints(bend_branch),
+            bend_mm=frozen_floats("bend_mm", bend_mm),
+            bend_rad=frozen_floats("bend_rad", np.radians(bend_deg)),
+            branch=np.arange(len(parent)),
+        )
 
     def __len__(self) -> int:
         return len(self.parent)
 
     def __repr__(self) -> str:
+        bends = f", {counted(len(self.bend_mm), 'bend')}" if len(self.bend_mm) else ""
         return (
             f"<BranchTree: {counted(len(self), 'branch')} on "
-            f"{counted(int(self.level.max()), 'level')}, "
+            f"{counted(int(self.level.max()), 'level')}{bends}, "
             f"{self.total_length_mm:.5g} mm>"
         )
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """The branches' names as paths: ``0``, ``0.0``, ``0.2``, ``0.2.1``."""
+        """The branches' names as paths: ``0``, ``0.0``, ``0.2``, ``0.2.1``.
+
+        In a straight tree the part of ``0.2`` after its first bend is ``0.2/1``.
+        """
         names: list[str] = []
         used = [0] * len(self)
-        for parent in self.parent.tolist():
+        bent, number = self.is_bent.tolist(), [0] * len(self)
+        for row, parent in enumerate(self.parent.tolist()):
             if parent < 0:
                 names.append("0")
+            elif bent[row]:
+                number[row] = number[parent] + 1
+                names.append(f"{names[parent].partition('/')[0]}/{number[row]}")
             else:
-                names.append(f"{names[parent]}.{used[parent]}")
+                names.append(f"{names[parent].partition('/')[0]}.{used[parent]}")
                 used[parent] += 1
         return tuple(names)
+
+    @property
+    def is_bent(self) -> NDArray[np.bool_]:
+        """Whether each row of a straight tree continues behind a bend, shape (n,)."""
+        bent: NDArray[np.bool_] = self.branch == self.branch[self.parent]
+        bent[0] = False
+        return bent
+
+    @property
+    def generations(self) -> list[Ints]:
+        """Rows whose parents stand in the entry before: the trunk, its children and so on."""
+        depth = self.level
+        if self.is_bent.any():
+            depth = np.ones(len(self), dtype=np.int64)
+            for row, parent in enumerate(self.parent[1:].tolist(), start=1):
+                depth[row] = depth[parent] + 1
+        return [np.flatnonzero(depth == one) for one in range(1, int(depth.max()) + 1)]
 
     @property
     def is_leaf(self) -> NDArray[np.bool_]:
@@ -71,34 +173,155 @@ class BranchTree:
         """Sum of all planned lengths: the film that the tree takes, as a length."""
         return float(self.length_mm.sum())
 
+    @property
+    def key(self) -> tuple[bytes, ...]:
+        """Everything as bytes: trees with the same key are equal."""
+        return tuple(getattr(self, name).tobytes() for name in self.__slots__)
 
-def fan_offsets_rad(level: Level) -> Floats:
+    @property
+    def straight(self) -> "BranchTree":
+        """The tree of the straight parts between bends; the tree itself without bends.
+
+        Parts are ordered by level and, within one, by the number of bends before them. A part has
+        its share of its branch's taper, and its bend an inner radius of a quarter of the width.
+        """
+        if not len(self.bend_mm):
+            return self
+        count = np.bincount(self.bend_branch, minlength=len(self))  # bends of each branch
+        branch = np.repeat(np.arange(len(self)), count + 1)
+        first = np.cumsum(count + 1) - (count + 1)
+        number = np.arange(len(branch)) - first[branch]  # bends before each part
+        is_first = number == 0
+        begin, turn = np.zeros((2, len(branch)))
+        begin[~is_first], turn[~is_first] = self.bend_mm, self.bend_rad
+        end = np.append(begin[1:], 0.0)
+        is_last = number == count[branch]
+        end[is_last] = self.length_mm
+        # Where each part stands after sorting, and the part before it.
+        order = np.lexsort((branch, number, self.level[branch]))
+        place = np.empty_like(order)
+        place[order] = np.arange(len(order))
+        last = first + count
+        above = np.arange(len(branch)) - 1
+        above[is_first] = np.append(last, -1)[self.parent]
+        parent = np.where(above < 0, -1, place[above])
+        share = np.column_stack([begin, end]) / self.length_mm[branch, None]
+        fall = (self.end_width_mm - self.width_mm)[branch]
+        width = self.width_mm[branch] + share[:, 0] * fall
+        end_width = self.width_mm[branch] + share[:, 1] * fall
+        end_width[is_last] = self.end_width_mm
+        fillet = np.where(
+            is_first,
+            self.fillet_mm[branch],
+            np.maximum(LEAST_BEND_FILLET_MM, BEND_FILLET_RATIO * width),
+        )
+        none = np.zeros(0)
+        return BranchTree(
+            parent=frozen_ints(parent[order]),
+            level=frozen_ints(self.level[branch][order]),
+            offset_rad=frozen_floats(
+                "offset_rad", np.where(is_first, self.offset_rad[branch], turn)[order]
+            ),
+            length_mm=frozen_floats("length_mm", (end - begin)[order]),
+            width_mm=frozen_floats("width_mm", width[order]),
+            end_width_mm=frozen_floats("end_width_mm", end_width[order]),
+            fillet_mm=frozen_floats("fillet_mm", fillet[order]),
+            bend_branch=frozen_ints(none),
+            bend_mm=none,
+            bend_rad=none,
+            branch=frozen_ints(branch[order]),
+        )
+
+    def of_parts(self, parts: "BranchTree", offset_rad: Floats, length_mm: Floats) -> "BranchTree":
+        """Return this tree with other angles and lengths of its straight parts.
+
+        Parameters
+        ----------
+        parts
+            Its `straight` tree.
+        offset_rad, length_mm
+            Of the parts.
+        """
+        offset_rad = frozen_floats("offset_rad", offset_rad)
+        length_mm = frozen_floats("length_mm", length_mm)
+        if parts is self:
+            return replace(self, offset_rad=offset_rad, length_mm=length_mm)
+        bent, until_mm = parts.is_bent, np.zeros(len(parts))
+        for row, before in enumerate(np.where(bent, parts.parent, -1).tolist()):
+            until_mm[row] = length_mm[row] + (until_mm[before] if before >= 0 else 0.0)
+        whole_mm = np.empty(len(self))
+        whole_mm[parts.branch] = until_mm  # the last part of a branch comes last
+        rows = np.flatnonzero(bent)
+        rows = rows[np.argsort(parts.branch[rows], kind="stable")]
+        return replace(
+            self,
+            offset_rad=frozen_floats("offset_rad", offset_rad[~bent]),
+            length_mm=frozen_floats("length_mm", whole_mm),
+            bend_branch=frozen_ints(parts.branch[rows]),
+            bend_mm=frozen_floats("bend_mm", until_mm[parts.parent[rows]]),
+            bend_rad=frozen_floats("bend_rad", offset_rad[rows]),
+        )
+
+    def scaled(self, factor: float) -> "BranchTree":
+        """Return the tree with all lengths times a factor; widths stay."""
+        return replace(
+            self,
+            length_mm=frozen_floats("length_mm", self.length_mm * factor),
+            bend_mm=frozen_floats("bend_mm", self.bend_mm * factor),
+        )
+
+    def taken(self, rows: Ints, length_mm: Floats) -> "BranchTree":
+        """Return the tree of some branches, whole families of siblings, with other lengths.
+
+        Bends beyond a branch's new length are left out.
+        """
+        place = np.full(len(self), -1)
+        place[rows] = np.arange(len(rows))
+        parent, own = self.parent[rows], place[self.bend_branch]
+        length_mm = frozen_floats("length_mm", length_mm)
+        kept = own >= 0
+        kept[kept] = self.bend_mm[kept] < length_mm[own[kept]]
+        return replace(
+            self,
+            parent=frozen_ints(np.where(parent < 0, -1, place[parent])),
+            level=frozen_ints(self.level[rows]),
+            offset_rad=frozen_floats("offset_rad", self.offset_rad[rows]),
+            length_mm=length_mm,
+            width_mm=frozen_floats("width_mm", self.width_mm[rows]),
+            end_width_mm=frozen_floats("end_width_mm", self.end_width_mm[rows]),
+            fillet_mm=frozen_floats("fillet_mm", self.fillet_mm[rows]),
+            bend_branch=frozen_ints(own[kept]),
+            bend_mm=frozen_floats("bend_mm", self.bend_mm[kept]),
+            bend_rad=frozen_floats("bend_rad", self.bend_rad[kept]),
+            branch=np.arange(len(rows)),
+        )
+
+
+def _together(bends: Sequence[Bend]) -> list[Bend]:
+    """Return bends with those at one place added up, by their place, without those of 0 degrees."""
+    at: dict[float, float] = {}
+    for place_mm, turn_deg in sorted(bends):
+        at[place_mm] = at.get(place_mm, 0.0) + turn_deg
+    return [(place_mm, turn_deg) for place_mm, turn_deg in at.items() if turn_deg]
+
+
+def fan_offsets_rad(level: "Level") -> Floats:
     """Return the angles of one fan relative to the parent's heading, shape (branches,).
 
     Evenly spaced from ``-fan/2`` (clockwise) to ``+fan/2``; a single child goes straight on.
-    An uneven level gives them one by one.
     """
-    if isinstance(level, UnevenLevel):
-        return np.radians(level.angles_deg)
     if level.branches == 1:
         return np.zeros(1)
     return _evenly(-level.fan_rad / 2, level.fan_rad / 2, level.branches)
 
 
-def child_lengths_mm(level: Level) -> Floats:
-    """Return the lengths of one fan's children, shape (branches,): linear from first to last.
-
-    An uneven level gives them one by one.
-    """
-    if isinstance(level, UnevenLevel):
-        return np.array(level.lengths_mm)
+def child_lengths_mm(level: "Level") -> Floats:
+    """Return the lengths of one fan's children, shape (branches,): linear from first to last."""
     return level.length_mm * _evenly(1.0, level.growth, level.branches)
 
 
-def widest_turn_rad(level: Level) -> float:
+def widest_turn_rad(level: "Level") -> float:
     """Return the largest angle between a fan's children and the parent's heading."""
-    if isinstance(level, UnevenLevel):
-        return math.radians(max(map(abs, level.angles_deg)))
     return level.fan_rad / 2.0 if level.branches > 1 else 0.0
 
 
@@ -118,33 +341,75 @@ def _repeated(values: Floats, count: int) -> Floats:
     return np.broadcast_to(values, (count, len(values))).ravel()
 
 
-def branch_tree(design: Design) -> BranchTree:
-    """Return every branch of a design, parents before children.
+def tree_of_levels(
+    trunk_mm: float,
+    design_levels: "Sequence[Level]",
+    build: "Build",
+    bends: Sequence[Sequence[Bend]],
+) -> BranchTree:
+    """Return every branch of a design of levels, parents before children.
 
-    Examples
-    --------
-    >>> from vinefab.model.design import Build
-    >>> fork = Level(branches=2, length_mm=50.0, fan_rad=1.0)
-    >>> design = Design(
-    ...     name="y", trunk_length_mm=100.0, levels=(fork,), build=Build.standard(2)
-    ... )
-    >>> branch_tree(design).ids
-    ('0', '0.0', '0.1')
+    Parameters
+    ----------
+    bends
+        Of each level's branches, the trunk's first.
     """
     parents, levels = [np.array([-1])], [np.array([1])]
-    offsets, lengths = [np.zeros(1)], [np.array([design.trunk_length_mm])]
+    offsets, lengths = [np.zeros(1)], [np.array([trunk_mm])]
     first, count = 0, 1
-    for number, level in enumerate(design.levels, start=2):
+    for number, level in enumerate(design_levels, start=2):
         parents.append(np.arange(first, first + count).repeat(level.branches))
         offsets.append(_repeated(fan_offsets_rad(level), count))
         lengths.append(_repeated(child_lengths_mm(level), count))
         first, count = first + count, count * level.branches
         levels.append(np.full(count, number))
-    return BranchTree(
+    level_of = frozen_ints(np.concatenate(levels))
+    return BranchTree.of(
         parent=frozen_ints(np.concatenate(parents)),
-        level=frozen_ints(np.concatenate(levels)),
+        level=level_of,
         offset_rad=frozen_floats("offset_rad", np.concatenate(offsets)),
         length_mm=frozen_floats("length_mm", np.concatenate(lengths)),
+        build=build,
+        bends=[bends[number - 1] for number in level_of.tolist()] if any(bends) else (),
+    )
+
+
+def tree_of_branches(
+    trunk_mm: float,
+    trunk_bends: Sequence[Bend],
+    branches: "Sequence[Branch]",
+    levels: Sequence[int],
+    build: "Build",
+) -> BranchTree:
+    """Return the tree of branches that are given one by one, in the order of a tree.
+
+    Parameters
+    ----------
+    levels
+        Of the branches.
+    """
+    row = {"trunk": 0} | {branch.name: n for n, branch in enumerate(branches, start=1)}
+    level = np.array([1, *levels])
+
+    def own(usual: Floats, values: Sequence[float | None]) -> Floats:
+        given = [one if value is None else value
+                 for one, value in zip(usual.tolist(), (None, *values), strict=True)]  # fmt: skip
+        return np.array(given)
+
+    width_mm = own(np.array(build.widths_mm)[level - 1], [one.width_mm for one in branches])
+    ratios = np.array(build.taper or (1.0,) * len(build.widths_mm))[level - 1]
+    taper = own(ratios, [one.taper for one in branches])
+    fillets_mm = np.array([0.0, *build.fillet_mm])[level - 1]
+    return BranchTree.of(
+        parent=frozen_ints([-1, *(row[branch.of] for branch in branches)]),
+        level=frozen_ints(level),
+        offset_rad=frozen_floats("angle_deg", [0.0, *(rad(one.angle_deg) for one in branches)]),
+        length_mm=frozen_floats("length", [trunk_mm, *(one.length_mm for one in branches)]),
+        build=build,
+        width_mm=frozen_floats("width_mm", width_mm),
+        end_width_mm=frozen_floats("taper", width_mm * taper),
+        fillet_mm=frozen_floats("fillet_mm", own(fillets_mm, [one.fillet_mm for one in branches])),
+        bends=[trunk_bends, *(one.bends or () for one in branches)],
     )
 
 

@@ -25,7 +25,7 @@ from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose
-from vinefab.model.tree import BranchTree, branch_tree
+from vinefab.model.tree import BranchTree
 from vinefab.observation.film import SeenFilm
 from vinefab.physics.tube import inflated_radius_mm
 
@@ -125,7 +125,7 @@ class _Tracing:
     terrain: Terrain = field(init=False)
 
     def __post_init__(self) -> None:
-        self.tree = branch_tree(self.design)
+        self.tree = self.design.tree
         widths = self.design.build.widths_mm
         self.radius_mm = [inflated_radius_mm(widths[level - 1]) for level in self.tree.level]
         nothing = np.zeros((0, 2))

@@ -7,25 +7,28 @@ body cross each other is for the rules.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import LARGEST_MM, Floats, frozen_floats
-from vinefab.model.design import Build, Design, Level
+from vinefab.model.design import Build, Design, Pouch
 from vinefab.model.outline import Contour, Part
-from vinefab.model.tree import BranchTree, branch_tree
+from vinefab.model.tree import BranchTree
 from vinefab.outline.ends import (
     BranchSide,
+    Leaf,
     OpenEnd,
     Tail,
     TipStroke,
     least_convex_radius_mm,
+    level_fillets_mm,
     tail_of,
     tip_of,
 )
@@ -35,15 +38,15 @@ from vinefab.outline.joint import (
     STEEPEST,
     WORST_ERROR_MM,
     Joint,
+    JointPlan,
     LocalFrame,
     Pen,
+    PlannedSide,
     Point,
     StrokeRun,
     allowed_reach_mm,
     crotch_reach_mm,
     joint_of,
-    level_lengths_mm,
-    level_tapers_rad,
     placed,
     taper_rad,
 )
@@ -51,22 +54,32 @@ from vinefab.outline.joint import (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlatLayout:
-    """Every branch of a design as it lies on the sheet, n of them.
+    """Every straight part of a design's branches as it lies on the sheet, n of them.
 
-    The trunk's base is the origin, the trunk points along +x and the tail along -x.
+    Without preformed bends these are the branches. The trunk's base is the origin, the trunk points
+    along +x and the tail along -x.
     """
 
-    tree: BranchTree  # the planned branches
-    start_mm: Floats  # joint where each branch begins, shape (n, 2)
-    end_mm: Floats  # joint or tip where each branch ends, shape (n, 2)
-    heading_rad: Floats  # direction of each branch, counter-clockwise from +x, shape (n,)
-    width_mm: Floats  # lay-flat lumen width where each branch begins, shape (n,)
-    end_width_mm: Floats  # lay-flat lumen width where each branch ends, shape (n,)
+    tree: BranchTree  # the straight parts of the planned branches
+    start_mm: Floats  # joint where each begins, shape (n, 2)
+    end_mm: Floats  # joint or tip where each ends, shape (n, 2)
+    heading_rad: Floats  # direction of each, counter-clockwise from +x, shape (n,)
     tail_mm: float  # straight length below the trunk's base
+    pouches: tuple[Pouch | None, ...]  # at the end of each
+
+    @property
+    def width_mm(self) -> Floats:
+        """Lay-flat lumen width where each begins, shape (n,)."""
+        return self.tree.width_mm
+
+    @property
+    def end_width_mm(self) -> Floats:
+        """Lay-flat lumen width where each ends, shape (n,)."""
+        return self.tree.end_width_mm
 
     @property
     def is_leaf(self) -> NDArray[np.bool_]:
-        """Whether each branch has no children, shape (n,)."""
+        """Whether each has no children, shape (n,)."""
         return self.tree.is_leaf
 
 
@@ -83,11 +96,14 @@ def flat_layout(design: Design) -> FlatLayout:
     >>> flat_layout(design).end_mm.round(6).tolist()
     [[100.0, 0.0], [100.0, -50.0], [100.0, 50.0]]
     """
-    tree = branch_tree(design)
+    return _layout(DrawnTree.of(design))
+
+
+def _layout(drawn: "DrawnTree") -> FlatLayout:
+    tree = drawn.tree
     start, end, heading = np.zeros((len(tree), 2)), np.zeros((len(tree), 2)), np.zeros(len(tree))
-    for level in range(1, design.depth + 1):
-        rows = np.flatnonzero(tree.level == level)
-        if level > 1:
+    for rows in tree.generations:
+        if rows[0] > 0:
             parents = tree.parent[rows]
             start[rows] = end[parents]
             heading[rows] = heading[parents] + tree.offset_rad[rows]
@@ -98,12 +114,109 @@ def flat_layout(design: Design) -> FlatLayout:
         start_mm=frozen_floats("start_mm", start, 2),
         end_mm=frozen_floats("end_mm", end, 2),
         heading_rad=frozen_floats("heading_rad", heading),
-        width_mm=frozen_floats("width_mm", np.array(design.build.widths_mm)[tree.level - 1]),
-        end_width_mm=frozen_floats(
-            "end_width_mm", np.array(design.build.end_widths_mm)[tree.level - 1]
-        ),
-        tail_mm=design.build.tail_mm,
+        tail_mm=drawn.build.tail_mm,
+        pouches=drawn.pouches,
     )
+
+
+class DrawnTree:
+    """Everything that an outline is drawn from: straight parts, pouches and build.
+
+    It can be a cache's key: equal ones have the same outline.
+
+    Parameters
+    ----------
+    tree
+        The straight parts.
+    pouches
+        Of each part, None where it has none.
+    build
+        Tail and collar, and the fillets of necks.
+    """
+
+    __slots__ = ("_key", "build", "children", "lean_rad", "pouches", "tree")
+
+    def __init__(self, tree: BranchTree, pouches: tuple[Pouch | None, ...], build: Build) -> None:
+        self.tree, self.pouches, self.build = tree, pouches, build
+        half, far = tree.width_mm / 2, tree.end_width_mm / 2
+        columns = (column.tolist() for column in (half, far, tree.length_mm))
+        self.lean_rad = [taper_rad(*row) for row in zip(*columns, strict=True)]
+        self.children: list[list[int]] = [[] for _ in range(len(tree))]
+        for row, parent in enumerate(tree.parent.tolist()):
+            if parent >= 0:
+                self.children[parent].append(row)
+        self._key = (tree.key, pouches, build)
+
+    @classmethod
+    def of(cls, design: Design) -> "DrawnTree":
+        """Return the part of a design that its outline is drawn from."""
+        tree = design.tree.straight
+        ends = zip(tree.branch.tolist(), tree.is_leaf.tolist(), strict=True)
+        own = design.pouches
+        return cls(
+            tree, tuple(own[branch] if leaf else None for branch, leaf in ends), design.build
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, DrawnTree) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def leaf(self, row: int) -> Leaf:
+        """Return the end of a leaf."""
+        tree = self.tree
+        return Leaf(
+            half_mm=float(tree.end_width_mm[row]) / 2,
+            lean_rad=self.lean_rad[row],
+            fillet_mm=level_fillets_mm(self.build)[int(tree.level[row]) - 1],
+        )
+
+    @property
+    def is_elbow(self) -> list[bool]:
+        """Whether each part continues as one of its width, behind a bend or as its only child."""
+        width, far = self.tree.width_mm.tolist(), self.tree.end_width_mm.tolist()
+        return [
+            len(below) == 1 and width[below[0]] == far[row]
+            for row, below in enumerate(self.children)
+        ]
+
+    def joints(self) -> list[tuple[JointPlan, list[int]]]:
+        """Return every kind of joint, and the parts at whose ends it is, in their order.
+
+        Joints with the same children below tubes of one width are alike: the shortest of these
+        tubes caps the fillets of all. They differ only by the lean of the parent's sides.
+        """
+        tree, elbow = self.tree, self.is_elbow
+        width, far = tree.width_mm.tolist(), tree.end_width_mm.tolist()
+        length, angle = tree.length_mm.tolist(), tree.offset_rad.tolist()
+        fillet, level = tree.fillet_mm.tolist(), tree.level.tolist()
+        alike: dict[tuple[Any, ...], list[int]] = {}
+        for row, children in enumerate(self.children):
+            if children:
+                sides = tuple(
+                    PlannedSide(
+                        half_mm=width[child] / 2,
+                        length_mm=length[child],
+                        lean_rad=self.lean_rad[child],
+                        angle_rad=angle[child],
+                        fillet_mm=fillet[child],
+                    )
+                    for child in children
+                )
+                key = level[row], far[row], sides, elbow[row]
+                alike.setdefault(key, []).append(row)
+        found = []
+        for (_, end_mm, sides, is_bend), rows in alike.items():
+            shortest_mm = min(length[row] for row in rows)
+            leans: dict[float, list[int]] = {}
+            for row in rows:
+                leans.setdefault(self.lean_rad[row], []).append(row)
+            for lean, own in leans.items():
+                parent = PlannedSide(half_mm=end_mm / 2, length_mm=shortest_mm, lean_rad=lean)
+                plan = JointPlan(parent=parent, children=sides, is_bend=is_bend)
+                found.append((plan, own))
+        return found
 
 
 class ProblemKind(StrEnum):
@@ -149,88 +262,99 @@ class OutlineProblem:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnJoint:
+    """One kind of joint, and where it is."""
+
+    joint: Joint
+    plan: JointPlan
+    rows: tuple[int, ...]  # the parts at whose ends it is, rising
+    level: int  # of these parts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class OutlineParts:
-    """The pieces that an outline repeats."""
+    """The pieces that an outline is put together from."""
 
     offset_mm: float  # how far outside the lumen's edge they run
     tail: Tail  # from the mouth to the trunk's base
-    # For each level with children, trunk first: one kind of joint, or, where the level tapers, one
-    # for each child of a fan.
-    joints: tuple[tuple[Joint, ...], ...]
-    tips: tuple[TipStroke, ...]  # the far end of a leaf: one, or one for each child of a fan
+    joints: tuple[DrawnJoint, ...]  # each kind, in the order of the first part that ends there
+    ends: tuple[Joint | TipStroke, ...]  # at the end of each part
+    bases_mm: tuple[Point, ...]  # lengths of each part's right and left side that its base takes
+    number: tuple[int, ...]  # of each part among its parent's children, from 1
 
-    def joint(self, level: int, sibling: int) -> Joint:
-        """Return the joint at the end of a branch."""
-        kinds = self.joints[level - 1]
-        return kinds[sibling % len(kinds)]
+    @property
+    def families(self) -> list[list[DrawnJoint]]:
+        """The joints that differ by the taper of their parents' sides only, together."""
+        return _families(self.joints)
 
-    def tip(self, sibling: int) -> TipStroke:
-        """Return the far end of a leaf."""
-        return self.tips[sibling % len(self.tips)]
+    def used_mm(self, row: int) -> tuple[Point, Point]:
+        """Return the lengths of a part's right and left side that its base and its end take.
 
-    def used_mm(self, level: int, sibling: int) -> tuple[Point, Point]:
-        """Return the lengths of a branch's right and left side that its base and its end take.
-
-        At the base that is the largest of all kinds of joints.
+        At the base that is the largest of its family of joints.
         """
-        base, end = (0.0, 0.0), (self.tip(sibling).used_mm,) * 2
-        if level > 1:
-            gaps = [joint.gaps[sibling : sibling + 2] for joint in self.joints[level - 2]]
-            base = (
-                max(one.second_used_mm for one, _ in gaps),
-                max(two.first_used_mm for _, two in gaps),
-            )
-        if level <= len(self.joints):
-            around = self.joint(level, sibling).gaps
-            end = around[0].first_used_mm, around[-1].second_used_mm
-        return base, end
+        base, end = self.bases_mm[row], self.ends[row]
+        if isinstance(end, TipStroke):
+            return base, (end.used_mm, end.used_mm)
+        return base, (end.gaps[0].first_used_mm, end.gaps[-1].second_used_mm)
 
 
 def outline_parts(design: Design, offset_mm: float, least_fillet_mm: float = 0.0) -> OutlineParts:
     """Return the pieces of a design's outline at an offset; smaller fillets there are corners."""
-    return _outline_parts(drawn_of(design), offset_mm, least_fillet_mm)
-
-
-DrawnDesign = tuple[float, tuple[Level, ...], Build]
-"""What of a design its outline is drawn from: length of the trunk, levels, build."""
-
-
-def drawn_of(design: Design) -> DrawnDesign:
-    """Return the part of a design that its outline is drawn from; it can be a cache's key."""
-    return design.trunk_length_mm, design.levels, design.build
-
-
-def design_drawn(drawn: DrawnDesign) -> Design:
-    """Return a design with a fixed name that has the same outline."""
-    trunk_mm, levels, build = drawn
-    return Design(name="drawn", trunk_length_mm=trunk_mm, levels=levels, build=build)
+    return _outline_parts(DrawnTree.of(design), offset_mm, least_fillet_mm)
 
 
 @lru_cache(maxsize=16)
-def _outline_parts(drawn: DrawnDesign, offset_mm: float, least_fillet_mm: float) -> OutlineParts:
+def _outline_parts(drawn: DrawnTree, offset_mm: float, least_fillet_mm: float) -> OutlineParts:
     # Whatever looks at a robot asks for the same few patterns: of its lumen and of its paths.
-    design = design_drawn(drawn)
+    number = [0] * len(drawn.tree)
+    for children in drawn.children:
+        for place, child in enumerate(children, start=1):
+            number[child] = place
+    joints = [
+        DrawnJoint(
+            joint=joint_of(plan, offset_mm, least_fillet_mm=least_fillet_mm),
+            plan=plan,
+            rows=tuple(rows),
+            level=int(drawn.tree.level[rows[0]]),
+        )
+        for plan, rows in drawn.joints()
+    ]
+    at = {row: one.joint for one in joints for row in one.rows}
+    bases_mm = [(0.0, 0.0)] * len(drawn.tree)
+    for family in _families(joints):
+        gaps = [one.joint.gaps for one in family]
+        taken = [
+            (
+                max(one[n].second_used_mm for one in gaps),
+                max(one[n + 1].first_used_mm for one in gaps),
+            )
+            for n in range(len(gaps[0]) - 1)
+        ]
+        for row in (row for one in family for row in one.rows):
+            for child, used_mm in zip(drawn.children[row], taken, strict=True):
+                bases_mm[child] = used_mm
     return OutlineParts(
         offset_mm=offset_mm,
-        tail=tail_of(design, offset_mm),
-        joints=tuple(
-            tuple(
-                joint_of(design, level, offset_mm, sibling, least_fillet_mm=least_fillet_mm)
-                for sibling in range(_kinds(design, level))
-            )
-            for level in range(1, design.depth)
+        tail=tail_of(drawn.build, drawn.lean_rad[0], offset_mm),
+        joints=tuple(joints),
+        ends=tuple(
+            at[row]
+            if children
+            else tip_of(drawn.leaf(row), drawn.pouches[row], offset_mm, least_fillet_mm)
+            for row, children in enumerate(drawn.children)
         ),
-        tips=tuple(
-            tip_of(design, offset_mm, lean, least_fillet_mm)
-            for lean in level_tapers_rad(design, design.depth)[: _kinds(design, design.depth)]
-        ),
+        bases_mm=tuple(bases_mm),
+        number=tuple(number),
     )
 
 
-def _kinds(design: Design, level: int) -> int:
-    """Return the number of kinds of ends in a level's branches: one if all are even."""
-    leans = level_tapers_rad(design, level)
-    return 1 if len(set(leans)) == 1 else len(leans)
+def _families(joints: Iterable[DrawnJoint]) -> list[list[DrawnJoint]]:
+    found: dict[tuple[Any, ...], list[DrawnJoint]] = {}
+    for one in joints:
+        plan = one.plan
+        key = one.level, plan.parent.half_mm, plan.children, plan.is_bend
+        found.setdefault(key, []).append(one)
+    return list(found.values())
 
 
 LEAST_STEP_MM = 0.1
@@ -246,37 +370,29 @@ class _Places:
     def __init__(self, layout: FlatLayout) -> None:
         self.layout = layout
         self.ids = layout.tree.ids
-        self.first = {
-            level: int(np.flatnonzero(layout.tree.level == level)[0])
-            for level in np.unique(layout.tree.level).tolist()
-        }
-
-    def branch(self, joint: Joint, owner: int) -> str:
-        """Return the id of a strip at the first joint of its level."""
-        if owner == 0:
-            return self.ids[self.first[joint.level]]
-        return self.ids[self.first[joint.level + 1] + owner - 1]
 
     def problem(
-        self, kind: ProblemKind, level: int, branches: tuple[str, ...], found: tuple[float, float]
+        self,
+        kind: ProblemKind,
+        rows: Sequence[int],
+        branches: Sequence[int],
+        found: tuple[float, float],
     ) -> OutlineProblem:
-        """Return a problem that occurs at the end of every branch of one level."""
-        count = int(np.count_nonzero(self.layout.tree.level == level))
-        x, y = self.layout.end_mm[self.first[level]].tolist()
-        message = _MESSAGES[kind].format(
-            names=" and ".join(branches), found=found[0], limit=found[1]
-        )
+        """Return a problem that occurs at the end of some parts; the first of them is named."""
+        x, y = self.layout.end_mm[rows[0]].tolist()
+        names = tuple(self.ids[branch] for branch in branches)
+        message = _MESSAGES[kind].format(names=" and ".join(names), found=found[0], limit=found[1])
         return OutlineProblem(
             kind=kind,
-            branches=branches,
+            branches=names,
             x_mm=x,
             y_mm=y,
-            count=count,
+            count=len(rows),
             measured_mm=min(max(found[0], -LARGEST_MM), LARGEST_MM),
             limit_mm=found[1],
             message=message
-            if count == 1
-            else f"{message} It is so at {counted(count, 'place')} alike.",
+            if len(rows) == 1
+            else f"{message} It is so at {counted(len(rows), 'place')} alike.",
         )
 
 
@@ -317,16 +433,17 @@ _MESSAGES = {
 
 
 def parts_problems(
-    design: Design, layout: FlatLayout, pattern: OutlineParts
+    drawn: DrawnTree, layout: FlatLayout, pattern: OutlineParts
 ) -> tuple[OutlineProblem, ...]:
-    """Return the misfits between the pieces of an outline, in the order of the levels."""
+    """Return the misfits between the pieces of an outline, in the order of the branches."""
     places = _Places(layout)
-    found = [*_widths(design, places, pattern.offset_mm)]
-    for kinds in pattern.joints:
-        for number in range(len(kinds[0].gaps)):
-            # Joints that differ only by the taper of their parents' sides share one problem.
-            for joint in kinds:
-                gap = joint.gaps[number]
+    found = [*_widths(drawn, places, pattern)]
+    # Joints that differ only by the taper of their parents' sides share one problem.
+    for family in pattern.families:
+        rows = sorted(row for one in family for row in one.rows)
+        for number in range(len(family[0].joint.gaps)):
+            for one in family:
+                joint, gap = one.joint, one.joint.gaps[number]
                 if joint.allowed_mm[number] < 0.0:
                     halves = (side.half_mm - pattern.offset_mm for side in (gap.first, gap.second))
                     limit = allowed_reach_mm(gap.first, gap.second, joint.disc_mm)
@@ -336,10 +453,11 @@ def parts_problems(
                     kind, figures = ProblemKind.SHORT_SEGMENT, (gap.error_mm, WORST_ERROR_MM)
                 else:
                     continue
-                names = [places.branch(joint, side.owner) for side in (gap.first, gap.second)]
-                found.append(places.problem(kind, joint.level, tuple(names), figures))
+                owners = [rows[0], *drawn.children[rows[0]]]
+                names = [owners[side.owner] for side in (gap.first, gap.second)]
+                found.append(places.problem(kind, rows, names, figures))
                 break
-    return (*found, *_tail(design, places, pattern), *_rooms(design, places, pattern))
+    return (*found, *_tail(drawn, places, pattern), *_rooms(drawn, places, pattern))
 
 
 def drawing_problems(
@@ -353,69 +471,78 @@ def drawing_problems(
         and pattern.tail.collar.start_mm[1] < 0.0
     ):
         return ()
-    level = int(layout.tree.level[layout.tree.ids.index(shortest.branch)])
+    row = layout.tree.ids.index(shortest.branch)
     found = (shortest.length_mm, LEAST_SEGMENT_MM)
-    problem = _Places(layout).problem(ProblemKind.SHORT_SEGMENT, level, (shortest.branch,), found)
-    return (problem,)
+    return (_Places(layout).problem(ProblemKind.SHORT_SEGMENT, [row], [row], found),)
 
 
-def _widths(design: Design, places: _Places, offset_mm: float) -> Iterator[OutlineProblem]:
-    widths, pouch = design.build.widths_mm, design.build.pouch
-    ends = design.build.end_widths_mm
-    for level, width in enumerate(ends, start=1):
-        name = places.ids[places.first[level]]
-        if width / 2 + offset_mm < LEAST_SEGMENT_MM:
-            found = (width / 2 + offset_mm, LEAST_SEGMENT_MM)
-            yield places.problem(ProblemKind.VANISHED, level, (name,), found)
-        found = (widths[level - 1], ends[level - 2] - LEAST_STEP_MM)
-        if level > 1 and found[0] > found[1]:
-            parent = places.ids[places.first[level - 1]]
-            yield places.problem(ProblemKind.CHILD_WIDTH, level - 1, (parent, name), found)
-    limit = ends[-1] + LEAST_STEP_MM
-    name = places.ids[places.first[design.depth]]
-    if pouch is not None and pouch.flat_width_mm < limit:
-        found = (pouch.flat_width_mm, limit)
-        yield places.problem(ProblemKind.POUCH_WIDTH, design.depth, (name,), found)
-    elif pouch is not None and least_convex_radius_mm(design) + offset_mm < 0.0:
-        found = (least_convex_radius_mm(design) + offset_mm, 0.0)
-        yield places.problem(ProblemKind.VANISHED, design.depth, (name,), found)
+def _widths(drawn: DrawnTree, places: _Places, pattern: OutlineParts) -> Iterator[OutlineProblem]:
+    """Check the widths of parts, and of their pouches, each kind once."""
+    tree, offset_mm = drawn.tree, pattern.offset_mm
+    begins, ends, level = tree.width_mm.tolist(), tree.end_width_mm.tolist(), tree.level.tolist()
+    parent, elbow = tree.parent.tolist(), drawn.is_elbow
+    alike: dict[tuple[Any, ...], list[int]] = {}
+    for row, above in enumerate(parent):
+        wide = math.inf if above < 0 or elbow[above] else ends[above]
+        kind = level[row], wide, begins[row], ends[row], drawn.pouches[row]
+        alike.setdefault(kind, []).append(row)
+    for (_, wide, begin, end, pouch), rows in alike.items():
+        row = rows[0]
+        if end / 2 + offset_mm < LEAST_SEGMENT_MM:
+            found = (end / 2 + offset_mm, LEAST_SEGMENT_MM)
+            yield places.problem(ProblemKind.VANISHED, rows, [row], found)
+        if begin > wide - LEAST_STEP_MM:
+            above = sorted({parent[one] for one in rows})
+            found = (begin, wide - LEAST_STEP_MM)
+            yield places.problem(ProblemKind.CHILD_WIDTH, above, [above[0], row], found)
+        limit = end + LEAST_STEP_MM
+        if pouch is not None and pouch.flat_width_mm < limit:
+            found = (pouch.flat_width_mm, limit)
+            yield places.problem(ProblemKind.POUCH_WIDTH, rows, [row], found)
+        elif pouch is not None:
+            least = min(least_convex_radius_mm(drawn.leaf(one), pouch) for one in rows)
+            if least + offset_mm < 0.0:
+                yield places.problem(ProblemKind.VANISHED, rows, [row], (least + offset_mm, 0.0))
 
 
-def _tail(design: Design, places: _Places, pattern: OutlineParts) -> Iterator[OutlineProblem]:
+def _tail(drawn: DrawnTree, places: _Places, pattern: OutlineParts) -> Iterator[OutlineProblem]:
     """Check that a collar leaves some straight tail, and that its arcs are not too small."""
-    collar, tail = design.build.collar, pattern.tail
+    collar, tail = drawn.build.collar, pattern.tail
     if collar is None:
         return
     room = tail.bend.start_mm[0] - tail.even_mm
     if room < LEAST_SEGMENT_MM:
-        yield places.problem(ProblemKind.COLLAR, 1, ("0",), (room, LEAST_SEGMENT_MM))
-    rise = abs(collar.flat_width_mm - design.build.widths_mm[0]) / 2
+        yield places.problem(ProblemKind.COLLAR, [0], [0], (room, LEAST_SEGMENT_MM))
+    rise = abs(collar.flat_width_mm - drawn.build.widths_mm[0]) / 2
     # Arcs that turn by more than a right angle run back; a radius r takes a flare of
     # sqrt((4 r - rise) rise).
     radius = LEAST_COLLAR_RADIUS_MM + abs(pattern.offset_mm)
     least = max(rise, math.sqrt(max(0.0, (4.0 * radius - rise) * rise)))
     if collar.flare_mm < least:
-        yield places.problem(ProblemKind.COLLAR_FLARE, 1, ("0",), (collar.flare_mm, least))
+        yield places.problem(ProblemKind.COLLAR_FLARE, [0], [0], (collar.flare_mm, least))
     half = -tail.collar.start_mm[1]
     if half < LEAST_SEGMENT_MM:
-        yield places.problem(ProblemKind.VANISHED, 1, ("0",), (half, LEAST_SEGMENT_MM))
+        yield places.problem(ProblemKind.VANISHED, [0], [0], (half, LEAST_SEGMENT_MM))
 
 
-def _rooms(design: Design, places: _Places, pattern: OutlineParts) -> Iterator[OutlineProblem]:
-    """Check the straight side that is left between the two ends of every kind of branch."""
-    for level, width in enumerate(design.build.widths_mm, start=1):
-        least = (width - design.build.end_widths_mm[level - 1]) / 2.0 / STEEPEST
-        lengths, leans = level_lengths_mm(design, level), level_tapers_rad(design, level)
-        for child, (length, lean) in enumerate(zip(lengths, leans, strict=True)):
-            # Where the larger disc hides the smaller one: by how much the branch is too short.
-            side = length - least if length < least else length * math.cos(lean)
-            if level == 1 and not lean:  # that of a tapered trunk ends where the tail's begins
-                side -= pattern.tail.even_mm
-            base, end = pattern.used_mm(level, child)
-            room = side - max(base[0] + end[0], base[1] + end[1])
-            if room < LEAST_SEGMENT_MM:
-                name = places.ids[places.first[level] + child]
-                yield places.problem(ProblemKind.NO_ROOM, level, (name,), (room, LEAST_SEGMENT_MM))
+def _rooms(drawn: DrawnTree, places: _Places, pattern: OutlineParts) -> Iterator[OutlineProblem]:
+    """Check the straight side that is left between the two ends of every kind of part."""
+    tree = drawn.tree
+    columns = (tree.width_mm, tree.end_width_mm, tree.length_mm, tree.level)
+    sizes = zip(*(column.tolist() for column in columns), drawn.lean_rad, strict=True)
+    alike: dict[tuple[Any, ...], list[int]] = {}
+    for row, (width, end_width, length, level, lean) in enumerate(sizes):
+        least = (width - end_width) / 2.0 / STEEPEST
+        # Where the larger disc hides the smaller one: by how much the part is too short.
+        side = length - least if length < least else length * math.cos(lean)
+        if row == 0 and not lean:  # that of a tapered trunk ends where the tail's begins
+            side -= pattern.tail.even_mm
+        base, end = pattern.used_mm(row)
+        room = side - max(base[0] + end[0], base[1] + end[1])
+        if room < LEAST_SEGMENT_MM:
+            alike.setdefault((level, length, pattern.number[row], room), []).append(row)
+    for (*_, room), rows in alike.items():
+        yield places.problem(ProblemKind.NO_ROOM, rows, rows[:1], (room, LEAST_SEGMENT_MM))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -472,7 +599,7 @@ def body_outline(
     [-200.0, -20.0, 120.0, 20.0]
     """
     made = _kept_outline if design.branch_count <= _MOST_KEPT else _outline
-    return made(drawn_of(design), offset_mm, least_fillet_mm, ends)
+    return made(DrawnTree.of(design), offset_mm, least_fillet_mm, ends)
 
 
 _MOST_KEPT = 200
@@ -480,15 +607,14 @@ _MOST_KEPT = 200
 
 
 def _outline(
-    drawn: DrawnDesign, offset_mm: float, least_fillet_mm: float, ends: PieceEnds
+    drawn: DrawnTree, offset_mm: float, least_fillet_mm: float, ends: PieceEnds
 ) -> BodyOutline:
-    design = design_drawn(drawn)
-    layout = flat_layout(design)
-    pattern = outline_parts(design, offset_mm, least_fillet_mm)
-    problems = parts_problems(design, layout, pattern)
+    layout = _layout(drawn)
+    pattern = _outline_parts(drawn, offset_mm, least_fillet_mm)
+    problems = parts_problems(drawn, layout, pattern)
     if any(problem.kind is ProblemKind.VANISHED for problem in problems):
-        pattern = outline_parts(design, 0.0)
-    contour = _Walk(layout, pattern, ends).contour()
+        pattern = _outline_parts(drawn, 0.0, 0.0)
+    contour = _Walk(layout, drawn, pattern, ends).contour()
     return BodyOutline(
         contour=contour, problems=problems or drawing_problems(layout, pattern, contour)
     )
@@ -501,17 +627,12 @@ _kept_outline = lru_cache(maxsize=32)(_outline)
 class _Walk:
     """One walk around a tree, which draws one contour."""
 
-    def __init__(self, layout: FlatLayout, pattern: OutlineParts, piece: PieceEnds) -> None:
+    def __init__(
+        self, layout: FlatLayout, drawn: DrawnTree, pattern: OutlineParts, piece: PieceEnds
+    ) -> None:
         self.layout, self.pattern, self.piece = layout, pattern, piece
         self.stubs = dict(piece.stubs)
-        self.ids = layout.tree.ids
-        self.level = layout.tree.level.tolist()
-        self.sibling = [0] * len(self.ids)
-        self.children: list[list[int]] = [[] for _ in self.ids]
-        for branch, parent in enumerate(layout.tree.parent.tolist()):
-            if parent >= 0:
-                self.sibling[branch] = len(self.children[parent])
-                self.children[parent].append(branch)
+        self.ids, self.children = layout.tree.ids, drawn.children
         heading = layout.heading_rad.tolist()
         # Frames of each branch, where it begins and where it ends.
         self.begins, self.ends = (
@@ -552,12 +673,11 @@ class _Walk:
             self.pen.go_to(placed(left.start_mm, frame), Part.MOUTH, self.ids[branch])
             self.pen.pieces(left, frame, owner)
             return
-        if not self.children[branch]:
-            run = self.pattern.tip(self.sibling[branch]).run
-            self._side(placed(run.start_mm, self.ends[branch]), branch)
-            self.pen.pieces(run, self.ends[branch], (self.ids[branch],))
+        joint = self.pattern.ends[branch]
+        if isinstance(joint, TipStroke):
+            self._side(placed(joint.run.start_mm, self.ends[branch]), branch)
+            self.pen.pieces(joint.run, self.ends[branch], (self.ids[branch],))
             return
-        joint = self.pattern.joint(self.level[branch], self.sibling[branch])
         owners = (self.ids[branch], *(self.ids[child] for child in self.children[branch]))
         # Into the joint from the parent's side, then from that of each child to the next.
         for gap, first in zip(joint.gaps, (branch, *self.children[branch]), strict=True):

@@ -10,8 +10,9 @@ the planned length.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
-from vinefab.model.design import DEFAULT_FILLET_RATIO, DEFAULT_LEAST_FILLET_MM, Build, Design, Pouch
+from vinefab.model.design import DEFAULT_FILLET_RATIO, DEFAULT_LEAST_FILLET_MM, Build, Pouch
 from vinefab.model.outline import Part
 from vinefab.outline.joint import (
     LEAST_CUT_MM,
@@ -21,7 +22,6 @@ from vinefab.outline.joint import (
     StrokeRun,
     StrokeSegment,
     arc,
-    level_tapers_rad,
     neck,
     neck_length_mm,
     polar,
@@ -89,10 +89,9 @@ class BranchSide:
         return StrokeRun(start, (StrokeSegment(bend, 0.0, Part.SOCKET), *placed))
 
 
-def tail_of(design: Design, offset_mm: float) -> Tail:
-    """Return the tail of a design."""
-    mouth, half = -design.build.tail_mm, design.build.widths_mm[0] / 2 + offset_mm
-    lean = level_tapers_rad(design, 1)[0]
+def tail_of(build: Build, lean_rad: float, offset_mm: float) -> Tail:
+    """Return the tail of a build, below a trunk whose sides lean by an angle."""
+    mouth, half, lean = -build.tail_mm, build.widths_mm[0] / 2 + offset_mm, lean_rad
     # Where the trunk tapers, an arc leads from the tail's side to its own. One too short for a
     # laser is drawn as the corner of the two sides, outside it by r (1 / cos(t / 2) - 1), as long
     # as that is nothing: for a length r t of 0.2 mm at most 0.002 mm where the trunk is 5 mm wide
@@ -103,7 +102,7 @@ def tail_of(design: Design, offset_mm: float) -> Tail:
     else:
         arc_ = StrokeSegment(turned((0.0, -half), lean), math.tan(lean / 4), Part.JOINT)
         bend = StrokeRun((0.0, -half), (arc_,))
-    collar = design.build.collar
+    collar = build.collar
     if collar is None:
         return Tail(collar=StrokeRun((mouth, -half)), even_mm=mouth, bend=bend)
     wide = collar.flat_width_mm / 2 + offset_mm
@@ -179,24 +178,15 @@ class TipStroke:
     used_mm: float  # how far before the end of the branch its straight sides end
 
 
+@lru_cache(maxsize=4096)
 def tip_of(
-    design: Design, offset_mm: float, lean_rad: float = 0.0, least_fillet_mm: float = 0.0
+    leaf: Leaf, pouch: Pouch | None, offset_mm: float, least_fillet_mm: float = 0.0
 ) -> TipStroke:
-    """Return the far end of a leaf of a design; smaller fillets at a pouch's neck are corners."""
-    half, pouch = design.build.end_widths_mm[-1] / 2, design.build.pouch
+    """Return the far end of a leaf; smaller fillets at a pouch's neck are corners."""
     # A pouch no wider than its branch is a named problem; the bare tip is what can be drawn.
-    if pouch is None or pouch.flat_width_mm <= 2.0 * half:
-        return round_tip(half + offset_mm, lean_rad)
-    return pouch_tip(pouch, leaf_of(design, lean_rad), offset_mm, least_fillet_mm)
-
-
-def leaf_of(design: Design, lean_rad: float) -> Leaf:
-    """Return the end of a design's leaves whose sides lean by an angle."""
-    return Leaf(
-        half_mm=design.build.end_widths_mm[-1] / 2,
-        lean_rad=lean_rad,
-        fillet_mm=level_fillets_mm(design.build)[-1],
-    )
+    if pouch is None or pouch.flat_width_mm <= 2.0 * leaf.half_mm:
+        return round_tip(leaf.half_mm + offset_mm, leaf.lean_rad)
+    return pouch_tip(pouch, leaf, offset_mm, least_fillet_mm)
 
 
 def round_tip(half_mm: float, lean_rad: float = 0.0) -> TipStroke:
@@ -265,15 +255,13 @@ def corner_radii_mm(pouch: Pouch, leaf: Leaf) -> Point:
     return inner, outer
 
 
-def least_convex_radius_mm(design: Design) -> float:
-    """Return the smallest convex radius at the lumen's tips: of pouches, else of the tips."""
-    half, pouch = design.build.end_widths_mm[-1] / 2, design.build.pouch
+def least_convex_radius_mm(leaf: Leaf, pouch: Pouch | None) -> float:
+    """Return the smallest convex radius at a leaf's tip on the lumen: of its pouch, or the tip."""
     if pouch is None:
-        return half
+        return leaf.half_mm
     if pouch.shape == "round":
         return pouch.flat_width_mm / 2
-    leans = level_tapers_rad(design, design.depth)
-    return min(corner_radii_mm(pouch, leaf_of(design, lean))[1] for lean in leans)
+    return corner_radii_mm(pouch, leaf)[1]
 
 
 def _shoulder(leaf: Leaf, axis: Point, radius_mm: float) -> tuple[list[StrokeSegment], Point]:
@@ -297,7 +285,7 @@ def _shoulder(leaf: Leaf, axis: Point, radius_mm: float) -> tuple[list[StrokeSeg
     return [*pieces, *arc(axis, (back, axis[1]), math.pi / 2, Part.POUCH)], start
 
 
-def pouch_takes_mm(build: Build, offset_mm: float = 0.0) -> float:
+def pouch_takes_mm(leaf: Leaf, pouch: Pouch | None, offset_mm: float = 0.0) -> float:
     """Return the length of a leaf that its pouch takes, before the end of its planned length.
 
     Parameters
@@ -305,10 +293,16 @@ def pouch_takes_mm(build: Build, offset_mm: float = 0.0) -> float:
     offset_mm
         How far outside the lumen's edge.
     """
-    pouch, half_mm = build.pouch, build.end_widths_mm[-1] / 2.0
-    radius_mm = max(0.0, level_fillets_mm(build)[-1] - offset_mm)
+    half_mm, radius_mm = leaf.half_mm, max(0.0, leaf.fillet_mm - offset_mm)
     if pouch is None or pouch.flat_width_mm <= 2.0 * half_mm:
         return 0.0
     if pouch.shape == "round":
         return neck_length_mm(half_mm + offset_mm, (pouch.radius_mm or 0.0) + offset_mm, radius_mm)
     return (pouch.length_mm or 0.0) / 2.0 + offset_mm + radius_mm
+
+
+def usual_leaf(build: Build) -> Leaf:
+    """Return the end of an even leaf of a build's last level."""
+    return Leaf(
+        half_mm=build.end_widths_mm[-1] / 2.0, lean_rad=0.0, fillet_mm=level_fillets_mm(build)[-1]
+    )

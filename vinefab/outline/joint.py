@@ -1,4 +1,4 @@
-"""The joints of a design: the outline through each gap, with its largest fillet.
+"""Joints and elbows: the outline through each gap, with its largest fillet.
 
 In the joint's frame the joint is the origin and the parent's heading is +x. The core is the parent
 with a rounded end: a disc of its half width R and, behind it, two sides. The outline comes along
@@ -10,18 +10,17 @@ A fillet of radius r is a ball that rolls in the gap between two children, down 
 the first and down the right side of the second, until it rests on the core. Where the first would
 rest behind the second, it never reaches the core: it rests on both children.
 
-Every branch of a level sprouts alike. Branches that taper over different lengths lean differently:
-then there is one kind of joint for each child of a fan.
+An elbow, where a tube continues behind a preformed bend, has a fillet on its inner side; its outer
+edge is an arc around the same centre, so that the tube keeps its width.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 
-from vinefab.model.design import Design, Level
 from vinefab.model.outline import Contour, Part, Segment
-from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 
 LEAST_SEGMENT_MM = 0.05
 """Length of the shortest segment of an outline."""
@@ -404,7 +403,7 @@ def solve_gap(first: Strip, second: Strip, core: Core, fillet_mm: float) -> Gap:
         one = rest(first, LEFT, LEAST_SEGMENT_MM)
     if one and two and two.position_mm - one.position_mm < LEAST_SEGMENT_MM:
         # Too little of the parent's end would show between the two.
-        return _between_children(first, second, core, fillet_mm)
+        return inner_bend(first, second, core, fillet_mm)
     way = _along_core(one, two, core)
     start, pieces = way.start_mm, list(way.pieces)
     if one is not None:
@@ -484,7 +483,7 @@ def _lost_mm(radius_mm: float, turn_rad: float) -> float:
     return radius_mm * (1.0 / max(math.cos(turn_rad / 2), 1e-3) - 1.0)
 
 
-def _between_children(first: Strip, second: Strip, core: Core, fillet_mm: float) -> Gap:
+def inner_bend(first: Strip, second: Strip, core: Core, fillet_mm: float) -> Gap:
     """Return the walk from one side straight to the other, around a ball that rests on both."""
     gap = second.angle_rad - first.angle_rad
     sin, cos, turn = math.sin(gap), math.cos(gap), math.pi - gap
@@ -524,57 +523,86 @@ A cut that goes 2 mm outside a seam then still keeps off it.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Joint:
-    """The outline at every joint of one level."""
+class PlannedSide:
+    """A branch as the joint at one of its ends sees it."""
 
-    level: int  # level of the parents, 1 for the trunk
+    half_mm: float  # half its lay-flat width there
+    length_mm: float  # planned
+    lean_rad: float  # angle by which its sides lean towards its axis, seen from its base
+    angle_rad: float = 0.0  # to the parent's heading, of a child
+    fillet_mm: float = 0.0  # designed radius of its fillets, of a child
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointPlan:
+    """Everything that a joint is drawn from."""
+
+    parent: PlannedSide
+    children: tuple[PlannedSide, ...]  # clockwise-most first
+    is_bend: bool = False  # whether its only child is the same tube behind a preformed bend
+
+    def turned(self, angles_deg: Sequence[float]) -> "JointPlan":
+        """Return the plan with other angles of its children."""
+        pairs = zip(self.children, angles_deg, strict=True)
+        children = (replace(one, angle_rad=math.radians(angle)) for one, angle in pairs)
+        return replace(self, children=tuple(children))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Joint:
+    """The outline at a joint."""
+
     disc_mm: float  # radius of the joint's disc on the lumen
     # From the parent's right side to the first child, between children, and from the last child to
     # the parent's left side.
     gaps: tuple[Gap, ...]
-    fillet_mm: float  # designed fillet radius
+    fillets_mm: tuple[float, ...]  # designed fillet radius of each gap
     # Largest fillet radius that the angle allows in each gap; negative if the neighbours part too
     # far from the joint for any.
     allowed_mm: tuple[float, ...]
 
 
-def joint_of(
-    design: Design, level: int, offset_mm: float, sibling: int = 0, *, least_fillet_mm: float = 0.0
-) -> Joint:
-    """Return the joint at the ends of the branches of one level.
+@lru_cache(maxsize=4096)
+def joint_of(plan: JointPlan, offset_mm: float, *, least_fillet_mm: float = 0.0) -> Joint:
+    """Return the joint of a plan, or the elbow of a bend.
 
     Fillet radii are capped on the lumen itself, so that every offset has the same fillet centres.
     Fillets that the offset leaves smaller than ``least_fillet_mm`` are corners.
     """
-    below: Level = design.levels[level - 1]
-    designed, tilt = design.build.fillet_mm[level - 1], level_tapers_rad(design, level)[sibling]
+    tilt = plan.parent.lean_rad
     parent = Strip(
         angle_rad=-math.pi,
-        half_mm=design.build.end_widths_mm[level - 1] / 2,
-        # Branches of one level may differ in length; the shortest parent caps the fillets of all.
-        length_mm=min(level_lengths_mm(design, level)),
+        half_mm=plan.parent.half_mm,
+        length_mm=plan.parent.length_mm,
         owner=PARENT,
     )
-    half, angles = design.build.widths_mm[level] / 2, fan_offsets_rad(below).tolist()
-    lengths = level_lengths_mm(design, level + 1)
     around = [
         parent,
-        *(Strip(angle_rad=angle, half_mm=half, length_mm=length, owner=owner)
-          for owner, (angle, length) in enumerate(zip(angles, lengths, strict=True), start=1)),
+        *(
+            Strip(angle_rad=one.angle_rad, half_mm=one.half_mm, length_mm=one.length_mm, owner=n)
+            for n, one in enumerate(plan.children, start=1)
+        ),
         replace(parent, angle_rad=math.pi),
-    ]  # fmt: skip
+    ]
     # Away from the joint sides lean towards their axis, but those of a parent that narrows here.
-    leans = (-tilt, *level_tapers_rad(design, level + 1), -tilt)
+    leans = (-tilt, *(one.lean_rad for one in plan.children), -tilt)
+    designed = [one.fillet_mm for one in plan.children]
+    # Between two children the smaller one; next to the parent the child's own.
+    fillets = (designed[0], *(min(pair) for pair in pairwise(designed)), designed[-1])
     # The joint's disc is the parent's. A wider child is a separate problem; the larger disc at
     # least draws it as it would be.
     disc = max(strip.half_mm for strip in around)
     core, gaps, allowed = Core(radius_mm=disc + offset_mm, tilt_rad=tilt), [], []
-    for (one, lean), (two, other_lean) in pairwise(zip(around, leans, strict=True)):
+    neighbours = pairwise(zip(around, leans, strict=True))
+    bend_mm = 0.0
+    for ((one, lean), (two, other_lean)), fillet in zip(neighbours, fillets, strict=True):
         first = replace(one, angle_rad=one.angle_rad - LEFT * lean)
         second = replace(two, angle_rad=two.angle_rad - RIGHT * other_lean)
         angle, halves = second.angle_rad - first.angle_rad, (first.half_mm, second.half_mm)
         most = largest_fillet_mm(angle, halves, allowed_reach_mm(first, second, disc))
-        radius = max(0.0, min(designed, most))
+        radius = max(0.0, min(fillet, most))
+        if plan.is_bend and angle < math.pi:
+            bend_mm = radius
         # Beyond its own radius an outward offset turns a fillet into a corner: exactly what
         # rolling a ball around the body gives.
         drawn = max(0.0, radius - offset_mm)
@@ -583,14 +611,42 @@ def joint_of(
         first, second = (
             replace(side, half_mm=side.half_mm + offset_mm) for side in (first, second)
         )
-        gaps.append(solve_gap(first, second, core, drawn))
+        is_inside = plan.is_bend and angle < math.pi
+        gaps.append((inner_bend if is_inside else solve_gap)(first, second, core, drawn))
         allowed.append(most)
+    if plan.is_bend:
+        gaps = outer_bends(gaps, bend_mm + 2.0 * disc + offset_mm)
     return Joint(
-        level=level,
         disc_mm=disc,
         gaps=tuple(gaps),
-        fillet_mm=designed,
+        fillets_mm=fillets,
         allowed_mm=tuple(allowed),
+    )
+
+
+def outer_bends(gaps: Sequence[Gap], radius_mm: float) -> list[Gap]:
+    """Return the gaps of an elbow with an outer edge of some radius."""
+    return [gap if gap.angle_rad < math.pi else _outer_bend(gap, radius_mm) for gap in gaps]
+
+
+def _outer_bend(gap: Gap, radius_mm: float) -> Gap:
+    """Return the outer edge of an elbow: an arc that touches both sides from inside."""
+    first, second = gap.first, gap.second
+    sin, cos, turn = math.sin(gap.angle_rad), math.cos(gap.angle_rad), gap.angle_rad - math.pi
+    if turn * radius_mm < LEAST_SEGMENT_MM:
+        return gap
+    # The centre lies on the inner side, so far from both axes.
+    a, b = first.half_mm - radius_mm, second.half_mm - radius_mm
+    one, two = (b + a * cos) / sin, (a + b * cos) / sin
+    start = turned((one, first.half_mm), first.angle_rad)
+    center = turned((one, a), first.angle_rad)
+    return replace(
+        gap,
+        run=StrokeRun(start, tuple(arc(center, start, turn, Part.JOINT, PARENT))),
+        first_used_mm=one,
+        second_used_mm=two,
+        reach_mm=radius_mm - math.hypot(*center),
+        error_mm=0.0,
     )
 
 
@@ -600,16 +656,3 @@ def allowed_reach_mm(first: Strip, second: Strip, disc_mm: float) -> float:
     Within the joint's disc there is nothing to web.
     """
     return max(0.5 * min(first.length_mm, second.length_mm), disc_mm)
-
-
-def level_tapers_rad(design: Design, level: int) -> tuple[float, ...]:
-    """Return by how much the sides of a level's branches lean, one per child of a fan."""
-    base, end = design.build.widths_mm[level - 1] / 2, design.build.end_widths_mm[level - 1] / 2
-    return tuple(taper_rad(base, end, length) for length in level_lengths_mm(design, level))
-
-
-def level_lengths_mm(design: Design, level: int) -> tuple[float, ...]:
-    """Return the lengths of a level's branches, one per child of a fan; 1 is the trunk."""
-    if level == 1:
-        return (design.trunk_length_mm,)
-    return tuple(child_lengths_mm(design.levels[level - 2]).tolist())

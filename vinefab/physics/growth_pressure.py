@@ -157,36 +157,40 @@ class GrowthPath:
 
 
 def planned_paths(tree: BranchTree) -> tuple[GrowthPath, ...]:
-    """Return the path to every tip in free space: straight branches, turns at joints only.
+    """Return the path to every tip in free space: straight bodies, turns at joints and bends.
 
     Contacts add turns, but for a hinge that bends a branch back towards its parent's heading: there
     less pressure may do than in free space.
     """
-    steps: list[Steps] = []
-    for parent, turn_rad, length_mm in zip(
-        tree.parent.tolist(), np.abs(tree.offset_rad).tolist(), tree.length_mm.tolist(), strict=True
+    steps, parts = list[Steps](), tree.straight
+    ends: list[Steps] = [[]] * len(tree)
+    for parent, turn_rad, length_mm, branch in zip(
+        parts.parent.tolist(),
+        np.abs(parts.offset_rad).tolist(),
+        parts.length_mm.tolist(),
+        parts.branch.tolist(),
+        strict=True,
     ):
         before = steps[parent] if parent >= 0 else []
         steps.append([*before, (turn_rad, length_mm)])
-    return tuple(_path(found) for found in steps)
+        ends[branch] = steps[-1]  # the last part comes last
+    return tuple(_path(found) for found in ends)
 
 
-def riding_mm(tree: BranchTree, widths_mm: tuple[float, ...]) -> Floats:
+def riding_mm(tree: BranchTree) -> Floats:
     """Return the film inside each branch for its descendants, as a length of the branch's film.
 
     Parameters
     ----------
     tree
         The planned branches.
-    widths_mm
-        Lay-flat width of each level, trunk first.
 
     Returns
     -------
     array
         Sum of length times width over all descendants, over the branch's width, mm; shape (n,).
     """
-    width_mm = np.array(widths_mm)[tree.level - 1]
+    width_mm = tree.width_mm
     film_mm2 = tree.length_mm * width_mm
     inside_mm2 = np.zeros(len(tree))
     for branch in range(len(tree) - 1, 0, -1):
@@ -204,62 +208,48 @@ def _path(steps: Steps) -> GrowthPath:
 
 
 def planned_growth_kpa(
-    tree: BranchTree,
-    widths_mm: tuple[float, ...],
-    constants: GrowthConstants,
-    fitted_diameter_mm: float,
+    tree: BranchTree, constants: GrowthConstants, fitted_diameter_mm: float
 ) -> Floats:
     """Return the pressure for growth to each tip in free space, kPa; shape (n,).
 
     The same as `growth_pressure_kpa` along each of `planned_paths`, with the constants scaled to
-    the branch's diameter and the film of its descendants, but level by level.
+    the branch's diameter and the film of its descendants, but generation by generation.
 
     Parameters
     ----------
     tree
         The planned branches.
-    widths_mm
-        Lay-flat width of each level, trunk first.
     constants
         Y, f, T and mu, fitted to one tube.
     fitted_diameter_mm
         Inflated diameter of that tube.
     """
-    drag_kpa_mm = constants.drag_kpa_m.value / 1000.0
-    bend = np.exp(constants.friction.value * np.abs(tree.offset_rad))
+    drag_kpa_mm, parts = constants.drag_kpa_m.value / 1000.0, tree.straight
+    bend = np.exp(constants.friction.value * np.abs(parts.offset_rad))
     # Factor on the store's tension, and the drag of all segments before the last, after turns.
-    factor, before_kpa = np.ones(len(tree)), np.zeros(len(tree))
-    own_kpa = drag_kpa_mm * tree.length_mm
-    for level in range(2, len(widths_mm) + 1):
-        rows = np.flatnonzero(tree.level == level)
-        parent = tree.parent[rows]
+    factor, before_kpa = np.ones(len(parts)), np.zeros(len(parts))
+    own_kpa = drag_kpa_mm * parts.length_mm
+    for rows in parts.generations[1:]:
+        parent = parts.parent[rows]
         factor[rows] = factor[parent] * bend[rows]
         before_kpa[rows] = (before_kpa[parent] + own_kpa[parent]) * bend[rows]
-    store_kpa = constants.storage_kpa.value + drag_kpa_mm * riding_mm(tree, widths_mm)
-    unscaled = constants.yield_kpa.value + store_kpa * factor + before_kpa + own_kpa
-    diameter_mm = inflated_diameter_mm(1.0) * np.array(widths_mm)
-    return np.asarray(unscaled * (fitted_diameter_mm / diameter_mm)[tree.level - 1])
+    store_kpa = constants.storage_kpa.value + drag_kpa_mm * riding_mm(tree)
+    unscaled = constants.yield_kpa.value + store_kpa[parts.branch] * factor + before_kpa + own_kpa
+    ends_kpa = np.empty(len(tree))
+    ends_kpa[parts.branch] = unscaled  # the last part comes last
+    diameter_mm = inflated_diameter_mm(1.0) * tree.width_mm
+    return np.asarray(ends_kpa * (fitted_diameter_mm / diameter_mm))
 
 
 # --- Paths of deployments ------------------------------------------------------------------------
 
 
-def constants_by_level(
-    widths_mm: Sequence[float],
-    constants: GrowthConstants,
-    fitted_diameter_mm: float = FITTED_DIAMETER_MM.value,
-) -> list[GrowthConstants]:
-    """Return the growth constants of tubes by their lay-flat widths."""
-    return [
-        constants.at_diameter(inflated_diameter_mm(width_mm), fitted_diameter_mm)
-        for width_mm in widths_mm
-    ]
-
-
 def growth_pressures_kpa(
     deployments: Sequence[Deployment],
-    widths_mm: tuple[float, ...],
-    several: Sequence[Sequence[GrowthConstants]],
+    several: Sequence[GrowthConstants],
+    fitted_diameter_mm: float = FITTED_DIAMETER_MM.value,
+    *,
+    at_end: bool = False,
 ) -> Floats:
     """Return the pressure for growth to the tip of every branch that deployed; NaN for others.
 
@@ -267,10 +257,12 @@ def growth_pressures_kpa(
 
     Parameters
     ----------
-    widths_mm
-        Lay-flat width of each level, trunk first.
     several
-        Constants of the tube of each level, trunk first; several sets with the same friction.
+        Sets of constants, fitted to one tube, with the same friction.
+    fitted_diameter_mm
+        Inflated diameter of that tube.
+    at_end
+        Whether a tapered tube counts with its width at the tip, where it needs most.
 
     Returns
     -------
@@ -284,18 +276,21 @@ def growth_pressures_kpa(
     taken from the chains: between two segments, and at a branch's base between the parent's last
     heading and the first segment. So a joint and the hinge that bends it back are one turn.
     """
-    gain, drawn_mm = _path_gains(deployments, several[0][0].friction.value)
-    own = np.concatenate([deployment.tree.level for deployment in deployments]) - 1
-    of_tree: dict[int, Floats] = {}  # deployments of one plan share their tree
-    for deployment in deployments:
-        if id(deployment.tree) not in of_tree:
-            of_tree[id(deployment.tree)] = riding_mm(deployment.tree, widths_mm)
-    riding = np.concatenate([of_tree[id(deployment.tree)] for deployment in deployments])
+    gain, drawn_mm = _path_gains(deployments, several[0].friction.value)
+    trees = [deployment.tree for deployment in deployments]
+    of_tree = {id(tree): riding_mm(tree) for tree in trees}  # deployments of one plan share theirs
+    riding = np.concatenate([of_tree[id(tree)] for tree in trees])
+    widths = [tree.end_width_mm if at_end else tree.width_mm for tree in trees]
+    width_mm, own = np.unique(np.concatenate(widths), return_inverse=True)
     rows = []
-    for levels in several:
-        yielding = np.array([level.yield_kpa.value for level in levels])[own]
-        storage = np.array([level.storage_kpa.value for level in levels])[own]
-        drag_kpa_mm = np.array([level.drag_kpa_m.value / 1000.0 for level in levels])[own]
+    for constants in several:
+        tubes = [
+            constants.at_diameter(inflated_diameter_mm(width), fitted_diameter_mm)
+            for width in width_mm.tolist()
+        ]
+        yielding = np.array([tube.yield_kpa.value for tube in tubes])[own]
+        storage = np.array([tube.storage_kpa.value for tube in tubes])[own]
+        drag_kpa_mm = np.array([tube.drag_kpa_m.value / 1000.0 for tube in tubes])[own]
         rows.append(yielding + (storage + drag_kpa_mm * riding) * gain + drag_kpa_mm * drawn_mm)
     return np.array(rows)
 

@@ -18,7 +18,6 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.target import TargetsResult
-from vinefab.model.tree import branch_tree
 from vinefab.prediction.pose_search import (
     MOST_PLACING_DEG,
     MOST_PLACING_MM,
@@ -176,7 +175,7 @@ class AimedRobot:
         return RobotNumbers(
             design=self.name,
             branches=self.design.branch_count,
-            length_mm=branch_tree(self.design).total_length_mm,
+            length_mm=self.design.tree.total_length_mm,
             deployments=self.search.deployments,
             best=self.best.numbers,
             search_mean=self.search.estimate,

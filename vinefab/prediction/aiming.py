@@ -35,7 +35,6 @@ from vinefab.growth.options import HALF_ANGLE_DEG, GrowthChoice, growth_text
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.target import TargetsResult
-from vinefab.model.tree import branch_tree
 from vinefab.pages.plan import page_bytes
 from vinefab.prediction.aim_pictures import (
     aim_sheet,
@@ -103,7 +102,7 @@ def plain_vine_of(design: Design) -> Design:
     build = design.build
     return Design(
         name=f"{design.name[:80]}_as_plain_vine",
-        trunk_length_mm=branch_tree(design).total_length_mm,
+        trunk_length_mm=design.tree.total_length_mm,
         build=Build(
             widths_mm=build.widths_mm[:1],
             taper=build.taper[:1],
@@ -124,7 +123,7 @@ def held_against(
         )
     if against is not None:
         return [design, against]
-    return [design] if alone or not design.levels else [design, plain_vine_of(design)]
+    return [design] if alone or design.branch_count == 1 else [design, plain_vine_of(design)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

@@ -86,7 +86,7 @@ class History:
         # What has stopped keeps its planned length: cut to the length grown, a branch that met a
         # wall just there would count as grown in full.
         length_mm = np.where(is_growing, front_mm - base_mm[out], self.final.tree.length_mm[out])
-        plan = Plan.of(of.design, of.options).cut(out, length_mm)
+        plan = Plan.of(of.design, of.options).cut(out, length_mm, of.options)
         alone = of.options.changed(branch_contact="pass", emergence=1.0)
         deployment = grow_on(of.design, of.terrain, self.final.pose, alone, engine, plan)
         deployment = self._with_cuts(deployment, front_mm)

@@ -262,7 +262,7 @@ def deploy_family(
         done += len(rows)
     one_by_one, first = iter(unpressed), 0
     while some := list(islice(one_by_one, GROWTHS_PER_CALL)):
-        columns[first : first + len(some), -2:] = worst_pressures_of(some, design).T
+        columns[first : first + len(some), -2:] = worst_pressures_of(some).T
         first += len(some)
     names = prepared.names
     outcomes = MeasureTable(

@@ -125,7 +125,7 @@ class DeployedPattern:
                 # The triangles' own words say nothing to the designer.
                 why = joint.problem.partition(": outline is")[0]
                 remedy = (
-                    f"change the angle or the number of branches of level {joint.level}, make it "
+                    f"change the angle or the number of branches of {joint.name}, make it "
                     "narrower, give its fillet another radius, or lower the pressure"
                 )
                 problem = f"its joints do not deploy as designed: {why}"
@@ -257,11 +257,11 @@ class InflatedDesign(Result):
         against = () if other is None else other.facts("other")
         yield Facts((*found.facts("tips"), *against), lead=True)
         tree, turned_deg = self.robot.layout.tree, np.degrees(self.robot.deployed_offsets_rad)
-        in_robot_deg = {  # the mean angle of each child within the whole robot, by level
-            joint.level: turned_deg[tree.level == joint.level]
+        in_robot_deg = {  # the mean angle of each child within the whole robot, by kind of joint
+            place: turned_deg[np.isin(tree.parent, joint.rows)]
             .reshape(-1, len(joint.wanted_deg))
             .mean(axis=0)
-            for joint in self.pattern.joints
+            for place, joint in enumerate(self.pattern.joints)
         }
         yield from pattern_blocks(self.pattern, in_robot_deg)
         if self.free:
@@ -307,8 +307,9 @@ class InflatedDesign(Result):
     def _bows(self) -> Rows:
         """Return how far joints bow where nothing holds them in their plane."""
         rows = list[tuple[Value, ...]]()
-        for level, joint in self.free.items():
-            width_mm = self.pattern.joints[level - 2].width_mm
+        for place, joint in self.free.items():
+            kind = self.pattern.joints[place]
+            width_mm, level = kind.width_mm, kind.level
             freed_mj = joint.gain * self.pressure_kpa * (width_mm / 10.0) ** 3  # kPa cm3
             rows.append(
                 (
@@ -459,9 +460,9 @@ def inflate_design(
             "press against each other, which is not simulated"
         )
     joints, bowed = deployed.pattern.joints if free else (), dict[int, FreeJoint]()
-    for joint in each("joints free in space", joints):
+    for place, joint in enumerate(each("joints free in space", joints)):
         if joint.found is not None:
-            bowed[joint.level] = free_joint(joint.found.flat, across=across)
+            bowed[place] = free_joint(joint.found.flat, across=across)
     return InflatedDesign(
         design=design,
         profile=profile,

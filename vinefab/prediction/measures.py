@@ -20,7 +20,6 @@ from vinefab.model.map import Pose
 from vinefab.physics.growth_pressure import (
     FITTED,
     NO_TENSION,
-    constants_by_level,
     growth_pressures_kpa,
 )
 from vinefab.tasks.anchoring_force import Anchoring
@@ -369,14 +368,12 @@ def shares_percent(stop: Ints, grown_mm: Floats, first: Ints, planned_mm: Floats
     return np.asarray(100.0 * sums / np.array([planned_mm, *[np.diff(first)] * 2]))
 
 
-def worst_pressures_of(deployments: Sequence[Deployment], design: Design) -> Floats:
+def worst_pressures_of(deployments: Sequence[Deployment]) -> Floats:
     """Return the pressures that growth to the worst tip takes, film stored loosely and tightly.
 
     Shape (2, n); NaN where nothing emerged.
     """
-    widths_mm = design.build.widths_mm
-    several = [constants_by_level(widths_mm, fit) for fit in (LOOSE, TIGHT)]
-    pressures = growth_pressures_kpa(deployments, widths_mm, several)
+    pressures = growth_pressures_kpa(deployments, (LOOSE, TIGHT))
     first = np.cumsum([0, *(len(deployment.tree) for deployment in deployments[:-1])])
     worst = np.fmax.reduceat(pressures, first, axis=1)
     return np.asarray(worst)

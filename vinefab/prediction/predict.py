@@ -56,7 +56,6 @@ from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
 from vinefab.model.map import Map
 from vinefab.model.score import FAILED_PERCENT, HARDLY_GROWN, NOTHING_TOUCHED, Failures
 from vinefab.model.target import TargetsResult
-from vinefab.model.tree import branch_tree
 from vinefab.pages.page_files import page_svg
 from vinefab.physics.anchoring import ASSUMED_FRICTION, payload_over_mass
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, NO_TENSION
@@ -695,7 +694,7 @@ def span_notes(prepared: Prepared) -> list[str]:
     build, notes = design.build, list[str]()
     if build.pressure_kpa <= 0.0:
         return notes
-    tree = branch_tree(design)
+    tree = design.tree
     for level, width_mm in enumerate(build.widths_mm, start=1):
         span_mm = self_weight_span_mm(
             build.pressure_kpa, width_mm, film.ply_mm.value, film.density_kg_m3.value

@@ -27,7 +27,7 @@ from vinefab.growth.plan import Plan, Plans
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
-from vinefab.model.tree import BranchTree, branch_tree
+from vinefab.model.tree import BranchTree
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (
     INK,
@@ -254,7 +254,7 @@ def range_over_contacts(
 
     angles_deg = options.contact_angles_deg
     at_angles = [options.changed(head_on_half_angle_rad=rad(angle)) for angle in angles_deg]
-    rules = () if not design.levels else (
+    rules = () if design.branch_count == 1 else (
         rule(
             "branch_contact",
             BRANCH_CONTACTS,
@@ -643,7 +643,7 @@ class VariantEvaluator:
         if any((deployment.stop == Stop.PRESSURE).any() for deployment in unpressed):
             free = Plans.joined([plan.without_pressure for plan in plans])
             unpressed = Batch(free, launches, options).deployments()
-        loose_kpa, _ = worst_pressures_of(unpressed, self.design)
+        loose_kpa, _ = worst_pressures_of(unpressed)
         table = np.column_stack([rows, loose_kpa])
         return table.reshape(len(launches), len(plans), -1).transpose(1, 0, 2)
 
@@ -696,7 +696,7 @@ def sensitivity(evaluator: VariantEvaluator) -> tuple[Effect, ...]:
 
 def tolerance(evaluator: VariantEvaluator, seed: int) -> Tolerance:
     """Return how robots of the same design differ when each branch is made a little off."""
-    options, tree = evaluator.plan.options, branch_tree(evaluator.design)
+    options, tree = evaluator.plan.options, evaluator.design.tree
     rows = []
     for first in each("groups of robots as made", range(0, ROBOTS, ROBOTS_TOGETHER)):
         made = [
@@ -728,11 +728,11 @@ def made_tree(tree: BranchTree, rng: np.random.Generator) -> BranchTree:
     lengths = rng.uniform(-1.0, 1.0, len(tree)) * LENGTH_TOLERANCE_PERCENT / 100.0
     turns = rng.uniform(-1.0, 1.0, len(tree)) * rad(ANGLE_TOLERANCE_DEG)
     turns[0] = 0.0
-    return BranchTree(
-        parent=tree.parent,
-        level=tree.level,
+    return replace(
+        tree,
         offset_rad=frozen_floats("offset_rad", tree.offset_rad + turns),
         length_mm=frozen_floats("length_mm", tree.length_mm * (1.0 + lengths)),
+        bend_mm=frozen_floats("bend_mm", tree.bend_mm * (1.0 + lengths[tree.bend_branch])),
     )
 
 
@@ -746,8 +746,7 @@ def placings() -> Iterator[tuple[str, float, str, Callable[[Pose], Pose]]]:
 
 def scaled_tree(design: Design, factor: float) -> Design:
     """Return a design with all lengths times a factor; widths stay."""
-    levels = tuple(level.changed(length_mm=level.length_mm * factor) for level in design.levels)
-    return design.changed(trunk_length_mm=design.trunk_length_mm * factor, levels=levels)
+    return design.shaped(design.tree.scaled(factor))
 
 
 def moved_poses(

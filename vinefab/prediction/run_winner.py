@@ -307,7 +307,7 @@ def window_on(
     # What growth to every tip needs is known only where no pressure stops it.
     free = settings.growth.at_one_angle.changed(pressure_stop=False)
     grown = Batch(Plans.of([design], free), family.launches(), free).regrown()
-    loose, tight = worst_pressures_of(grown, design)
+    loose, tight = worst_pressures_of(grown)
     return window_over(design, run_profile(settings.evaluation), loose, tight)
 
 

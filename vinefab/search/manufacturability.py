@@ -55,7 +55,6 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import Finding
 from vinefab.model.laser import LaserProfile, profile_files, read_profile
 from vinefab.model.map import Pose
-from vinefab.model.tree import branch_tree
 from vinefab.outline.body_outline import flat_layout
 from vinefab.physics.growth_pressure import planned_growth_kpa
 from vinefab.physics.tube import burst_pressure_kpa, hoop_strain, seam_load_n_mm
@@ -267,8 +266,8 @@ def _pouch(query: SpaceQuery) -> Iterator[BadInputError]:
         yield _unfit(check_pouch, "build.pouch", problem, "widen the pouch")
     alone = build.changed(widths_mm=(leaf_mm,)).build(1)
     vine = Design(name="vine", trunk_length_mm=_VINE_MM, build=alone)
-    full = 100.0 * max(
-        occupancies(vine, query.film_mm, query.limit(check_packing, "packing")), default=0.0
+    full = 100.0 * float(
+        occupancies(vine, query.film_mm, query.limit(check_packing, "packing")).max()
     )
     if full > query.limit(check_packing) * (1.0 + ROUNDING):
         problem = f"its film would fill {full:.0f} % of the narrowest leaf"
@@ -323,7 +322,7 @@ def film_in_trunk(query: SpaceQuery, design: Design) -> tuple[float, float]:
     Wider by a factor, every level holds so many times as much.
     """
     shares = occupancies(design, query.film_mm, query.limit(check_packing, "packing"))
-    full = 100.0 * max(shares[: len(design.levels)], default=0.0)
+    full = 100.0 * float(shares[~design.tree.is_leaf].max(initial=0.0))
     return full, design.build.widths_mm[0] * full / query.limit(check_packing)
 
 
@@ -334,9 +333,7 @@ def _grows(query: SpaceQuery, design: Design) -> bool:
     """
     limits = check_window.limits_under(query.changed)
     fit = GrowthConstantsRange.of(query.profile, limits)
-    takes_kpa = planned_growth_kpa(
-        branch_tree(design), design.build.widths_mm, fit.loose, fit.diameter_mm
-    )
+    takes_kpa = planned_growth_kpa(design.tree, fit.loose, fit.diameter_mm)
     return float(takes_kpa.max()) <= most_growth_kpa(design.build, query.profile, limits)
 
 

@@ -51,14 +51,14 @@ from vinefab.inflation.pattern import (
     MOST_CHILDREN,
     MOST_TURN_RAD,
     FanLaw,
-    level_law,
+    joint_law,
     quick_pattern,
     stretch_at,
 )
 from vinefab.model.design import MOST_BRANCHES, MOST_LEVELS, Build, Design
 from vinefab.model.laser import LaserProfile
 from vinefab.outline.body_outline import flat_layout
-from vinefab.outline.ends import level_fillets_mm, pouch_takes_mm
+from vinefab.outline.ends import level_fillets_mm, pouch_takes_mm, usual_leaf
 from vinefab.outline.joint import LEAST_SEGMENT_MM, STEEPEST, Point
 from vinefab.physics.tube import inflated_diameter_mm, lumen_area_mm2
 from vinefab.search.space import DesignBatch, Space, batch_branches
@@ -388,7 +388,7 @@ class PenaltyRules:
             layout = flat_layout(flat)
             size = sleeve_size(design.build, self.profile)
             sides, tree = sleeve_sides(flat, layout, size, self.limits.reach_mm), layout.tree
-            counts = np.array([1, *(level.branches for level in flat.levels)])
+            counts = np.array([1, *(level.branches for level in design.levels)])
             first = np.searchsorted(tree.level, tree.level)
             child = (np.arange(len(tree)) - first) % counts[tree.level - 1]
             begins[number, tree.level - 1, child] = sides.start_mm
@@ -481,7 +481,7 @@ def _rows(designs: Sequence[Design]) -> tuple[DesignBatch, Ints]:
 
 def _arrays(designs: DesignBatch, builds: Ints) -> DesignArrays:
     """Return designs and their trees for the kernel."""
-    first, tree = batch_branches(designs)
+    tree = batch_branches(designs)
     return DesignArrays(
         depth=np.ascontiguousarray(designs.depth),
         build=np.ascontiguousarray(builds),
@@ -490,7 +490,7 @@ def _arrays(designs: DesignBatch, builds: Ints) -> DesignArrays:
         fan=np.ascontiguousarray(designs.fan_rad),
         size=np.ascontiguousarray(designs.length_mm),
         growth=np.ascontiguousarray(designs.growth),
-        first=first,
+        first=tree.first,
         parent=tree.parent,
         level=tree.level,
         offset=tree.offset_rad,
@@ -598,7 +598,8 @@ def _tables(
     for row, (build, by_place) in enumerate(zip(builds, fans, strict=True)):
         for place in range(len(build.widths_mm) - 1):
             for count in (count for count in by_place[place] if count <= children):
-                law = level_law(build, material, place, count)
+                pair_mm = build.end_widths_mm[place], build.widths_mm[place + 1]
+                law = joint_law(build, material, pair_mm, build.fillet_mm[place], count)
                 law_at[row, place, count] = laws.setdefault(law, len(laws))
     law_rows = [law.rows for law in laws if limits.compensated]
     drawn = [law.passages_as_drawn for law in laws if not limits.compensated]
@@ -608,8 +609,9 @@ def _tables(
     leaves_mm = np.array([(build.widths_mm[-1], build.end_widths_mm[-1]) for build in builds]).T
     pouch_mm = np.array([build.pouch.flat_width_mm if build.pouch else 0.0 for build in builds])
     pouch_shares = pouch_mm * limits.film_mm / (lumen_area_mm2(1.0) * leaves_mm[1] ** 2)
-    pouches, tails = map(pouch_capsules, builds), map(tail_capsules, builds)
-    pouch_first, pouch = _capsule_rows(list(pouches))
+    pouches = [pouch_capsules(build.pouch, usual_leaf(build)) for build in builds]
+    tails = map(tail_capsules, builds)
+    pouch_first, pouch = _capsule_rows(pouches)
     tail_first, tail = _capsule_rows(list(tails))
     tails_mm = np.array([build.tail_mm for build in builds])
     collars_mm = np.array([build.collar.reach_mm if build.collar else 0.0 for build in builds])
@@ -625,8 +627,10 @@ def _tables(
         if limits.compensated
         else np.ones_like(widths_mm),
         widths=np.array([width_violations(build, changed) for build in builds]),
-        tip=np.array([pouch_takes_mm(build) for build in builds]),
-        tip_cut=np.array([pouch_takes_mm(build, limits.reach_mm) for build in builds]),
+        tip=np.array([pouch_takes_mm(usual_leaf(build), build.pouch) for build in builds]),
+        tip_cut=np.array(
+            [pouch_takes_mm(usual_leaf(build), build.pouch, limits.reach_mm) for build in builds]
+        ),
         pouch_share=np.where(pouch_mm > leaves_mm[1], pouch_shares, 0.0),
         leaf_width=np.maximum(leaves_mm[0], pouch_mm),
         tail_mm=tails_mm,

@@ -2,14 +2,14 @@
 
 A search evaluates thousands of designs a second. Building each as an object, with its tree, would
 take as long as growing it: many designs are arrays (`DesignBatch`). Results equal those of
-`Space.design`, `vinefab.model.tree.branch_tree` and `vinefab.growth.plan.Plans.of` for single
+`Space.design`, `Design.tree` and `vinefab.growth.plan.Plans.of` for single
 designs, to the last bit.
 """
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, overload
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, overload
 
 import numpy as np
 from annotated_types import Ge, Le, Unit
@@ -735,12 +735,18 @@ def _rounded(values: Floats) -> Floats:
     return rounded
 
 
-def batch_branches(designs: DesignBatch) -> tuple[Ints, BranchTree]:
-    """Return all branches of a design batch, design by design, each as `branch_tree` has them.
+class BatchBranches(NamedTuple):
+    """All branches of a design batch, design by design, each as `Design.tree` has them."""
 
-    First comes where each design's branches begin, with the total at the end, shape (m + 1,).
-    Parents are places within a design.
-    """
+    first: Ints  # where each design's branches begin, with the total at the end, shape (m + 1,)
+    parent: Ints  # places within a design
+    level: Ints
+    offset_rad: Floats
+    length_mm: Floats
+
+
+def batch_branches(designs: DesignBatch) -> BatchBranches:
+    """Return all branches of a design batch."""
     first = np.zeros(len(designs) + 1, dtype=np.int64)
     np.cumsum(designs.sizes, out=first[1:])
     parent, level = np.empty((2, first[-1]), dtype=np.int64)
@@ -759,8 +765,7 @@ def batch_branches(designs: DesignBatch) -> tuple[Ints, BranchTree]:
         offset_rad,
         length_mm,
     )
-    tree = BranchTree(parent=parent, level=level, offset_rad=offset_rad, length_mm=length_mm)
-    return first, tree
+    return BatchBranches(first, parent, level, offset_rad, length_mm)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -793,13 +798,16 @@ class _PlannedTrees(Sequence[Plan]):
         depth = int(level[-1])
         build, wide = self.builds[depth], len(self.radii_mm) > 1 or self.radii_mm[0] > 0.0
         edges = np.cumsum(self.counts[index, :depth]).tolist() if wide else [int(two - one)]
+        tree = BranchTree.of(
+            parent=self.arrays.parent[one:two],
+            level=level,
+            offset_rad=self.offset_rad[one:two],
+            length_mm=self.arrays.length[one:two],
+            build=build,
+        )
         return Plan(
-            tree=BranchTree(
-                parent=self.arrays.parent[one:two],
-                level=level,
-                offset_rad=self.offset_rad[one:two],
-                length_mm=self.arrays.length[one:two],
-            ),
+            tree=tree,
+            parts=tree,
             turn=self.arrays.turn[one:two],
             edges=(0, *edges),
             radii_mm=self.radii_mm[:depth] if wide else self.radii_mm,
@@ -816,13 +824,12 @@ def planned_batch(
     options: GrowthOptions,
 ) -> Plans:
     """Return the plans of a design batch; builds of other depths begin with the same widths."""
-    first, tree = batch_branches(designs)
-    parent, level, length_mm = tree.parent, tree.level, tree.length_mm
-    turn = np.column_stack([np.cos(tree.offset_rad), np.sin(tree.offset_rad)])
+    first, parent, level, offset_rad, length_mm = batch_branches(designs)
+    turn = np.column_stack([np.cos(offset_rad), np.sin(offset_rad)])
     deepest = builds[max(builds)]
-    feed, riding_mm = Feed.of(deepest, options), np.zeros(len(length_mm))
+    width_mm = np.array(deepest.widths_mm)
+    feed, riding_mm = Feed.of(deepest, options, width_mm), np.zeros(len(length_mm))
     if np.isfinite(feed.limit_kpa).any():
-        width_mm = np.array(deepest.widths_mm)
         batch_kernel.riding_film(first, parent, level, length_mm, width_mm, riding_mm)
     arrays = TreesArrays(
         parent=parent,
@@ -837,7 +844,7 @@ def planned_batch(
     each = _PlannedTrees(
         arrays=arrays,
         level=level,
-        offset_rad=tree.offset_rad,
+        offset_rad=offset_rad,
         counts=designs.counts,
         builds=builds,
         radii_mm=radii_mm,

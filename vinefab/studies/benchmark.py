@@ -34,7 +34,6 @@ from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import read_profile
 from vinefab.model.map import Map, Pose, map_text
-from vinefab.model.tree import branch_tree
 from vinefab.search.evaluator import (
     Evaluator,
     EvaluatorSpec,
@@ -501,7 +500,7 @@ def _interpreted(terrain: Terrain, poses: tuple[Pose, ...]) -> float:
     taken_s = least_s(
         lambda: [grow_on(design, terrain, pose, BENCH_GROWTH, "interpreted") for pose in poses], 1
     )
-    return len(poses) * len(branch_tree(design)) / taken_s
+    return len(poses) * len(design.tree) / taken_s
 
 
 def _threaded(site: PreparedMap, poses: tuple[Pose, ...], threads: int) -> float:

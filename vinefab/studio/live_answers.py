@@ -21,9 +21,10 @@ from vinefab.core.validation import LARGEST_MM, number
 from vinefab.growth.batch import Engine, grow_on
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.terrain import Terrain
+from vinefab.inflation.pattern import pattern_of
 from vinefab.maps.generators.pegs import PegsOptions, pegs_map
 from vinefab.model.deployment import Deployment, Stop
-from vinefab.model.design import ORIGIN_GROWTH, Build, Design, Level, UnevenLevel
+from vinefab.model.design import ORIGIN_GROWTH, Build, Design, Level
 from vinefab.model.map import Map, Pose
 from vinefab.model.score import IDEAL_CASE
 from vinefab.model.tree import child_lengths_mm
@@ -241,12 +242,17 @@ def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, An
         }
     widths_mm = state.design.build.widths_mm
     lost = without_room(state.design, deployment, state.growth)
+    is_cut_as_designed = state.design.build.compensation == "none"
     unknown = [
-        f"level {number}: grown at its designed angles; no table gives its deployed angles"
-        for number, level in enumerate(state.grown_now.levels, start=2)
-        if state.design.build.compensation == "none" and not isinstance(level, UnevenLevel)
+        f"{joint.name}: grown at its designed angles; no table gives its deployed angles"
+        for joint in (
+            pattern_of(state.design, state.profile, known_only=True).joints
+            if is_cut_as_designed
+            else ()
+        )
+        if joint.found is None
     ]
-    needed_kpa = float(worst_pressures_of([deployment], state.design)[0, 0])
+    needed_kpa = float(worst_pressures_of([deployment])[0, 0])
     answer |= {
         "robot_svg": robot_svg(deployment, state.growth.drawn_widths_mm(widths_mm)),
         "front_full_mm": deployment.full_mm,

@@ -13,7 +13,7 @@ from vinefab.core.view import plain_blocks
 from vinefab.fabrication.rules.pressure_rules import check_sensitivity, degrees_text
 from vinefab.inflation.pattern import Pattern, pattern_of
 from vinefab.inflation.robot import with_short_tail
-from vinefab.model.design import Design, UnevenLevel
+from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile
 from vinefab.outline.body_outline import body_outline
 from vinefab.pages.plan_svg import area_svg, lines_svg, outline_svg
@@ -91,9 +91,9 @@ def _note(pattern: Pattern, profile: LaserProfile, place: int) -> dict[str, str]
 
 def _nearest(design: Design, profile: LaserProfile, place: int) -> str:
     """Return the narrowest fan of a level, wider than designed, that the table knows, as text."""
-    level = design.levels[place]
-    if isinstance(level, UnevenLevel) or level.branches == 1:
+    if not design.levels or design.levels[place].branches == 1:
         return ""
+    level = design.levels[place]
 
     def is_known(fan_rad: float) -> bool:
         levels = list(design.levels)

@@ -72,8 +72,8 @@ class GrownBatch(NamedTuple):
 
 
 def _unwritten(chains: Chains) -> Chains:
-    points, first = _fixed(chains.points_mm), _fixed(chains.first_point)
-    return chains._replace(points_mm=points, first_point=first)
+    names = ("points_mm", "first_point", "at_bend")
+    return chains._replace(**{name: _fixed(getattr(chains, name)) for name in names})
 
 
 class Turns(NamedTuple):
@@ -99,6 +99,7 @@ class Turns(NamedTuple):
             grown.chains.room,
             grown.chains.points_mm,
             grown.chains.first_point,
+            grown.chains.at_bend,
             *found,
         )
         return found
@@ -489,9 +490,8 @@ class Anchoring(Table):
         known = [load for load in (self.film_n_mm, self.seam_n_mm) if load > 0.0]
         if build is None or not known:
             return np.full(len(tree), np.inf)
-        ends = zip(build.widths_mm, build.end_widths_mm, strict=True)
-        limit_n = [branch_limit_n(min(widths_mm), min(known)) for widths_mm in ends]
-        return np.array(limit_n)[tree.level - 1]
+        narrow_mm = np.minimum(tree.width_mm, tree.end_width_mm)
+        return np.array([branch_limit_n(width, min(known)) for width in narrow_mm.tolist()])
 
 
 def _by_branch(each: Sequence[Floats], which: Ints) -> Floats:

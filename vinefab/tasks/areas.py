@@ -242,19 +242,22 @@ class Chains(NamedTuple):
     # where the branches of each growth begin, with the total at the end, shape (j + 1,)
     branch: Ints
     room: Ints  # where the chain points of each growth begin, shape (j + 1,) or (j,)
+    at_bend: NDArray[np.bool_]  # whether each chain point is a preformed bend, shape (p,)
 
     @classmethod
     def of(cls, deployment: Deployment) -> "Chains":
         """Return the body of one deployment."""
         points, branches = len(deployment.points_mm), len(deployment.tree)
         ends = np.array([0, branches]), np.array([0, points])
-        return cls(deployment.points_mm, deployment.first_point, *ends)
+        at_bend = np.zeros(points, dtype=np.bool_)
+        at_bend[deployment.bend_points] = True
+        return cls(deployment.points_mm, deployment.first_point, *ends, at_bend)
 
     @classmethod
     def of_block(cls, block: GrowthBlock) -> "Chains":
         """Return the bodies of a block's growths."""
         growth = block.growth
-        return cls(growth.points, growth.first_point, block.branch, block.room)
+        return cls(growth.points, growth.first_point, block.branch, block.room, block.at_bend)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -335,7 +338,7 @@ class FreeArea:
         weight = np.diff(self.free_mm2, axis=1)
         out = np.zeros(len(chains.branch) - 1)
         level, mark = np.empty(weight.shape), np.zeros(weight.shape, dtype=np.int64)
-        areas_kernel.reach_areas(*chains, self.radius_mm, weight, self.box, level, mark, out)
+        areas_kernel.reach_areas(*chains[:4], self.radius_mm, weight, self.box, level, mark, out)
         return out
 
 
@@ -673,7 +676,8 @@ class TipCover:
             # A tip is a body of no length.
             points = np.repeat(tips_mm, 2, axis=0)
             steps = [2 * np.arange(n + 1) for n in np.diff(first).tolist()]
-            chains = Chains(points, np.concatenate(steps), first, 2 * first)
+            straight = np.zeros(len(points), dtype=np.bool_)
+            chains = Chains(points, np.concatenate(steps), first, 2 * first, straight)
             return self.grid.near(chains, self.radius_mm)
         centres = self.grid.centres_mm
         found = np.zeros((len(block), len(centres)), dtype=np.bool_)

@@ -222,6 +222,7 @@ def _bodies_of(block: GrowthBlock, _terrain: int, one: int, two: int) -> tuple[C
         growth.first_point[first + one : block.branch[two] + two],
         block.branch[one : two + 1] - first,
         block.room[one : two + 1],
+        block.at_bend,
     )
     return chains, _sums(growth.grown, block.branch[one : two + 1])
 

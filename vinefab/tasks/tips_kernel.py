@@ -13,8 +13,8 @@ from vinefab.core.compiling import compiled, inlined, takes
 
 
 @compiled
-@takes("i1r i1r i1 i1 i1 f2r i1r f1 f1 b1", seconds=0.3)
-def turns(parent, tree_first, tree, branch, room, points, first_point, own, total, leaf):
+@takes("i1r i1r i1 i1 i1 f2r i1r b1r f1 f1 b1", seconds=0.3)
+def turns(parent, tree_first, tree, branch, room, points, first_point, at_bend, own, total, leaf):
     """Add up the turns at contacts of each branch and from the base to each tip, and mark leaves.
 
     Parameters
@@ -29,6 +29,8 @@ def turns(parent, tree_first, tree, branch, room, points, first_point, own, tota
         Where the branches and the chain points of each growth begin, shape (j + 1,).
     points, first_point
         As in `vinefab.growth.arrays.Growth`.
+    at_bend
+        Whether each chain point is a preformed bend, whose turn does not count.
     own
         Other turns of each branch, to which those at its contacts are added.
     total
@@ -41,7 +43,8 @@ def turns(parent, tree_first, tree, branch, room, points, first_point, own, tota
         for k in range(branch[j + 1] - first):
             # Every growth has one more entry in `first_point` than it has branches.
             chain = first_point[first + k + j], first_point[first + k + j + 1]
-            own[first + k] += _contact_turns(points, room[j] + chain[0], room[j] + chain[1])
+            chain = room[j] + chain[0], room[j] + chain[1]
+            own[first + k] += _contact_turns(points, at_bend, chain[0], chain[1])
             total[first + k] = own[first + k]
             leaf[first + k] = True
             above = parent[planned + k]
@@ -51,16 +54,18 @@ def turns(parent, tree_first, tree, branch, room, points, first_point, own, tota
 
 
 @inlined
-def _contact_turns(points, one, two):
+def _contact_turns(points, at_bend, one, two):
     """Return the sum of absolute turns between base and tip of a chain, where it is wrapped."""
     total, ux, uy = 0.0, 0.0, 0.0
+    bent = False
     for k in range(one, two - 1):
+        bent |= at_bend[k]
         dx, dy = points[k + 1, 0] - points[k, 0], points[k + 1, 1] - points[k, 1]
         if (dx != 0.0) | (dy != 0.0):
             # The first stretch turns at the base hinge, which is not a contact.
-            if (ux != 0.0) | (uy != 0.0):
+            if ((ux != 0.0) | (uy != 0.0)) & (not bent):
                 total += math.atan2(abs(ux * dy - uy * dx), ux * dx + uy * dy)
-            ux, uy = dx, dy
+            ux, uy, bent = dx, dy, False
     return total
 
 

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 from vinefab.fabrication.rules.rule import Limits, RuleApplied, Subject, design_rule
-from vinefab.model.tree import branch_tree
 
 
 @design_rule(
@@ -17,6 +16,6 @@ from vinefab.model.tree import branch_tree
 )
 def film_in_stock(subject: Subject, limits: Limits) -> RuleApplied:
     """All branches together take no more film than is in stock."""
-    broken = limits.most(branch_tree(subject.design).total_length_mm / 1000.0)
+    broken = limits.most(subject.design.tree.total_length_mm / 1000.0)
     message = "more film than is in stock: shorten or leave out branches"
     return RuleApplied.of_one(broken and replace(broken, message=message))

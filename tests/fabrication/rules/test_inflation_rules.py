@@ -11,7 +11,7 @@ from vinefab.fabrication.rules.pressure_rules import fillet_gain
 from vinefab.fabrication.rules.rule import Subject
 from vinefab.inflation.compensation import deployed_joint
 from vinefab.inflation.joint import JointShape
-from vinefab.model.design import UnevenLevel, Waiver
+from vinefab.model.design import Waiver
 from vinefab.model.finding import Severity
 
 PAIR = (2, 200.0, 50.0)
@@ -160,8 +160,7 @@ def test_branches_that_cross_when_inflated_are_one_finding(simulated, make):
 def test_siblings_that_close_lie_on_each_other_all_the_way(simulated):
     assert found(simulated, "VF-I04") == ()
     (finding,) = found(with_joint(simulated, deployed_deg=(0.0, 0.0)), "VF-I04")
-    deployed = simulated.pattern.deployed.levels[0]
-    assert isinstance(deployed, UnevenLevel)
-    assert finding.measured == pytest.approx(deployed.lengths_mm[0])
-    assert finding.limit == pytest.approx(deployed.lengths_mm[0])
+    length_mm = float(simulated.pattern.deployed.tree.length_mm[1])
+    assert finding.measured == pytest.approx(length_mm)
+    assert finding.limit == pytest.approx(length_mm)
     assert "siblings of level 2" in finding.message

@@ -31,7 +31,7 @@ from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import Quantity, RecipeStatus, Standing, read_profile
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour, Part
-from vinefab.model.tree import Partition, Piece, Sleeve, branch_tree, fan_offsets_rad, piece_label
+from vinefab.model.tree import Partition, Piece, Sleeve, fan_offsets_rad, piece_label
 
 PROFILE = read_profile("co2_60w__stretchlon_200")
 E, W, INFO = Severity.ERROR, Severity.WARNING, Severity.INFO
@@ -334,7 +334,10 @@ def inflated(*fans, off_deg=0.0, sensitivity=1.0, crotch_load=1.0, passage=1.0, 
             PatternJoint(
                 level=place + 2,
                 width_mm=widths[place],
-                count=1,
+                child_widths_mm=(widths[place + 1],) * level.branches,
+                rows=tuple(np.flatnonzero(design.tree.level == place + 1).tolist()),
+                name=f"level {place + 2}",
+                is_bend=False,
                 wanted_deg=wanted,
                 aimed_deg=wanted,
                 found=found,
@@ -624,16 +627,16 @@ def test_laps_of_a_recipe_that_knows_no_bond_are_not_passed_over(profile):
 
 
 def test_film_with_laps_that_add_nothing_packs_as_without(random_design):
-    """Branch by branch what VF-W03 says of their level."""
+    """Branch by branch what VF-W03 says."""
     for seed in range(20):
         design = random_design(np.random.default_rng(seed), pouched=True)
-        levels = branch_tree(design).level.tolist()
+        levels = design.tree.level.tolist()
         none = {"width_mm": 0.0, "rise_mm": 0.0}
         flat = [replace(sleeve_at(branch), **none) for branch in range(1, len(levels))]
         shares = lap_occupancies(design, flat, 0.075)
         expected = occupancies(design, 0.075)
         assert shares == {
-            branch: pytest.approx(expected[level - 1])
+            branch: pytest.approx(expected[branch])
             for branch, level in enumerate(levels)
             if level < design.depth
         }
@@ -642,7 +645,7 @@ def test_film_with_laps_that_add_nothing_packs_as_without(random_design):
 def test_laps_count_where_they_are_and_below_one_parent_only(make):
     """Two children with two leaves each: a lap on one leaf is no matter of the other child."""
     design = make((2, 200.0, 90.0), (2, 90.0, 60.0), widths_mm=(40.0, 24.0, 14.0))
-    ids = branch_tree(design).ids
+    ids = design.tree.ids
     sleeve = replace(sleeve_at(ids.index("0.1.0")), width_mm=14.0)
     shares = lap_occupancies(design, [sleeve], 0.075)
     assert {ids[branch] for branch in shares} == {"0", "0.1"}

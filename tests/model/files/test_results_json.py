@@ -10,7 +10,6 @@ from vinefab.model.design import Build, Design, Level
 from vinefab.model.finding import CheckReport, Finding, RuleRun, RuleSkipped, Severity
 from vinefab.model.map import Pose
 from vinefab.model.score import Evaluation, Score
-from vinefab.model.tree import branch_tree
 
 
 @pytest.fixture
@@ -19,7 +18,7 @@ def deployment() -> Deployment:
     fork = Level(branches=2, length_mm=50.0, fan_rad=rad(60.0), growth=0.5)
     design = Design(name="y", trunk_length_mm=100.0, levels=(fork,), build=Build.standard(2))
     return Deployment(
-        tree=branch_tree(design),
+        tree=design.tree,
         pose=Pose(x_mm=1.0, y_mm=2.0, heading_rad=rad(30.0)),
         points_mm=np.array([[1.0, 2.0], [87.5, 52.0], [87.5, 52.0], [100.0, 60.0], [120.0, 60.0]]),
         first_point=np.array([0, 2, 5, 5]),

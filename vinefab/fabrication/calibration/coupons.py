@@ -25,7 +25,7 @@ from vinefab.fabrication.job.laser_job import laser_job, recipe_facts
 from vinefab.fabrication.job.marks import fold_ticks, lettered
 from vinefab.fabrication.job.passes import body_paths, sleeve_size, weldcut_offset_mm
 from vinefab.fabrication.job.tiling import registration
-from vinefab.model.design import Build, Design, Level, PieceSettings, Pouch, UnevenLevel
+from vinefab.model.design import Branch, Build, Design, Level, PieceSettings, Pouch
 from vinefab.model.files.shipped import read_text
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LapMethod, LaserProfile, OperationSettings, Quantity, Standing
@@ -161,12 +161,15 @@ def joint_designs() -> tuple[Design, ...]:
             compensation="none",
         )
         for kind, angles_deg in JOINTS_DEG.items():
-            children = UnevenLevel.of_children(angles_deg, [2.5 * width_mm] * len(angles_deg))
+            children = [
+                Branch(name=f"child-{n}", angle_deg=angle_deg, length_mm=2.5 * width_mm)
+                for n, angle_deg in enumerate(angles_deg)
+            ]
             found.append(
                 Design(
                     name=f"{kind}-W{width_mm:g}",
                     trunk_length_mm=2.0 * width_mm,
-                    levels=(children,),
+                    branches=tuple(children),
                     build=build,
                 )
             )
@@ -663,7 +666,7 @@ def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
             "joint_angle",
             f"{joint.name} {JOINT_KPA:g}",
             "deg",
-            between if joint.levels[0].branches > 1 else elbow,
+            between if joint.branch_count > 2 else elbow,
         )
         for joint in joint_designs()
     ]
@@ -672,7 +675,7 @@ def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
             "children_out",
             f"{joint.name} {JOINT_KPA:g}",
             "children",
-            f"of {joint.levels[0].branches} that came out of the trunk; setting: coupon and kPa",
+            f"of {joint.branch_count - 1} that came out of the trunk; setting: coupon and kPa",
         )
         for joint in joint_designs()
     ]

@@ -24,7 +24,6 @@ from vinefab.inflation.compensation import deployed_joint
 from vinefab.inflation.mesh import tube_stretch
 from vinefab.inflation.robot import joints_of
 from vinefab.model.laser import CLOSING_GAIN, LaserProfile
-from vinefab.model.tree import fan_offsets_rad
 from vinefab.physics.tube import hoop_strain
 
 
@@ -517,7 +516,7 @@ def _bend(reading: Reading, profile: LaserProfile) -> _Bend:
     width_mm = joint.build.widths_mm[0]
     return _Bend(
         name=name,
-        flat_deg=_between(np.degrees(fan_offsets_rad(joint.levels[0])).tolist()),
+        flat_deg=_between(np.degrees(joint.tree.offset_rad[1:]).tolist()),
         deployed_deg=deployed_deg,
         load=hoop_strain(kpa, width_mm, profile.material.ply_mm.value, 1.0),
         sigma_deg=None if reading.sigma is None else math.degrees(reading.sigma),

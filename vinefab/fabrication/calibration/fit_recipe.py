@@ -367,7 +367,7 @@ def children_out(results: Results) -> tuple[MeasuredShare, ...]:
 
     Intervals are those of Jeffreys: quantiles of a beta distribution.
     """
-    children = {joint.name: joint.levels[0].branches for joint in joint_designs()}
+    children = {joint.name: joint.branch_count - 1 for joint in joint_designs()}
     found: dict[float, tuple[int, int]] = {}
     for reading in results.of("children_out"):
         name, _, pressure = reading.setting.partition(" ")

@@ -22,7 +22,7 @@ from vinefab.fabrication.job.tiling import Tiled, registration, target_paths, ti
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
-from vinefab.model.tree import Partition, branch_tree
+from vinefab.model.tree import Partition
 
 
 def recipe_facts(profile: LaserProfile) -> dict[str, object]:
@@ -193,7 +193,7 @@ def _piece_facts(
     sheets: Sequence[Sequence[SheetRobot]],
 ) -> dict[str, object]:
     """Return every piece with its place, and every joint, as plain values."""
-    ids = branch_tree(design).ids
+    ids = design.tree.ids
     order = [piece.label for piece in partition.pieces]
     size = sleeve_size(design.build, profile, separate=sheet.separate)
     placed = [

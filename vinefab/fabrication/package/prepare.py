@@ -70,7 +70,7 @@ from vinefab.model.laser import (
     quantities,
 )
 from vinefab.model.outline import Contour
-from vinefab.model.tree import Partition, branch_tree
+from vinefab.model.tree import Partition
 from vinefab.outline.body_outline import body_outline
 from vinefab.pages.html import page
 from vinefab.pages.page_files import page_png, page_svg
@@ -397,7 +397,7 @@ def making_facts(prepared: Prepared) -> tuple[Fact, ...]:
 def design_facts(prepared: Prepared) -> tuple[Fact, ...]:
     """Return name and value of a design's key facts."""
     design, profile = prepared.design, prepared.profile
-    tree = branch_tree(design)
+    tree = design.tree
     return (
         Fact("branches", f"{len(tree)} on {counted(design.depth, 'level')}"),
         Fact("film in branches", f"{tree.total_length_mm / 1000:.3f} m (planned)"),
@@ -562,7 +562,7 @@ def pieces_section(
         "(computed). The package has it as assembly.svg and assembly.pdf, with the robot put "
         "together and one lap.",
     )
-    ids, pieces = branch_tree(design).ids, []
+    ids, pieces = design.tree.straight.ids, []
     most_branches_named = 12  # branches of a piece that a table names; of more it gives the number
     for piece in partition.pieces:
         names = ", ".join(ids[branch] for branch in piece.branches[:most_branches_named])

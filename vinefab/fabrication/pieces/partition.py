@@ -233,18 +233,12 @@ def straight_sides(
     """Return where the sides of every branch are straight in outlines at all of some offsets."""
     tree = layout.tree
     starts, ends = np.zeros(len(tree)), np.zeros(len(tree))
-    siblings, seen = [0] * len(tree), [0] * len(tree)
-    for row, above in enumerate(tree.parent.tolist()):
-        if above >= 0:
-            siblings[row] = seen[above]
-            seen[above] += 1
     half, far = layout.width_mm / 2.0, layout.end_width_mm / 2.0
     lean = np.array([taper_rad(*one) for one in zip(half, far, tree.length_mm, strict=True)])
     for offset in offsets_mm:
         pattern = outline_parts(design, offset)
         for row in range(len(tree)):
-            level, sibling = int(tree.level[row]), siblings[row]
-            base, tip = map(max, pattern.used_mm(level, sibling))
+            base, tip = map(max, pattern.used_mm(row))
             cos, sin = np.cos(lean[row]), np.sin(lean[row])
             side = tree.length_mm[row] * cos
             along = (half[row] + offset) * sin
@@ -465,7 +459,7 @@ def partition_of(
     limits: LimitChanges | None = None,
     *,
     separate: bool = False,
-    passages: Mapping[int, float] | None = None,
+    passages: Floats | None = None,
 ) -> Partition:
     """Return the fewest pieces of a design that lie flat; the whole robot where none are allowed.
 
@@ -493,7 +487,7 @@ def partition_of(
     if design.build.pieces is None:
         return one_piece(design)
     cutter = _Cutter(design, design.build.pieces, profile, limits, separate=separate)
-    return cutter.partition(passages or {})
+    return cutter.partition(np.ones(len(design.tree)) if passages is None else passages)
 
 
 def pieces_of(
@@ -506,13 +500,14 @@ def pieces_of(
     """Return the fewest pieces of a pattern, as `partition_of`."""
     if pattern.flat.build.pieces is None:
         return one_piece(pattern.flat)
-    passages = passages_of(pattern)
+    passages = passages_of(pattern.design, pattern)
     return partition_of(pattern.flat, profile, limits, separate=separate, passages=passages)
 
 
 def one_piece(design: Design) -> Partition:
     """Return a robot in one piece."""
-    return Partition(pieces=(Piece(label="A", root=0, branches=tuple(range(design.branch_count))),))
+    branches = tuple(range(len(design.tree.straight)))
+    return Partition(pieces=(Piece(label="A", root=0, branches=branches),))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -552,7 +547,7 @@ class _Cutter:
         self.known: dict[tuple[tuple[int, ...], ...], tuple[_Conflict, ...]] = {}
         self.waived = {waiver.fingerprint for waiver in design.waivers}
 
-    def partition(self, passages: Mapping[int, float]) -> Partition:
+    def partition(self, passages: Floats) -> Partition:
         """Return the fewest pieces that pass."""
         conflicts, beyond = [*self._pairs()], 0
         flat: Partition | None = None  # the first whose pieces pass, whatever their laps
@@ -584,7 +579,7 @@ class _Cutter:
             conflicts += more
         return flat or replace(cut, unfinished=True)
 
-    def _laps(self, cut: Partition, passages: Mapping[int, float]) -> Iterator[_Conflict]:
+    def _laps(self, cut: Partition, passages: Floats) -> Iterator[_Conflict]:
         """Yield the conflicts of a partition's sleeves: further cuts only add to them."""
         widest_mm = widest_cut_mm(self.design.build, self.profile, self.values)
         cuts = frozenset(sleeve.branch for sleeve in cut.sleeves)

@@ -28,14 +28,15 @@ from vinefab.fabrication.rules.spacing import (
     share_joint,
     spacing,
 )
+from vinefab.inflation.pattern import joint_families
 from vinefab.model.design import Design
 from vinefab.model.finding import Severity
 from vinefab.model.outline import Part, Segment
 from vinefab.model.tree import (
     BranchTree,
 )
-from vinefab.outline.body_outline import ProblemKind
-from vinefab.outline.joint import Gap, joint_of
+from vinefab.outline.body_outline import DrawnTree, ProblemKind
+from vinefab.outline.joint import Gap, JointPlan, joint_of
 from vinefab.physics.growth_pressure import FITTED, capstan_factor
 
 _MOST_FINDINGS = 100
@@ -388,12 +389,13 @@ def _confirmed(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelJoint:
-    """The joint where one level's children sprout from their parent's tip."""
+    """A kind of joint, where children sprout from their parent's tip."""
 
     level: int  # level of the children, 2 or more
     joints: int  # how many such joints the design has
-    parent: int  # tree index of the parent at the first of these joints
-    first_child: int  # tree index of that parent's clockwise-most child
+    parent: int  # row of the parent at the first of these joints
+    children: tuple[int, ...]  # rows of its children, clockwise-most first
+    plan: JointPlan  # what it is drawn from
     # Gaps around the joint on the lumen's edge, counter-clockwise, the parent's body first and
     # last. Owner 0 is the parent, 1 the first child, and so on.
     gaps: tuple[Gap, ...]
@@ -403,27 +405,27 @@ class LevelJoint:
 
     def branch(self, owner: int) -> int:
         """Return the tree's index of a gap's owner."""
-        return self.parent if owner == 0 else self.first_child + owner - 1
+        return (self.parent, *self.children)[owner]
 
 
 def level_joints(design: Design) -> tuple[LevelJoint, ...]:
-    """Return the joint of every level after the trunk."""
-    found = []
-    parent, count = 0, 1
-    for number, level in enumerate(design.levels, start=2):
-        drawn = joint_of(design, number - 1, 0.0)
-        radii_mm = (min(drawn.fillet_mm, most) for most in drawn.allowed_mm if most >= 0.0)
+    """Return every kind of joint and bend."""
+    found, drawn = [], DrawnTree.of(design)
+    for family in joint_families(drawn):
+        joint, first = joint_of(family.plan, 0.0), family.rows[0]
+        pairs = zip(joint.fillets_mm, joint.allowed_mm, strict=True)
+        radii_mm = (min(pair) for pair in pairs if pair[1] >= 0.0)
         found.append(
             LevelJoint(
-                level=number,
-                joints=count,
-                parent=parent,
-                first_child=parent + count,
-                gaps=drawn.gaps,
+                level=family.level,
+                joints=len(family.rows),
+                parent=first,
+                children=tuple(drawn.children[first]),
+                plan=family.plan,
+                gaps=joint.gaps,
                 fillet_mm=min(radii_mm, default=math.inf),
             )
         )
-        parent, count = parent + count, count * level.branches
     return tuple(found)
 
 
@@ -536,8 +538,9 @@ def check_fillet(subject: Subject, limits: Limits) -> RuleApplied:
     joints = level_joints(subject.design)
     violations = []
     for joint in joints:
-        width_mm = subject.design.build.widths_mm[joint.level - 1]
-        designed_mm = subject.design.build.fillet_mm[joint.level - 2]
+        children = joint.plan.children
+        width_mm = 2.0 * max(one.half_mm for one in children)
+        designed_mm = max(one.fillet_mm for one in children)
         least_mm = max(limits["warning"], limits["share_of_width"] * width_mm)
         small = Limits({"error": limits["error"], "warning": least_mm}).least(joint.fillet_mm)
         if small:
@@ -579,7 +582,7 @@ def _violation(
     all_joints = f" (and at {joint.joints - 1} more joints)" if joint.joints > 1 else ""
     names = " and ".join(subject.ids(*rows))
     message = f"branches {names}{all_joints} are {predicate}"
-    at_mm = branch_point_mm(subject.layout, joint.first_child, 0.0)
+    at_mm = branch_point_mm(subject.layout, joint.children[0], 0.0)
     return broken.on(subject, rows, message, at=at_mm, aspect=aspect)
 
 

@@ -34,12 +34,11 @@ from vinefab.model.laser import (
     Standing,
     quantities,
 )
-from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 from vinefab.outline.body_outline import flat_layout
+from vinefab.outline.joint import crotch_reach_mm
 from vinefab.physics.growth_pressure import (
     FITTED,
     FITTED_DIAMETER_MM,
-    constants_by_level,
     growth_pressures_kpa,
     planned_paths,
     riding_mm,
@@ -317,17 +316,24 @@ def worst_growths(
     Deployments may be grown anew whenever they are asked for, so each is walked once for all, so
     many of them together.
     """
-    build, tree = subject.design.build, subject.grown_tree
-    riding, level = riding_mm(tree, build.widths_mm).tolist(), tree.level.tolist()
+    tree = subject.grown_tree
+    riding = riding_mm(tree).tolist()
     # A tapered branch is narrowest, and needs most, at its tip.
-    by_level = [constants_by_level(build.end_widths_mm, one, fitted_mm) for one in several]
+    widths_mm = tree.end_width_mm.tolist()
+    tubes = [
+        {
+            width: constants.at_diameter(inflated_diameter_mm(width), fitted_mm)
+            for width in set(widths_mm)
+        }
+        for constants in several
+    ]
     # A branch that got stuck on a map still has to grow in free space, which is always checked.
     paths = planned_paths(tree)
     found = [
         max(
             (
                 WorstBranch(
-                    pressure_kpa=path.pressure_kpa(constants[level[branch] - 1], riding[branch]),
+                    pressure_kpa=path.pressure_kpa(tube[widths_mm[branch]], riding[branch]),
                     branch=branch,
                     place="in free space",
                 )
@@ -335,14 +341,14 @@ def worst_growths(
             ),
             key=_comparable,
         )
-        for constants in by_level
+        for tube in tubes
     ]
     named = zip(subject.deployment_names, subject.deployments, strict=True)
     while some := list(islice(named, together)):
         deployments = [deployment for _, deployment in some]
         branches = np.concatenate([np.arange(len(each.tree)) for each in deployments])
         owner = np.repeat(np.arange(len(some)), [len(each.tree) for each in deployments])
-        needed_kpa = growth_pressures_kpa(deployments, build.widths_mm, by_level)
+        needed_kpa = growth_pressures_kpa(deployments, several, fitted_mm, at_end=True)
         for row, each_kpa in enumerate(np.nan_to_num(needed_kpa, nan=0.0)):
             at = int(np.argmax(np.round(each_kpa, 9)))
             worst = WorstBranch(
@@ -363,7 +369,7 @@ def _violation(
     subject: Subject, worst: WorstBranch, message: str, broken: Violation, aspect: str = ""
 ) -> Violation:
     """Return a violation at a tip; marked are its branch and all ancestors."""
-    rows, row = [], worst.branch
+    rows, (row,) = [], subject.last_parts([worst.branch])
     while row >= 0:
         rows.append(row)
         row = int(subject.layout.tree.parent[row])
@@ -406,7 +412,7 @@ def check_deployed(subject: Subject, limits: Limits) -> RuleApplied:
     pattern = _pattern(subject)
     compensated = pattern.design.build.compensation != "none"
     violations = []
-    if not compensated and any(np.any(fan_offsets_rad(one)) for one in pattern.design.levels):
+    if not compensated and np.any(pattern.design.tree.straight.offset_rad):
         message = (
             "cut at the designed angles, which pressure changes (`vinefab inflate` shows by how "
             'much): `[build] compensation = "inflation"` cuts the robot that deploys as designed'
@@ -416,18 +422,18 @@ def check_deployed(subject: Subject, limits: Limits) -> RuleApplied:
         wanted = degrees_text(joint.wanted_deg)
         helps = "widen the fan, or have fewer or narrower children"
         if joint.found is None:
-            crossed = f"level {joint.level}: siblings pass through each other when inflated"
+            crossed = f"{joint.name}: siblings pass through each other when inflated"
             message = f"{joint.problem or crossed}: {helps}"
-            violations.append(Violation().on_level(subject, joint.level, message, at=0.0))
+            violations.append(Violation().on_joint(subject, joint, message))
             continue
         off = np.subtract(joint.found.deployed_deg, joint.aimed_deg)
         off -= 360.0 * np.round(off / 360.0)
         if compensated and (broken := limits.most(float(np.abs(off).max()))):
             message = (
-                f"level {joint.level} is designed at {wanted} degrees, and the nearest that a flat "
+                f"{joint.name} is designed at {wanted} degrees, and the nearest that a flat "
                 f"joint deploys at is {degrees_text(joint.found.deployed_deg)} (simulated): {helps}"
             )
-            violations.append(broken.on_level(subject, joint.level, message, at=0.0))
+            violations.append(broken.on_joint(subject, joint, message))
     return RuleApplied(checked=len(pattern.joints), violations=tuple(violations))
 
 
@@ -446,13 +452,12 @@ def check_sensitivity(subject: Subject, limits: Limits) -> RuleApplied:
     """Small errors of flat angles stay small under pressure."""
     pattern = _pattern(subject)
     violations = [
-        broken.on_level(
+        broken.on_joint(
             subject,
-            joint.level,
-            f"an error of 1 degree in the flat angles of level {joint.level} becomes "
+            joint,
+            f"an error of 1 degree in the flat angles of {joint.name} becomes "
             f"{found.sensitivity:.1f} degrees under pressure (simulated): widen the gaps between "
             "siblings, or have fewer or narrower ones",
-            at=0.0,
         )
         for joint, found in _simulated(pattern)
         if (broken := limits.most(found.sensitivity))
@@ -509,7 +514,7 @@ def check_crotch_load(subject: Subject, limits: Limits) -> RuleApplied:
             low_kpa = pressure_kpa * broken.limit / broken.measured
             helps = [f"at most {low_kpa:.1f} kPa", "fewer children"]
             # A larger fillet, at most as wide as the child, where it helps.
-            width_mm = subject.design.build.widths_mm[joint.level - 1]
+            width_mm = max(joint.child_widths_mm)
             before = min(found.flat.fillets[1:-1] or found.flat.fillets)
             after = min(_FILLETS[-1], width_mm / joint.width_mm)
             if (saved := 1.0 - fillet_gain(before, after)) >= 0.05:
@@ -520,11 +525,11 @@ def check_crotch_load(subject: Subject, limits: Limits) -> RuleApplied:
                     "the angle has room)",
                 )
             message = (
-                f"the crotches of level {joint.level} pull on their weld {found.crotch_load:.1f} "
+                f"the crotches of {joint.name} pull on their weld {found.crotch_load:.1f} "
                 f"times as hard as a straight seam (simulated; {seam.words()}): "
                 f"{', then '.join(helps)}"
             )
-            violations.append(broken.on_level(subject, joint.level, message, at=0.0))
+            violations.append(broken.on_joint(subject, joint, message))
     return RuleApplied(checked=len(pattern.joints), violations=tuple(violations))
 
 
@@ -533,23 +538,32 @@ def check_crotch_load(subject: Subject, limits: Limits) -> RuleApplied:
 
 def deployed_capsules(pattern: Pattern) -> Capsules:
     """Return the inflated branches of a deployed robot in plan, without pouches and collar."""
-    build = pattern.deployed.build.changed(pouch=None, collar=None)
-    flat = capsules_of(flat_layout(pattern.deployed.changed(build=build)), build)
+    build = pattern.deployed.build.changed(collar=None)
+    layout = flat_layout(pattern.deployed.changed(build=build))
+    flat = capsules_of(replace(layout, pouches=(None,) * len(layout.tree)), build)
     halves = flat.half_mm, flat.end_half_mm
     start, end = (inflated_radius_mm(1.0) * 2.0 * half for half in halves)
     return replace(flat, half_mm=start, end_half_mm=end)
 
 
-def contact_mm(gap_deg: float, width_mm: float) -> float:
-    """Return the length from their joint over which two inflated siblings of one width touch.
+def contact_mm(gap_deg: float, width_mm: float, other_mm: float) -> float:
+    """Return the length from their joint over which two inflated siblings touch.
+
+    Parameters
+    ----------
+    width_mm, other_mm
+        Their lay-flat widths.
 
     Examples
     --------
-    >>> round(contact_mm(60.0, 10.0 * math.pi), 6)
+    >>> round(contact_mm(60.0, 10.0 * math.pi, 10.0 * math.pi), 6)
     20.0
     """
     if gap_deg >= 180.0:
         return 0.0
+    if width_mm != other_mm:
+        radii_mm = inflated_radius_mm(width_mm), inflated_radius_mm(other_mm)
+        return crotch_reach_mm(math.radians(max(0.0, gap_deg)), *radii_mm)
     half_rad = math.radians(max(0.0, gap_deg)) / 2.0
     return inflated_radius_mm(width_mm) / math.sin(half_rad) if half_rad > 0.0 else math.inf
 
@@ -577,12 +591,15 @@ def check_bodies(subject: Subject, limits: Limits) -> RuleApplied:
     violations = []
     share = Limits({"warning": limits["sibling_share"], "error": limits["collapsed_share"]})
     for joint, found in _simulated(pattern):
-        width_mm = subject.design.build.widths_mm[joint.level - 1]
-        lengths_mm = child_lengths_mm(pattern.deployed.levels[joint.level - 2]).tolist()
+        parts = pattern.deployed.tree.straight
+        lengths_mm = parts.length_mm[parts.parent == joint.rows[0]].tolist()
         touching = [
-            (min(contact_mm(two - one, width_mm), 2.0 * min(lengths)), min(lengths))
-            for (one, two), lengths in zip(
-                pairwise(found.deployed_deg), pairwise(lengths_mm), strict=True
+            (min(contact_mm(two - one, *widths), 2.0 * min(lengths)), min(lengths))
+            for (one, two), widths, lengths in zip(
+                pairwise(found.deployed_deg),
+                pairwise(joint.child_widths_mm),
+                pairwise(lengths_mm),
+                strict=True,
             )
         ]
         if not touching:
@@ -591,14 +608,12 @@ def check_bodies(subject: Subject, limits: Limits) -> RuleApplied:
         if broken := share.most(along_mm / length_mm):
             along_mm = min(along_mm, length_mm)
             message = (
-                f"siblings of level {joint.level} lie on each other for {along_mm:.0f} of "
+                f"siblings of {joint.name} lie on each other for {along_mm:.0f} of "
                 f"{length_mm:.0f} mm when inflated (simulated): widen the fan, or lengthen or "
                 "narrow the children"
             )
             in_mm = replace(broken, limit=broken.limit * length_mm, measured=along_mm)
-            violations.append(
-                in_mm.on_level(subject, joint.level, message, at=0.0, aspect="siblings")
-            )
+            violations.append(in_mm.on_joint(subject, joint, message, aspect="siblings"))
     inflated = replace(subject, capsules=deployed_capsules(pattern))
     near = spacing(inflated.capsules, max(0.0, limits["warning"]))
     nears, pairs = nearest_pairs(inflated, near, ~near.joined & (near.gap_mm < limits["warning"]))
@@ -611,7 +626,7 @@ def check_bodies(subject: Subject, limits: Limits) -> RuleApplied:
         rows = [[subject.names.index(name) for name in pair.branches] for pair in nears]
         marked = {row for pair in rows for row in pair}
         violations.append(broken.on(subject, rows[0], message, marked=marked))
-    pouched = subject.design.build.pouch is not None
+    pouched = any(subject.design.pouches)
     return RuleApplied(
         checked=len(subject.layout.tree),
         violations=tuple(violations),

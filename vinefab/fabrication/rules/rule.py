@@ -15,19 +15,19 @@ import shapely
 from vinefab.core.errors import BadInputError
 from vinefab.core.foreign import broken, calling, is_own
 from vinefab.core.frozen import FrozenMapping
-from vinefab.core.validation import LARGEST_MM, number
+from vinefab.core.validation import LARGEST_MM, Floats, number
 from vinefab.core.view import Answer, Block, Data, Fact, Facts, Notes, Result
 from vinefab.fabrication.job.laser_job import check_size, laser_job
 from vinefab.fabrication.job.passes import taken_mm
 from vinefab.fabrication.job.placement import ONE, SheetOptions, piece_name
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of
-from vinefab.inflation.pattern import Pattern
+from vinefab.inflation.pattern import Pattern, PatternJoint
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
-from vinefab.model.tree import BranchTree, Partition, Piece, branch_tree
+from vinefab.model.tree import BranchTree, Partition, Piece
 from vinefab.outline.body_outline import (
     BodyOutline,
     FlatLayout,
@@ -153,7 +153,29 @@ class Subject(RigSubject):
     @property
     def grown_tree(self) -> BranchTree:
         """The tree that deploys: as designed, where flat angles are compensated."""
-        return self.layout.tree if self.pattern is None else branch_tree(self.pattern.design)
+        return self.design.tree if self.pattern is None else self.pattern.design.tree
+
+    def last_parts(self, branches: Sequence[int]) -> list[int]:
+        """Return the last straight part of each of some branches: rows of the layout."""
+        last = np.empty(len(self.design.tree), dtype=np.int64)
+        last[self.layout.tree.branch] = np.arange(len(self.layout.tree))
+        return [int(row) for row in last[np.asarray(branches, dtype=np.int64)]]
+
+    def words(self, branches: Sequence[int]) -> str:
+        """Return what people call some branches: their level where the design has levels."""
+        if self.design.branches is None:
+            return f"level {int(self.design.tree.level[branches[0]])}"
+        names = [self.design.names[branch] for branch in branches[:3]]
+        more = f" and {len(branches) - 3} more" if len(branches) > 3 else ""
+        return f"branch{'es' if len(branches) > 1 else ''} {', '.join(names)}{more}"
+
+    def alike(self, *columns: Floats) -> list[list[int]]:
+        """Return the branches by level and values, those that are alike together."""
+        found: dict[tuple[float, ...], list[int]] = {}
+        rows = zip(self.design.tree.level.tolist(), *(one.tolist() for one in columns), strict=True)
+        for branch, kind in enumerate(rows):
+            found.setdefault(kind, []).append(branch)
+        return list(found.values())
 
     @property
     def taken_mm(self) -> float:
@@ -280,12 +302,25 @@ class Violation:
             aspect=aspect,
         )
 
-    def on_level(
-        self, subject: Subject, level: int, message: str, *, at: float = 0.5, aspect: str = ""
+    def on_alike(
+        self,
+        subject: Subject,
+        branches: Sequence[int],
+        message: str,
+        *,
+        at: float = 0.5,
+        aspect: str = "",
     ) -> "Violation":
-        """Return this violation by a level: its first branch is named, all of them are marked."""
-        rows = np.flatnonzero(subject.layout.tree.level == level).tolist()
+        """Return this violation by branches: the first is named, all of them are marked."""
+        rows = subject.last_parts(branches)
         return self.on(subject, rows[:1], message, at=at, marked=rows, aspect=aspect)
+
+    def on_joint(
+        self, subject: Subject, joint: PatternJoint, message: str, aspect: str = ""
+    ) -> "Violation":
+        """Return this violation by a kind of joint: the first child is named, all are marked."""
+        rows = np.flatnonzero(np.isin(subject.layout.tree.parent, joint.rows)).tolist()
+        return self.on(subject, rows[:1], message, at=0.0, marked=rows, aspect=aspect)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

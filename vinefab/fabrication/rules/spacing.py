@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from vinefab.core.validation import Floats, Ints
-from vinefab.model.design import Build
+from vinefab.model.design import Build, Pouch
 from vinefab.outline.body_outline import FlatLayout
 from vinefab.outline.ends import Leaf, corner_radii_mm, level_fillets_mm
 from vinefab.outline.joint import Point
@@ -62,13 +62,19 @@ def capsules_of(layout: FlatLayout, build: Build) -> Capsules:
         end_halves.append(halves[-1])
         branches.append(rows[:1])
     tails = sum(map(len, branches))
-    leaves = rows[layout.is_leaf]
-    for low_mm, high_mm, half_mm in pouch_capsules(build):
-        starts.append(_at_tips(layout, leaves, low_mm))
-        ends.append(_at_tips(layout, leaves, high_mm))
-        halves.append(np.full(len(leaves), half_mm))
-        end_halves.append(halves[-1])
-        branches.append(leaves)
+    kinds: dict[tuple[Pouch, float, int], list[int]] = {}
+    for row, pouch in enumerate(layout.pouches):
+        if pouch is not None:
+            kind = pouch, float(end_half[row]), int(layout.tree.level[row])
+            kinds.setdefault(kind, []).append(row)
+    for (pouch, half_mm, level), own in kinds.items():
+        leaf = Leaf(half_mm=half_mm, lean_rad=0.0, fillet_mm=level_fillets_mm(build)[level - 1])
+        for low_mm, high_mm, own_mm in pouch_capsules(pouch, leaf):
+            starts.append(_at_tips(layout, np.array(own), low_mm))
+            ends.append(_at_tips(layout, np.array(own), high_mm))
+            halves.append(np.full(len(own), own_mm))
+            end_halves.append(halves[-1])
+            branches.append(np.array(own))
     branch = np.concatenate(branches)
     return Capsules(
         start_mm=np.concatenate(starts),
@@ -97,16 +103,12 @@ def tail_capsules(build: Build) -> list[tuple[Point, Point, float]]:
     return found
 
 
-def pouch_capsules(build: Build) -> list[tuple[Point, Point, float]]:
+def pouch_capsules(pouch: Pouch | None, leaf: Leaf) -> list[tuple[Point, Point, float]]:
     """Return ends and half widths of a pouch's capsules in the frame of the tip."""
-    pouch = build.pouch
     if pouch is None:
         return []
     if pouch.shape == "round":
         return [((0.0, 0.0), (0.0, 0.0), pouch.radius_mm or 0.0)]
-    leaf = Leaf(
-        half_mm=build.end_widths_mm[-1] / 2.0, lean_rad=0.0, fillet_mm=level_fillets_mm(build)[-1]
-    )
     _, corner_mm = corner_radii_mm(pouch, leaf)
     corner_mm = max(0.0, corner_mm)
     x, y = (pouch.length_mm or 0.0) / 2.0 - corner_mm, (pouch.width_mm or 0.0) / 2.0 - corner_mm

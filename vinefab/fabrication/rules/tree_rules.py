@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from vinefab.core.plain_text import agreeing, counted
+from vinefab.core.validation import Floats
 from vinefab.fabrication.job.marks import PLUG, SOCKET, joint_mark, piece_mark
 from vinefab.fabrication.job.placement import piece_name
 from vinefab.fabrication.rules.rule import (
@@ -33,7 +34,7 @@ from vinefab.model.finding import Severity
 from vinefab.model.job import Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Part
-from vinefab.model.tree import Partition, Sleeve, branch_tree
+from vinefab.model.tree import Partition, Sleeve
 from vinefab.outline.body_outline import ProblemKind
 from vinefab.physics.tube import lap_load_n_mm, lumen_area_mm2
 
@@ -229,37 +230,47 @@ def check_reach(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied.of_one(broken and broken.on(subject, [far], message, at=1.0))
 
 
-def occupancies(design: Design, film_mm: float, packing: float = 0.1) -> tuple[float, ...]:
-    """Return, for each level that film rides in, how much of its lumen that film fills.
+def occupancies(
+    design: Design,
+    film_mm: float,
+    packing: float = 0.1,
+    across_mm: Mapping[int, float] | None = None,
+) -> Floats:
+    """Return how much of each branch's lumen the film fills that rides in it, shape (n,).
 
     While a branch grows, all its undeployed descendants are drawn through it one level after
     the other, the branches of one level side by side. A branch of width w has a solid cross-section
     of w x film, which crumpling expands to w x film / packing (the share of solid film in a bundle,
-    assumed). The fullest cross-section below level i is that of the level with the most width in
+    assumed). The fullest cross-section below branch b is that of the level with the most width in
     it:
 
-        occupancy_i = max over j > i of  n_ij w_j film / packing / (w_i^2 / pi)
+        occupancy_b = max over j of  sum over k of level j of w_k film / packing / (w_b^2 / pi)
 
-    with n_ij descendants of level j per branch of level i. Where a level tapers, w_i is its width
-    at the end and w_j at the beginning; leaves are as wide as their pouches. A pouch wider than its
-    own branch rides in that too, so that the leaves are the last level then. The branch's own
-    inverted wall is not counted. The formula is vinefab's and uncalibrated; it neglects that levels
-    of uneven branch lengths overlap.
+    with the descendants k of b. Where a branch tapers, w_b is its width at the end and w_k at the
+    beginning; leaves are as wide as their pouches. A pouch wider than its own branch rides in that
+    too. The branch's own inverted wall is not counted. The formula is vinefab's and uncalibrated;
+    it neglects that levels of uneven branch lengths overlap.
+
+    Parameters
+    ----------
+    across_mm
+        Cross-sections of some branches, in place of their widths where they are larger.
     """
-    widths_mm, ends_mm = list(design.build.widths_mm), design.build.end_widths_mm
-    pouch = design.build.pouch
-    pouch_mm = pouch.flat_width_mm if pouch else 0.0
-    widths_mm[-1] = max(widths_mm[-1], pouch_mm)
-    shares = []
-    for above in range(len(design.levels)):
-        count, most_mm = 1, 0.0
-        for below in range(above, len(design.levels)):
-            count *= design.levels[below].branches
-            most_mm = max(most_mm, count * widths_mm[below + 1])
-        shares.append(most_mm * film_mm / packing / lumen_area_mm2(ends_mm[above]))
-    if pouch_mm > ends_mm[-1]:
-        shares.append(pouch_mm * film_mm / packing / lumen_area_mm2(ends_mm[-1]))
-    return tuple(shares)
+    tree = design.tree
+    pouch_mm = np.array([one.flat_width_mm if one else 0.0 for one in design.pouches])
+    most_mm = np.maximum(tree.width_mm, pouch_mm)
+    for branch, own_mm in (across_mm or {}).items():
+        most_mm[branch] = max(most_mm[branch], own_mm)
+    below_mm = np.zeros((len(tree), design.depth))  # the cross-section below each branch, by level
+    for rows in reversed(tree.generations[1:]):
+        parents = tree.parent[rows]
+        np.add.at(below_mm, parents, below_mm[rows])
+        np.add.at(below_mm, (parents, tree.level[rows] - 1), most_mm[rows])
+    inside_mm = below_mm.max(axis=1)
+    own_pouch = pouch_mm > tree.end_width_mm
+    inside_mm[own_pouch] = np.maximum(inside_mm, pouch_mm)[own_pouch]
+    lumen_mm2 = lumen_area_mm2(1.0) * tree.end_width_mm**2
+    return np.asarray(inside_mm * film_mm / packing / lumen_mm2)
 
 
 def lap_occupancies(
@@ -272,44 +283,30 @@ def lap_occupancies(
 
     As `occupancies`, but with the film doubled where the plug of a sleeve lies in the socket: a
     cross-section of 2 w + 2 rise in place of w, with the rise of the socket's edge over the
-    branch's. The descendants k of one level of branch b lie side by side, each at its widest:
-
-        occupancy_b = max over j of  sum over k of level j of c_k film / packing / (w_b^2 / pi)
-
-    with c_k = max(w_j, 2 w_k + 2 rise) where a sleeve of width w_k is on k, else w_j. The formula
-    is vinefab's and uncalibrated; it neglects where along their branches the laps lie.
+    branch's. It neglects where along their branches the laps lie.
     """
-    tree, pouch = branch_tree(design), design.build.pouch
-    widths_mm = np.array(design.build.widths_mm)
-    widths_mm[-1] = max(widths_mm[-1], pouch.flat_width_mm if pouch else 0.0)
-    across_mm = widths_mm[tree.level - 1]
-    has_lap = np.zeros(len(tree), dtype=bool)
+    tree, of_part = design.tree, design.tree.straight.branch
+    across_mm = dict[int, float]()
     for sleeve in sleeves:
+        branch = int(of_part[sleeve.branch])
         lap_mm = 2.0 * (sleeve.width_mm + sleeve.rise_mm)
-        across_mm[sleeve.branch] = max(across_mm[sleeve.branch], lap_mm)
-        has_lap[sleeve.branch] = True
-    # Below each branch: the cross-section by level, and whether a lap is in it.
-    below_mm = np.zeros((len(tree), len(widths_mm)))
+        across_mm[branch] = max(lap_mm, across_mm.get(branch, 0.0))
     holds_lap = np.zeros(len(tree), dtype=bool)
-    for branch in range(len(tree) - 1, 0, -1):
-        parent = tree.parent[branch]
-        below_mm[parent] += below_mm[branch]
-        below_mm[parent, tree.level[branch] - 1] += across_mm[branch]
-        holds_lap[parent] |= holds_lap[branch] or has_lap[branch]
-    ends_mm = design.build.end_widths_mm
-    return {
-        branch: float(below_mm[branch].max())
-        * film_mm
-        / packing
-        / lumen_area_mm2(ends_mm[int(tree.level[branch]) - 1])
-        for branch in np.flatnonzero(holds_lap).tolist()
-    }
+    for branch in across_mm:
+        while (branch := int(tree.parent[branch])) >= 0:
+            holds_lap[branch] = True
+    shares = occupancies(design, film_mm, packing, across_mm)
+    return {branch: float(shares[branch]) for branch in np.flatnonzero(holds_lap).tolist()}
 
 
-def passages_of(pattern: Pattern | None) -> dict[int, float]:
-    """Return the passage into the branches of each level, as far as their joint was simulated."""
-    joints = pattern.joints if pattern else ()
-    return {joint.level: joint.found.passage for joint in joints if joint.found is not None}
+def passages_of(design: Design, pattern: Pattern | None) -> Floats:
+    """Return the passage into each branch as its joint was simulated, else 1; shape (n,)."""
+    parts, passages = design.tree.straight, np.ones(len(design.tree))
+    for joint in pattern.joints if pattern else ():
+        if joint.found is not None:
+            children = parts.branch[np.isin(parts.parent, joint.rows)]
+            np.minimum.at(passages, children, joint.found.passage)
+    return passages
 
 
 @design_rule(
@@ -322,24 +319,29 @@ def passages_of(pattern: Pattern | None) -> dict[int, float]:
     remedy="widen the level; with a width ratio, raise it or the trunk's width",
 )
 def check_least_width(subject: Subject, limits: Limits) -> RuleApplied:
-    """Every level is wide enough to inflate."""
-    build = subject.design.build
-    widths_mm = build.end_widths_mm
+    """Every branch is wide enough to inflate."""
+    design, ends_mm = subject.design, subject.design.tree.end_width_mm
+    kinds = subject.alike(ends_mm)
     violations = [
-        broken.on_level(
+        broken.on_alike(
             subject,
-            level,
-            f"tubes of level {level} may burst before they grow: widen them, or the whole robot",
+            branches,
+            f"tubes of {subject.words(branches)} may burst before they grow: widen them, or the "
+            "whole robot",
         )
-        for level, width_mm in enumerate(widths_mm, start=1)
-        if (broken := limits.least(width_mm))
+        for branches in kinds
+        if (broken := limits.least(float(ends_mm[branches[0]])))
     ]
     more = outline_violations(subject, ProblemKind.VANISHED, known=tuple(violations))
-    if build.pouch and build.pouch.length_mm and (broken := limits.least(build.pouch.length_mm)):
-        message = "the pouch is too short along its branch to be inflated: lengthen it"
-        short = broken.on_level(subject, subject.design.depth, message, aspect="pouch")
-        more = (*more, short)
-    return RuleApplied(checked=len(widths_mm), violations=(*violations, *more))
+    pouches: dict[float, list[int]] = {}
+    for branch, pouch in enumerate(design.pouches):
+        if pouch is not None and pouch.length_mm:
+            pouches.setdefault(pouch.length_mm, []).append(branch)
+    for length_mm, branches in pouches.items():
+        if broken := limits.least(length_mm):
+            message = "the pouch is too short along its branch to be inflated: lengthen it"
+            more = (*more, broken.on_alike(subject, branches, message, aspect="pouch"))
+    return RuleApplied(checked=len(kinds), violations=(*violations, *more))
 
 
 @design_rule(
@@ -351,21 +353,29 @@ def check_least_width(subject: Subject, limits: Limits) -> RuleApplied:
     remedy="narrow the child's level or widen its parent's",
 )
 def check_width_ratio(subject: Subject, limits: Limits) -> RuleApplied:
-    """Every parent is much wider than its children."""
-    widths_mm = subject.design.build.widths_mm
-    ends_mm = subject.design.build.end_widths_mm
-    ratios = [wide / narrow for wide, narrow in zip(ends_mm, widths_mm[1:], strict=False)]
+    """Every parent is much wider than its children.
+
+    An only child may be as wide: its tube continues.
+    """
+    tree = subject.design.tree
+    ratios = tree.end_width_mm[tree.parent] / tree.width_mm
+    alone = np.bincount(tree.parent[1:], minlength=len(tree))[tree.parent] == 1
+    ratios[(tree.parent < 0) | (alone & (ratios == 1.0))] = np.inf
+    kinds = [branches for branches in subject.alike(ratios) if branches != [0]]
     violations = [
-        broken.on_level(
+        broken.on_alike(
             subject,
-            level,
-            f"level {level} is nearly as wide as the level before it: narrow it, or widen that one",
+            branches,
+            f"{subject.words(branches)} is nearly as wide as the level before it: narrow it, or "
+            "widen that one"
+            if subject.design.branches is None
+            else f"too wide for the parent of {subject.words(branches)}: narrow it, or widen that",
         )
-        for level, ratio in enumerate(ratios, start=2)
-        if (broken := limits.least(ratio))
+        for branches in kinds
+        if (broken := limits.least(float(ratios[branches[0]])))
     ]
     more = outline_violations(subject, ProblemKind.CHILD_WIDTH, known=tuple(violations))
-    return RuleApplied(checked=len(ratios), violations=(*violations, *more))
+    return RuleApplied(checked=len(kinds), violations=(*violations, *more))
 
 
 @design_rule(
@@ -386,22 +396,25 @@ def check_packing(subject: Subject, limits: Limits) -> RuleApplied:
     """
     profile = needed(subject.profile, "needs a recipe, for the film's thickness")
     film_mm = profile.material.film_mm
-    found = [*occupancies(subject.design, film_mm, limits["packing"])]
-    for level, passage in passages_of(subject.pattern).items():
-        if level <= len(found):
-            found[level - 1] /= passage
-    violations = [
-        broken.on_level(
-            subject,
-            level,
-            f"folded pouches may jam in level {level}: narrow them, or widen the level"
-            if level == subject.design.depth
-            else f"folded film may jam in level {level}: fewer or narrower children, or widen it",
-        )
-        for level, share in enumerate(found, start=1)
-        if (broken := limits.most(100.0 * share))
-    ]
-    return RuleApplied(checked=len(found), violations=tuple(violations))
+    tree, is_leaf = subject.design.tree, subject.design.tree.is_leaf
+    shares = occupancies(subject.design, film_mm, limits["packing"])
+    shares = np.round(100.0 * shares / passages_of(subject.design, subject.pattern), 9)
+    filled, violations = 0, []
+    for level in range(1, subject.design.depth + 1):
+        rows = np.flatnonzero((tree.level == level) & (shares > 0.0))
+        filled += len(rows) > 0
+        fullest = float(shares[rows].max(initial=0.0))
+        if broken := limits.most(fullest):
+            # The fullest is named; marked are all that break the same limit.
+            worst = rows[shares[rows] == fullest].tolist()
+            over = rows[shares[rows] > broken.limit].tolist()
+            words = subject.words(worst)
+            message = f"folded film may jam in {words}: fewer or narrower children, or widen it"
+            if is_leaf[worst[0]]:
+                it = "the level" if subject.design.branches is None else "the branch"
+                message = f"folded pouches may jam in {words}: narrow them, or widen {it}"
+            violations.append(broken.on_alike(subject, [*worst, *set(over) - set(worst)], message))
+    return RuleApplied(checked=filled, violations=tuple(violations))
 
 
 def _cut(subject: Subject) -> tuple[Partition, LaserProfile, PieceSettings]:
@@ -567,18 +580,22 @@ def fullest_laps(
     sleeves: Iterable[Sleeve],
     film_mm: float,
     packing: float,
-    passages: Mapping[int, float],
+    passages: Floats,
 ) -> dict[int, tuple[int, float]]:
     """Return, for each level that laps ride in, its fullest branch and how much is filled.
 
-    What rides in a child comes through the passage of its joint; ``passages`` has them by level.
+    The branch is the row of its last straight part in the layout. What rides in a child comes
+    through the passage of its joint, shape (n,) for all branches.
     """
-    level, fullest = branch_tree(design).level, dict[int, tuple[int, float]]()
+    level, fullest = design.tree.level, dict[int, tuple[int, float]]()
+    of_part = design.tree.straight.branch
+    last = np.empty(len(level), dtype=np.int64)
+    last[of_part] = np.arange(len(of_part))
     for branch, found in lap_occupancies(design, sleeves, film_mm, packing).items():
         at = int(level[branch])
-        share = found / passages.get(at, 1.0)
+        share = found / float(passages[branch])
         if share > fullest.get(at, (-1, 0.0))[1]:
-            fullest[at] = branch, share
+            fullest[at] = int(last[branch]), share
     return fullest
 
 
@@ -615,7 +632,7 @@ def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied:
         partition.sleeves,
         profile.material.film_mm,
         limits["packing"],
-        passages_of(subject.pattern),
+        passages_of(subject.design, subject.pattern),
     )
     message = (
         "folded film may jam here, doubled by laps: fewer or narrower children, fewer cuts below, "

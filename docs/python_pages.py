@@ -11,6 +11,7 @@ import re
 import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from enum import Enum
+from functools import cached_property
 from types import ModuleType
 from typing import Any
 
@@ -142,6 +143,8 @@ def member(shown: str, kind: type, name: str) -> Iterator[str]:
     static, bound = inspect.getattr_static(kind, name), getattr(kind, name)
     if issubclass(kind, Enum) and isinstance(static, kind):
         return
+    if isinstance(static, cached_property):
+        static = property(static.func)
     if not callable(bound) and not isinstance(static, property):
         text = field_words(kind).get(name, "")
         head, role = name, "attribute"

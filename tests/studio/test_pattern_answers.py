@@ -13,7 +13,6 @@ from vinefab.inflation import compensation, pattern
 from vinefab.inflation.compensation import FlatJoint
 from vinefab.inflation.robot import with_short_tail
 from vinefab.model.design import Build, Design, Level, design_content
-from vinefab.model.tree import fan_offsets_rad
 from vinefab.outline.body_outline import body_outline
 from vinefab.studio.executors import answer_of
 from vinefab.studio.pattern_answers import cut_notes
@@ -109,7 +108,7 @@ def test_a_design_cut_as_it_is_grows_as_it_deploys():
     note = asked("cut", state)["cut"][ANGLE]
     assert 70.0 < number(note["text"]) < 79.5
     grown = StudioState.of(state).grown_now
-    (turned,) = np.degrees(np.ptp([fan_offsets_rad(level) for level in grown.levels], axis=1))
+    turned = np.degrees(np.ptp(grown.tree.offset_rad[1:]))
     assert f"{turned:.1f}" in note["text"]
 
 

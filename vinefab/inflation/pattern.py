@@ -198,8 +198,11 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
     parts = drawn.tree
     flat_rad, deployed_rad = parts.offset_rad.copy(), parts.offset_rad.copy()
     stretch = np.array([stretch_of(design, material, width) for width in parts.width_mm.tolist()])
-    cut_mm = parts.length_mm / stretch if compensated else parts.length_mm.copy()
-    grown_mm = parts.length_mm.copy() if compensated else parts.length_mm * stretch
+    cut_mm, grown_mm = parts.length_mm.copy(), parts.length_mm.copy()
+    if compensated:
+        cut_mm[0] /= stretch[0]
+    else:
+        grown_mm[0] *= stretch[0]
     joints = []
     for family in each("joints", joint_families(drawn)):
         children = np.array([drawn.children[row] for row in family.rows])

@@ -1212,6 +1212,13 @@ def _check_bends(key: str, body: "Trunk | Level | Branch", width_mm: float) -> N
             raise BadInputError(key, [one_mm, two_mm], allowed)
 
 
+def check_levels(design: "Design", purpose: str) -> None:
+    """Refuse a design that is written branch by branch where levels are needed."""
+    if design.branches is not None:
+        allowed = f"a design of levels: {purpose}, and this one is written branch by branch"
+        raise BadInputError("design", design.name, allowed)
+
+
 def _with_one(values: tuple[float, ...], place: int, value: float | None) -> tuple[float, ...]:
     """Return values with one of them replaced, if it is given."""
     return values if value is None else (*values[:place], value, *values[place + 1 :])

@@ -50,7 +50,7 @@ from vinefab.fabrication.rules.tree_rules import (
     check_tail,
     check_width_ratio,
 )
-from vinefab.model.design import Build, Design, Level
+from vinefab.model.design import Build, Design, Level, check_levels
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import child_lengths_mm, widest_turn_rad
 from vinefab.physics.growth_pressure import GrowthPath
@@ -596,6 +596,7 @@ def fix_in_step(
     CMA-ES moves all values of a stage together where single steps find nothing in it, nor in any
     stage with less to change, but do with everything to change. Fewer branches take its place.
     """
+    check_levels(design, "values of levels are changed")
     found: dict[FixStage, FixedDesign] = {}
     for stage in each("combinations of changes", step):
         most_cost = min((one.cost for one in found.values()), default=np.inf)

@@ -24,7 +24,7 @@ from vinefab.core.validation import SMALLEST
 from vinefab.growth.options import GrowthOptions, measured_values
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.contacts import read_contacts
-from vinefab.model.design import Design
+from vinefab.model.design import Design, check_levels
 from vinefab.model.files import toml
 from vinefab.model.files.shipped import locate, names, user_names
 from vinefab.model.map import Start
@@ -506,6 +506,8 @@ def _points(
             raise UnfitInputError(key, problem, "name a design or its file")
         with values_hidden():
             design = Design.read(file if file.is_file() else name)
+        with located(path):
+            check_levels(design, "a search begins at levels")
         if not low <= design.depth <= high:
             found = f"{name}, a design with {counted(design.depth, 'level')}"
             allowed = f"designs with {low} to {counted(high, 'level')}, as in space.levels"

@@ -46,6 +46,7 @@ from vinefab.model.design import (
     Mounting,
     PieceSettings,
     Pouch,
+    check_levels,
     default_fillets_mm,
 )
 from vinefab.model.tree import BranchTree
@@ -77,7 +78,15 @@ class DesignBatch:
 
     @classmethod
     def of(cls, *designs: Design) -> "DesignBatch":
-        """Return a batch of some designs, all of even fans."""
+        """Return a batch of some designs, all of levels.
+
+        Raises
+        ------
+        BadInputError
+            If one is written branch by branch.
+        """
+        for design in designs:
+            check_levels(design, "a search of levels")
         below = max(design.depth for design in designs) - 1
         depth = np.array([design.depth for design in designs])
         branches, numbers = (

@@ -358,6 +358,11 @@ def job_text(
                 }
                 for level in design.levels
             ],
+            **(
+                {"branches": [branch.content for branch in design.branches]}
+                if design.branches is not None
+                else {}
+            ),
             "build": {
                 "widths_mm": list(build.widths_mm),
                 "end_widths_mm": list(build.end_widths_mm),

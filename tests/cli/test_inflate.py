@@ -139,5 +139,5 @@ def test_a_joint_that_cannot_be_cut_is_named():
     narrow = vf.Level.of(branches=4, length_mm=80.0, angle_deg=20.0)
     design = vf.Design(name="narrow", trunk_length_mm=100.0, levels=(narrow,),
                        build=vf.Build.standard(2).changed(compensation="inflation"))  # fmt: skip
-    with pytest.raises(vf.BadInputError, match=r"level 2.*Change the angle or the number"):
+    with pytest.raises(vf.BadInputError, match=r"level 2.*change the angle or the number"):
         vf.inflate(design, alone=True, progress=False)

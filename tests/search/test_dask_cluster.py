@@ -143,7 +143,7 @@ def test_tasks_and_penalties_that_cannot_be_sent_are_named(fabricable, maps):
         pass
 
     for local in ({"task": Local(), "penalty": LongTrunk()}, {"penalty": lambda _: 0.0}):
-        with pytest.raises(BadInputError, match="a penalty and a task that can be pickled"):
+        with pytest.raises(BadInputError, match="penalty or task cannot be pickled"):
             WorkerPayload.of(EvaluatorSpec(settings=fabricable, maps=maps, **local))
 
 
@@ -166,10 +166,10 @@ def test_a_worker_without_the_packages_of_the_run_is_named(small, maps):
     theirs = small.changed(task=PartSettings(name="depth"))
     payload = WorkerPayload.of(EvaluatorSpec(settings=theirs, maps=maps, penalty=None))
     x, poses = np.full((1, 3), 0.5), ((), ())
-    with pytest.raises(BadInputError, match=r"a worker is .*without task 'depth'.*same packages"):
+    with pytest.raises(BadInputError, match=r"a worker: it has no task 'depth'.*same packages"):
         _evaluated(payload, x, serialized(poses))
     gone = replace(payload, name="gone", spec=b"cno_such_package\nPenalty\n.")
-    with pytest.raises(BadInputError, match=r"a worker is .*no_such_package.*same packages"):
+    with pytest.raises(BadInputError, match=r"a worker: it is incomplete: .*no_such_package.*same packages"):
         _evaluated(gone, x, serialized(poses))
     # It comes through the wire as it is.
     with pytest.raises(BadInputError) as told:

@@ -337,6 +337,7 @@ LINES = {
     "new design a.json": "file is ",
     "new map a.toml": "file is ",
     "new map a.geojson --from table": "--from: a map is copied from no",
+    "new map a.geojson --branches": "--branches: a map has none; leave it out",
     "new recipe 'my film.toml'": "for a recipe a file name of letters",
     "new run a.toml --from contest/bench_reach.toml": "contest/bench_reach.toml",
     "new design plain.toml --from cave_explorer": "plain.toml: exists; --force overwrites it",

@@ -83,6 +83,16 @@ def test_a_copy_of_a_run_file_keeps_the_names_of_its_parts(tmp_path):
     assert (made.name, made.task.name) == ("mine", "reach")
 
 
+@pytest.mark.parametrize("name", ["grid_explorer", "plain_vine"])
+def test_a_design_of_levels_is_written_branch_by_branch(name, capsys):
+    assert main(["new", "design", "free.toml", "--from", name, "--branches"]) == 0
+    free, levels = Design.read("free.toml"), Design.read(name)
+    assert (free.name, free.levels, free.origin) == ("free", (), levels.origin)
+    assert free.tree.key == levels.tree.key
+    assert main(["new", "design", "free.toml", "--from", name, "--branches"]) == 0
+    assert "left as it is" in capsys.readouterr().out
+
+
 def test_the_starter_map_has_room_for_the_starter_design(capsys):
     assert main(["new", "map", "table.geojson", "-q"]) == 0
     assert main(["grow", "three_level_tree", "--map", "table.geojson"]) == 0

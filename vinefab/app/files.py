@@ -34,6 +34,7 @@ def new(
     file: PathText,
     *,
     original: Annotated[str | None, Kind(metavar="NAME"), also("--from")] = None,
+    branches: bool = False,
     force: Force = False,
 ) -> WrittenFile:
     """Write a commented file to begin with, as a design or a map; its name is the file's.
@@ -46,6 +47,8 @@ def new(
         The file to write: ``.geojson`` for a map, else ``.toml``.
     original
         The shipped or own file to copy; default: a usual one.
+    branches
+        Write a design branch by branch, so that each one may be changed alone.
     force
         Overwrite the file, also one of another program.
 
@@ -66,6 +69,7 @@ def new(
     --------
     $ vinefab new design mine.toml
     $ vinefab new map table.geojson
+    $ vinefab new design free.toml --from grid_explorer --branches
 
     >>> from tempfile import TemporaryDirectory
     >>> from vinefab.model.design import Design
@@ -76,7 +80,7 @@ def new(
     from vinefab.model.files.starters import write_starter
 
     path = as_path("file", file)
-    name, is_new = write_starter(kind, path, original=original, force=force)
+    name, is_new = write_starter(kind, path, original=original, branches=branches, force=force)
     if is_new:
         wrote(path, "" if name == path.stem else f", named {name}")
     there = f"{path} is there already and left as it is; --force writes it anew"

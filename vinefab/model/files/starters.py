@@ -17,6 +17,7 @@ from vinefab.core.errors import (
 )
 from vinefab.core.limits import rad
 from vinefab.core.plain_text import one_line, readable
+from vinefab.model.design import Design, design_text
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, read_text, shipped_root
 from vinefab.model.files.toml import LARGEST_TOML_BYTES
 from vinefab.model.map import Map, Pose, Start, map_text
@@ -37,7 +38,12 @@ CALLED_AS_FILES = ("recipe", "machine", "material")
 
 
 def write_starter(
-    kind: str, out: Path, *, original: str | None = None, force: bool = False
+    kind: str,
+    out: Path,
+    *,
+    original: str | None = None,
+    branches: bool = False,
+    force: bool = False,
 ) -> tuple[str, bool]:
     """Write a file to begin with; return the name that stands in it, and whether it is new.
 
@@ -47,6 +53,8 @@ def write_starter(
     ----------
     original
         The shipped or own file to copy, by name or path; None for a usual one.
+    branches
+        Write a design branch by branch.
     """
     if kind not in _STARTER_KINDS:
         allowed = f"one of {', '.join(_STARTER_KINDS)}{nearest(kind, _STARTER_KINDS)}"
@@ -54,6 +62,8 @@ def write_starter(
     if kind == "map" and original is not None:
         problem = "a map is copied from no other"
         raise UnfitInputError("original", problem, "make or import one: vinefab map")
+    if branches and kind != "design":
+        raise UnfitInputError("branches", f"a {kind} has none", "leave it out")
     suffix = ".geojson" if kind == "map" else ".toml"
     if out.suffix.lower() != suffix:
         raise BadInputError("file", str(out), f"a file name ending in {suffix}")
@@ -65,7 +75,7 @@ def write_starter(
     if kind == "map":
         text = map_text(starter_map(name))
     else:
-        text = _named_copy(kind, original or _STARTERS[kind][1], name)
+        text = _named_copy(kind, original or _STARTERS[kind][1], name, branches=branches)
     if out.exists() and not force:
         if _beginning(kind, text) != _beginning(kind, read_text(out, LARGEST_TOML_BYTES)):
             raise ForeignFileError(out, "exists")
@@ -107,7 +117,7 @@ def _plain(stem: str) -> str:
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", stem).lstrip("_.-")
 
 
-def _named_copy(kind: str, original: str, name: str) -> str:
+def _named_copy(kind: str, original: str, name: str, *, branches: bool) -> str:
     """Return the text of a shipped or own file under another name."""
     path = locate(_STARTERS[kind][0], original)
     text = read_text(path, LARGEST_TOML_BYTES)
@@ -115,6 +125,10 @@ def _named_copy(kind: str, original: str, name: str) -> str:
         raise UnfitInputError(
             "schema", f"{path.name} is not a {kind}", f"name a file of the kind {kind}", path
         )
+    if branches:
+        free = Design.read(path).by_branches.changed(name=name)
+        first = f"# A copy of {one_line(original)}, branch by branch, to change as you like."
+        return f"{first}\n{design_text(free)}"
     top, table, rest = text.partition("\n[")  # a run file need not name itself, its parts do
     named = re.sub(r'(?m)^name = "[^"]*"', f'name = "{name}"', top, count=1) + table + rest
     return (

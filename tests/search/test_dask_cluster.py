@@ -169,7 +169,7 @@ def test_a_worker_without_the_packages_of_the_run_is_named(small, maps):
     with pytest.raises(BadInputError, match=r"a worker: it has no task 'depth'.*same packages"):
         _evaluated(payload, x, serialized(poses))
     gone = replace(payload, name="gone", spec=b"cno_such_package\nPenalty\n.")
-    with pytest.raises(BadInputError, match=r"a worker: it is incomplete: .*no_such_package.*same packages"):
+    with pytest.raises(BadInputError, match=r"it is incomplete: .*no_such_package.*same packages"):
         _evaluated(gone, x, serialized(poses))
     # It comes through the wire as it is.
     with pytest.raises(BadInputError) as told:

@@ -43,7 +43,7 @@ def test_a_design_is_found_by_keys_and_undo_goes_back_to_its_file(twig, tab):
     tab.soon("twig.toml exists (twig).", lambda: page.text_content(problem))
     page.fill("#save-path", "../other")
     page.keyboard.press("Enter")
-    page.wait_for_selector(f"{problem}:text('path is')")
+    page.wait_for_selector(f"{problem}:text('path:')")
     page.fill("#save-path", "vine")
     page.keyboard.press("Enter")
     tab.soon(("vine", "saved"), tab.shown)

@@ -9,6 +9,7 @@ import math
 import re
 import reprlib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
 
 import tomli_w
 from annotated_types import Interval, Unit
+from numpy.typing import ArrayLike
 from pydantic import Field, InstanceOf, model_validator
 from pydantic.json_schema import SkipJsonSchema
 from typing_extensions import Doc
@@ -32,6 +34,7 @@ from vinefab.core.table import DeclaredKey, Slider, Table, validated
 from vinefab.core.validation import LARGEST_MM, SMALLEST, check_plain, number, whole
 from vinefab.model.files.shipped import locate, path_given
 from vinefab.model.files.toml import read_toml, table_content
+from vinefab.model.skeleton import DrawnBranch, traced_branches
 from vinefab.model.tree import Bend, BranchTree, tree_of_branches, tree_of_levels
 
 if TYPE_CHECKING:
@@ -944,6 +947,79 @@ class Design(Table):
             build=Build() if build is None else build,
         )
 
+    @classmethod
+    def of_segments(
+        cls,
+        segments: ArrayLike,
+        *,
+        base: "tuple[float, float] | None" = None,
+        snap_mm: float = 1.0,
+        widths_mm: ArrayLike | None = None,
+        build: "Build | None" = None,
+        name: str = "skeleton",
+    ) -> "Design":
+        """Return the robot whose skeleton is drawn by straight lines.
+
+        Lines are joined end to end. Where one line follows, the branch bends, or stays straight;
+        where several do, or the width changes, there is a joint. Branches are named as in `by_branches`.
+        The pose of the trunk's base stands in the origin, as ``drawn_at``.
+
+        Parameters
+        ----------
+        segments
+            x and y of both ends of each line, mm, in any order and direction; shape (n, 4).
+        base
+            The loose end where the trunk begins, x and y, mm; the lowest one if None.
+        snap_mm
+            Ends no further apart are one joint; all lines are longer.
+        widths_mm
+            Lay-flat width at the base of each line, shape (n,); NaN where it is that of its level.
+        build
+            How it is made; the default build if None. Its trunk's width, if it has one, is taken
+            in place of that of the lines.
+        name
+            Of the design.
+
+        Raises
+        ------
+        BadInputError
+            If the lines make no tree, the base lies in the middle, or a branch cannot be made; the
+            message names the place.
+
+        Examples
+        --------
+        >>> lines = [[0, 0, 0, 100], [0, 100, 40, 180], [0, 100, -60, 160], [-60, 160, -60, 220]]
+        >>> fork = Design.of_segments(lines)
+        >>> fork.names, fork.trunk_length_mm, [len(one.bends or ()) for one in fork.branches]
+        (('trunk', '0', '1'), 100.0, [0, 1])
+        """
+        (x, y, heading), (drawn, *others) = traced_branches(
+            segments,
+            base_mm=base,
+            snap_mm=snap_mm,
+            widths_mm=widths_mm,
+            most_branches=MOST_WRITTEN,
+        )
+        build = Build() if build is None else build
+        if drawn.width_mm is not None and not build.widths_mm and build.trunk_width_mm is None:
+            build = build.changed(trunk_width_mm=drawn.width_mm)
+        with _drawn(drawn):
+            trunk = Trunk(length_mm=drawn.length_mm, bends=drawn.bends or None)
+        branches = []
+        for one in others:
+            with _drawn(one):
+                given = {key: getattr(one, key) for key in ("name", "of", "angle_deg", "length_mm")}
+                own = Branch(**given, bends=one.bends or None, width_mm=one.width_mm)
+                branches.append(own)
+        with _drawn(drawn, *others):
+            return cls(
+                name=name,
+                trunk=trunk,
+                branches=tuple(branches),
+                build=build,
+                origin={"drawn_at": [x, y, heading]},
+            )
+
     def with_branch(self, branch: str, *, name: str | None = None, **changes: Any) -> "Design":  # noqa: ANN401  values of a branch
         """Return the design with other values of one branch; a design of levels becomes branches.
 
@@ -1210,6 +1286,23 @@ def _check_bends(key: str, body: "Trunk | Level | Branch", width_mm: float) -> N
         if two_mm - one_mm < width_mm:
             allowed = f"bends as far apart as the tube is wide, {width_mm:g} mm, or more"
             raise BadInputError(key, [one_mm, two_mm], allowed)
+
+
+@contextmanager
+def _drawn(*traced: DrawnBranch) -> Iterator[None]:
+    """Name the line that drew a branch in errors about it; the first one is the trunk, or alone."""
+    try:
+        yield
+    except BadInputError as error:
+        table, _, key = error.key.partition(".")
+        number = re.fullmatch(r"branch\[(\d+)\]", table)
+        if number is not None:
+            one = traced[int(number[1])]
+        elif len(traced) == 1 or table == "trunk":
+            one, key = traced[0], error.key.removeprefix("trunk.")
+        else:
+            raise
+        raise error.under(f"{key} of {one.where}") from None
 
 
 def check_levels(design: "Design", purpose: str) -> None:

@@ -961,8 +961,8 @@ class Design(Table):
         """Return the robot whose skeleton is drawn by straight lines.
 
         Lines are joined end to end. Where one line follows, the branch bends, or stays straight;
-        where several do, or the width changes, there is a joint. Branches are named as in `by_branches`.
-        The pose of the trunk's base stands in the origin, as ``drawn_at``.
+        where several do, or the width changes, there is a joint. Branches are named as in
+        `by_branches`. The pose of the trunk's base stands in the origin, as ``drawn_at``.
 
         Parameters
         ----------

@@ -193,7 +193,7 @@ def _piece_facts(
     sheets: Sequence[Sequence[SheetRobot]],
 ) -> dict[str, object]:
     """Return every piece with its place, and every joint, as plain values."""
-    ids = design.tree.ids
+    ids = design.tree.straight.ids
     order = [piece.label for piece in partition.pieces]
     size = sleeve_size(design.build, profile, separate=sheet.separate)
     placed = [

@@ -49,7 +49,7 @@ def joining_order(design: Design, partition: Partition) -> tuple[JoiningStep, ..
     outer: dict[str, list[Sleeve]] = {piece.label: [] for piece in partition.pieces}
     for sleeve in partition.sleeves:
         outer[sleeve.inner].append(sleeve)
-    ways, ids = _ways_mm(design, partition), design.tree.ids
+    ways, ids = _ways_mm(design, partition), design.tree.straight.ids
     held = {label: [label] for label in outer}
     steps: list[JoiningStep] = []
 
@@ -93,7 +93,7 @@ def open_ends(partition: Partition, sleeve: Sleeve, made: Collection[str]) -> se
 
 def _ways_mm(design: Design, partition: Partition) -> dict[str, float]:
     """Return by joint how far its stub's rim is from the base of the stub's piece."""
-    tree, build = design.tree, design.build
+    tree, build = design.tree.straight, design.build
     roots = {piece.label: piece.root for piece in partition.pieces}
     # What a piece lacks of its first branch; the first piece has the tail besides.
     cut_mm = {sleeve.label: sleeve.outer_from_mm for sleeve in partition.sleeves}

@@ -473,7 +473,7 @@ def partition_of(
     separate
         Whether the robot is welded and cut in two passes although the recipe has one for both.
     passages
-        Into the branches of each level, as far as they are known.
+        Into each branch, shape (n,), as far as they are known.
 
     Notes
     -----

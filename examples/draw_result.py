@@ -52,7 +52,7 @@ def main(target: Path) -> None:
         grown, sheet = figure.add_subplot(1, 3, 1), figure.add_subplot(1, 3, 2)
         solid = figure.add_subplot(1, 3, 3, projection="3d")
         deployment = design.grow(world, body="inflated")
-        plan = page_png(deployment_plan(world, deployment, design.build.widths_mm))
+        plan = page_png(deployment_plan(world, deployment, deployment.tree.width_mm))
         grown.imshow(Image.open(io.BytesIO(plan)))
         job = prepare(design, read_profile(DEFAULT_RECIPE)).job
         for path in job.along(Operation.WELDCUT) + job.along(Operation.CUT):

@@ -1,5 +1,7 @@
 """Pictures of nouns in notebooks; `vinefab.bindings` brings a noun here."""
 
+import numpy as np
+
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.model.deployment import Deployment
@@ -36,9 +38,8 @@ def svg_of(noun: Design | Map | Deployment | Contour, *, longest_pt: float = 468
     else:
         world, design = noun.world, noun.design
         # Without a design the widths are not known, and the published model has none.
-        widths_mm = (0.0,) * int(noun.tree.level.max())
-        if design is not None and noun.growth.get("body") != "centerline":
-            widths_mm = design.build.widths_mm
+        is_wide = design is not None and noun.growth.get("body") != "centerline"
+        widths_mm = noun.tree.width_mm if is_wide else np.zeros(len(noun.tree))
         names = [design.name if design else "robot", f"on {world.name}" if world else ""]
         title = " ".join(filter(None, [*names, "(simulated)"]))
         page = deployment_plan(world, noun, widths_mm, title=title, longest_pt=longest_pt)

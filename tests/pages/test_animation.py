@@ -15,7 +15,7 @@ from vinefab.pages.panel import round_length_mm
 from vinefab.prediction.deploy import deploy
 
 SVG = "{http://www.w3.org/2000/svg}"
-WIDTHS_MM = (6.0, 3.0)
+WIDTHS_MM = np.array([6.0, 3.0, 3.0, 3.0])
 
 
 @pytest.fixture(scope="module")

@@ -62,7 +62,7 @@ def test_a_small_robot_on_a_large_map_is_drawn_with_its_surroundings_only():
     assert 60.0 < longer_mm((x_min, y_min, x_max, y_max)) < 130.0
     assert ((x_min, y_min) <= deployment.points_mm.min(axis=0)).all()
     assert ((x_max, y_max) >= deployment.points_mm.max(axis=0)).all()
-    plan = deployment_plan(far, deployment, (4.0, 2.0))
+    plan = deployment_plan(far, deployment, np.array([4.0, 2.0, 2.0]))
     assert "1000 x 1000 mm" in plan.panels[0].title
     assert len(page_svg(plan)) < 100_000
 
@@ -79,14 +79,14 @@ def test_walls_are_drawn_where_they_are():
 
 def test_names_of_branches_are_written_once_each():
     world = world_of(100)
-    plan = deployment_plan(world, deployed(world), (4.0, 2.0), named=True)
+    plan = deployment_plan(world, deployed(world), np.array([4.0, 2.0, 2.0]), named=True)
     names = [name for words in written(plan.panels[0]) for name in words.text.split(", ")]
     assert sorted(names) == ["0", "0.0", "0.1"]
 
 
 def test_numbers_in_paths_are_short_and_text_stays_text():
     world = world_of(100)
-    picture = page_svg(deployment_plan(world, deployed(world), (4.0, 2.0)))
+    picture = page_svg(deployment_plan(world, deployed(world), np.array([4.0, 2.0, 2.0])))
     assert not re.search(rb' d="[^"]*\.\d\d\d', picture)
     assert b">grown in full (3)</text>" in picture
 
@@ -188,7 +188,7 @@ def test_every_entry_of_a_legend_has_a_symbol():
     world = world_of(300).with_start("left side, heading +-30")
     inside = design.grow(world, pose=(150, 1, 90), body="inflated")
     assert inside.stops["not_deployed"] == len(inside.tree)
-    entries = deployment_plan(world, inside, design.build.widths_mm).panels[0].legend
+    entries = deployment_plan(world, inside, inside.tree.width_mm).panels[0].legend
     assert {RANGE_LABEL, "start", f"never emerged ({len(inside.tree)})"} <= entries.keys()
     assert all(symbol.ink.fill or symbol.ink.line for symbol in entries.values())
     rings = entries[f"never emerged ({len(inside.tree)})"]
@@ -198,12 +198,13 @@ def test_every_entry_of_a_legend_has_a_symbol():
 
 def test_a_body_that_is_a_line_is_drawn_as_one_and_the_picture_says_so():
     world, design = world_of(400), Design.read("three_level_tree")
-    line = GrowthOptions.published().drawn_widths_mm(design.build.widths_mm)
-    assert line == (0.0, 0.0, 0.0)
-    assert GrowthOptions().drawn_widths_mm(design.build.widths_mm) == design.build.widths_mm
+    wide = GrowthOptions().drawn_widths_mm(design.tree)
+    line = GrowthOptions.published().drawn_widths_mm(design.tree)
+    assert wide.tolist() == design.tree.width_mm.tolist()
+    assert line.tolist() == [0.0] * design.branch_count
     thin = deploy(design, world, POSE, {"body": "centerline"})
     assert thin.picture(".svg") == page_svg(deployment_plan(world, thin.deployment, line))
-    plans = [deployment_plan(world, thin.deployment, w) for w in (line, design.build.widths_mm)]
+    plans = [deployment_plan(world, thin.deployment, w) for w in (line, wide)]
     filled = [
         sum(isinstance(one, Shape) and one.closed for one in plan.panels[0].primitives)
         for plan in plans
@@ -222,7 +223,7 @@ def test_a_body_that_is_a_line_is_drawn_as_one_and_the_picture_says_so():
 def test_ids_of_branches_lie_on_none_other():
     design = Design.read("grid_explorer")
     grown = design.grow(world_of(700), pose=(350, 350, 90), body="centerline")
-    (panel,) = deployment_plan(world_of(700), grown, (0.0,) * 4, named=True).panels
+    (panel,) = deployment_plan(world_of(700), grown, np.zeros(len(grown.tree)), named=True).panels
     texts = written(panel)
     middles = np.array([panel.placed([w.at])[0] + (w.shift_pt[0], -w.shift_pt[1]) for w in texts])
     half = np.array([(text_width(w.text, w.size_pt) / 2.0, w.size_pt / 2.0) for w in texts])

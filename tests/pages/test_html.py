@@ -78,13 +78,13 @@ def test_page_is_whole_escapes_text_and_loads_nothing(world):
 
 def test_pictures_are_the_same_bytes_every_time(world, deployment):
     def draw() -> bytes:
-        return page_svg(deployment_plan(world, deployment, (40.0, 24.0)))
+        return page_svg(deployment_plan(world, deployment, deployment.tree.width_mm))
 
     assert draw() == draw()
 
 
 def test_plan_draws_obstacles_with_holes_branches_and_reasons(world, deployment):
-    panel = deployment_plan(world, deployment, (4.0, 2.0)).panels[0]
+    panel = deployment_plan(world, deployment, deployment.tree.width_mm).panels[0]
     assert panel.legend.keys() == {
         "level 1 (1 of 1)", "level 2 (1 of 2)", "contact (1)", "start",
         "grown in full (1)", "stopped head-on (1)", "never emerged (1)",

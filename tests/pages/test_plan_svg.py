@@ -60,7 +60,7 @@ def parsed(text):
 
 
 def drawn(grown, **options):
-    return parsed(robot_svg(grown.deployment, grown.design.build.widths_mm, **options))
+    return parsed(robot_svg(grown.deployment, grown.deployment.tree.width_mm, **options))
 
 
 def corners(path):
@@ -218,7 +218,8 @@ def test_dashes_show_what_has_grown_up_to_the_last_contact(grown, share):
 @pytest.mark.parametrize("share", [0.02, 0.31, 0.67, 0.97])
 def test_a_frame_is_drawn_as_it_is_and_what_grows_on_has_no_mark(grown, share):
     frame = grown.history.at(share * grown.history.full_mm)
-    then, widths_mm = frame.deployment, grown.design.build.widths_mm
+    then = frame.deployment
+    widths_mm = grown.options.drawn_widths_mm(then.tree)
     robot = parsed(robot_svg(then, widths_mm, is_growing=frame.is_growing))
     for path in robot.findall(".//g[@class='line']/path"):
         chain = then.chain_mm(then.tree.ids.index(path.get("data-branch")))
@@ -270,7 +271,7 @@ def test_contacts_are_marked_with_the_front_that_comes_there(grown):
 
 
 def test_without_detail_a_level_is_one_path(grown, monkeypatch):
-    final, widths_mm = grown.deployment, grown.design.build.widths_mm
+    final, widths_mm = grown.deployment, grown.deployment.tree.width_mm
     plain = robot_svg(final, widths_mm, detail=False)
     assert "data-branch" not in plain
     assert "mark" not in plain
@@ -294,7 +295,7 @@ def test_a_robot_that_never_emerged_and_one_without_widths_are_drawn():
     )  # fmt: skip
     assert inside.stops["not_deployed"] == len(inside.deployment.tree)
     assert not drawn(inside).findall(".//path")
-    bare = robot_svg(inside.deployment, (0.0,) * 3)
+    bare = robot_svg(inside.deployment, np.zeros(len(inside.deployment.tree)))
     assert 'class="body"' not in bare
 
 

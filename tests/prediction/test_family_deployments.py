@@ -237,7 +237,7 @@ def test_heat_counts_bodies_as_large_as_they_inflate(straight):
     prepared = PreparedFamily.of(family, PredictionPlan(poses=1))
     result = deploy_family(design, prepared, PredictionPlan(poses=1))
     cell_mm = 0.5
-    cells = body_cells(result.deployments[0], (20.0,), (0.0, 0.0), cell_mm, (400, 800))
+    cells = body_cells(result.deployments[0], np.array([20.0]), (0.0, 0.0), cell_mm, (400, 800))
     across_mm = 2.0 * 20.0 / np.pi
     expected_mm2 = 100.0 * across_mm + np.pi * (across_mm / 2.0) ** 2
     assert cells.sum() * cell_mm**2 == pytest.approx(expected_mm2, rel=0.05)

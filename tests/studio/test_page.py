@@ -50,7 +50,7 @@ def expected(design, world, pose=None):
     score = make_task("coverage", {}).evaluate(deployment, prepared.context)[0]
     flat = pattern_of(design, ChosenRecipe.of(design).profile, known_only=True).flat
     return {
-        "robot": shapes(robot_svg(deployment, design.build.widths_mm)),
+        "robot": shapes(robot_svg(deployment, deployment.tree.width_mm)),
         "score": score,
         "outline": outline_svg(body_outline(flat).contour),
     }
@@ -477,7 +477,7 @@ GROWN = """([count, share]) => {
 
 def test_the_length_grown_shows_what_is_out_then(tab, grid):
     """Every branch is as long as the front is past its base, and not longer than it grows."""
-    final = robot_svg(tab.design().grow(grid), tab.design().build.widths_mm)
+    final = robot_svg(tab.design().grow(grid), tab.design().tree.width_mm)
     (full_mm,) = (float(text) for text in re.findall(r'data-full="([^"]+)"', final))
     span = r'data-branch="([^"]+)" data-base="([^"]+)" data-grown="([^"]+)"'
     spans = set(re.findall(span, final))  # of bodies and centrelines
@@ -989,7 +989,7 @@ def test_growth_options_are_seen_and_changed_in_one_place(tab, grid):
         options = GrowthOptions.of({key: value})
         wanted = robot_svg(
             tab.design().grow(grid, growth={key: value}),
-            options.drawn_widths_mm(tab.design().build.widths_mm),
+            options.drawn_widths_mm(tab.design().tree),
         )
         tab.until(
             "([key, value]) => studio.answers.live.growth.values[key] === value", [key, value]

@@ -16,6 +16,7 @@ from vinefab.core.table import Slider, Table, declared_keys
 from vinefab.core.validation import Floats, number
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber, contacts_of
 from vinefab.model.design import ORIGIN_GROWTH, Design
+from vinefab.model.tree import BranchTree
 from vinefab.physics.growth_pressure import FITTED_DIAMETER_MM
 from vinefab.physics.tube import inflated_radius_mm
 
@@ -204,13 +205,16 @@ class GrowthOptions(Table):
             return 0.0
         return inflated_radius_mm(width_mm) * self.body_width_ratio
 
-    def drawn_widths_mm(self, widths_mm: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the lay-flat widths of a picture: 0 where the body that grew is a line.
+    def drawn_widths_mm(self, tree: BranchTree) -> Floats:
+        """Return the lay-flat width of each branch in a picture: 0 where a line grew, shape (n,).
 
-        >>> GrowthOptions.published().drawn_widths_mm((40.0, 24.0))
-        (0.0, 0.0)
+        >>> tree = Design.read("three_level_tree").tree
+        >>> GrowthOptions().drawn_widths_mm(tree)[:3].tolist()
+        [40.0, 24.0, 24.0]
+        >>> GrowthOptions.published().drawn_widths_mm(tree)[:3].tolist()
+        [0.0, 0.0, 0.0]
         """
-        return (0.0,) * len(widths_mm) if self.body == "centerline" else widths_mm
+        return np.zeros(len(tree)) if self.body == "centerline" else tree.width_mm
 
     @property
     def half_angle_range_rad(self) -> tuple[float, float]:

@@ -7,7 +7,7 @@ animation shows the last frame.
 
 import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,15 +122,14 @@ class Scene:
     rock: list[list[Floats]]
     bounds: list[list[Floats]]
     starts: list[list[Floats]]  # where poses are drawn from, and their headings, likewise
-    widths_mm: tuple[float, ...]  # lay-flat width of each level
+    widths_mm: Mapping[str, float]  # lay-flat width of each branch of the last frame, by its id
+    usual_mm: Mapping[int, float]  # that of the widest branch of each level
     bar_mm: float  # length of the scale bar
     levels: tuple[int, ...]  # levels to explain, trunk first
     stops: tuple[Stop, ...]  # reasons for stopping that occur, to explain their markers
 
     @classmethod
-    def of(
-        cls, world: Map, frames: Sequence[DeploymentFrame], widths_mm: tuple[float, ...]
-    ) -> "Scene":
+    def of(cls, world: Map, frames: Sequence[DeploymentFrame], widths_mm: Floats) -> "Scene":
         """Return the scene that fits all of the frames."""
         last = frames[-1].deployment
         box = robot_view(world, last)
@@ -155,7 +154,11 @@ class Scene:
             rock=stage.rings(rock_in(world, box)),
             bounds=stage.rings([bounds_in(world, box)]),
             starts=stage.rings(shapely.intersection(shape, window) for shape in shapes),
-            widths_mm=widths_mm,
+            widths_mm=dict(zip(last.tree.ids, widths_mm.tolist(), strict=True)),
+            usual_mm={
+                int(level): float(widths_mm[last.tree.level == level].max())
+                for level in np.unique(last.tree.level)
+            },
             bar_mm=round_length_mm(0.2 * stage.width_px / stage.px_per_mm),
             levels=tuple(range(1, int(last.tree.level[last.deployed].max(initial=1)) + 1)),
             stops=tuple(stop for stop in Stop if int(stop) in seen),
@@ -182,9 +185,9 @@ class Scene:
         right = self.width_px - 10
         return right - self.bar_mm * self.stage.px_per_mm, right
 
-    def body_px(self, level: int) -> float:
-        """Return the width of a level's inflated body."""
-        return max(2.0 * self.widths_mm[level - 1] / np.pi * self.stage.px_per_mm, 1.0)
+    def body_px(self, width_mm: float) -> float:
+        """Return the width of an inflated body of some lay-flat width."""
+        return max(2.0 * width_mm / np.pi * self.stage.px_per_mm, 1.0)
 
     def chain(self, deployment: Deployment, branch: int) -> Floats:
         """Return a branch's course, shape (n, 2)."""
@@ -220,7 +223,7 @@ def frame_text(frame: DeploymentFrame, scene: Scene) -> str:
     tips = int(is_live(frame).sum())
     stopped = frame.deployment.stop[~frame.is_growing]
     stuck = int(np.isin(stopped, STUCK_STOPS).sum())
-    drawn = "" if any(scene.widths_mm) else "; bodies are lines"
+    drawn = "" if any(scene.widths_mm.values()) else "; bodies are lines"
     return f"front {frame.front_mm:.0f} mm, {tips} growing, {stuck} stuck (simulated){drawn}"
 
 
@@ -235,9 +238,7 @@ _MARKS = {
 """Markers of tips, as in the plans: open if grown in full, else a cross, triangle or square."""
 
 
-def svg_animation(
-    world: Map, frames: Sequence[DeploymentFrame], widths_mm: tuple[float, ...]
-) -> bytes:
+def svg_animation(world: Map, frames: Sequence[DeploymentFrame], widths_mm: Floats) -> bytes:
     """Return an animated SVG; the same frames give the same bytes.
 
     Parameters
@@ -251,7 +252,9 @@ def svg_animation(
     rules = ["path{fill:none;stroke-linejoin:round;stroke-linecap:round}"]
     for level in scene.levels:
         colour = level_colour(level)
-        rules.append(f".b{level}{{stroke:{colour};stroke-width:{scene.body_px(level):.2f}}}")
+        rules.append(
+            f".b{level}{{stroke:{colour};stroke-width:{scene.body_px(scene.usual_mm[level]):.2f}}}"
+        )
         rules.append(f".c{level}{{stroke:{colour};stroke-width:{line_px(level):.2f}}}")
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
@@ -322,23 +325,30 @@ def _bodies(frames: Sequence[DeploymentFrame], scene: Scene, clock: _Clock) -> l
     since = frozen_since(frames)
     parts: list[str] = []
     for level in reversed(scene.levels):
-        shapes: list[tuple[str, str]] = []
+        shapes: list[tuple[str, str, str]] = []
+        usual_px = scene.body_px(scene.usual_mm[level])
         for number, frame in enumerate(frames):
             # Chains that came to rest in this frame, and those that still grow.
             deployment, live = frame.deployment, is_live(frame)
-            still, moving = list[Floats](), list[Floats]()
+            names = deployment.tree.ids
+            still, moving = dict[float, list[Floats]](), dict[float, list[Floats]]()
             for branch in np.flatnonzero((deployment.tree.level == level) & deployment.deployed):
+                body_px = scene.body_px(scene.widths_mm[names[branch]])
                 if live[branch]:
-                    moving.append(scene.chain(deployment, int(branch)))
-                elif since[deployment.tree.ids[branch]] == number:
-                    still.append(scene.chain(deployment, int(branch)))
-            shapes += [(clock.since(number, "{}"), _paths(still))] if still else []
-            shapes += [(clock.during(number, "{}"), _paths(moving))] if moving else []
+                    moving.setdefault(body_px, []).append(scene.chain(deployment, int(branch)))
+                elif since[names[branch]] == number:
+                    still.setdefault(body_px, []).append(scene.chain(deployment, int(branch)))
+            for seen, chains in ((clock.since, still), (clock.during, moving)):
+                for body_px, alike in chains.items():
+                    own = "" if body_px == usual_px else f' style="stroke-width:{body_px:.2f}"'
+                    shapes.append((seen(number, "{}"), own, _paths(alike)))
         # One opacity for the whole level: where bodies cross they do not get darker.
         parts.append('<g opacity=".35">')
-        parts += [around.format(f'<path class="b{level}" d="{d}"/>') for around, d in shapes]
+        parts += [
+            around.format(f'<path class="b{level}"{own} d="{d}"/>') for around, own, d in shapes
+        ]
         parts.append("</g>")
-        parts += [around.format(f'<path class="c{level}" d="{d}"/>') for around, d in shapes]
+        parts += [around.format(f'<path class="c{level}" d="{d}"/>') for around, _, d in shapes]
     return parts + _tips(frames, scene, since, clock)
 
 
@@ -406,9 +416,7 @@ SHARPNESS = 2
 """Frames are drawn so many times larger and then reduced: smooth edges."""
 
 
-def gif_animation(
-    world: Map, frames: Sequence[DeploymentFrame], widths_mm: tuple[float, ...]
-) -> bytes:
+def gif_animation(world: Map, frames: Sequence[DeploymentFrame], widths_mm: Floats) -> bytes:
     """Return an animated GIF that plays over and over.
 
     Parameters
@@ -459,13 +467,15 @@ class _Painter:
         bodies = Image.new("RGB", self.ground.size, "white")
         draw = ImageDraw.Draw(bodies)
         deployment = frame.deployment
-        chains = [  # the trunk last, so that it lies on top
-            (int(deployment.tree.level[i]), SHARPNESS * self.scene.chain(deployment, int(i)))
-            for i in np.flatnonzero(deployment.deployed)[::-1]
+        names, widths_mm = deployment.tree.ids, self.scene.widths_mm
+        out = np.flatnonzero(deployment.deployed)[::-1].tolist()  # the trunk last, it lies on top
+        chains = [
+            (int(deployment.tree.level[branch]), SHARPNESS * self.scene.chain(deployment, branch))
+            for branch in out
         ]
-        for level, chain in chains:
+        for branch, (level, chain) in zip(out, chains, strict=True):
             shade = _shade(level_colour(level))
-            self._line(draw, chain, shade, SHARPNESS * self.scene.body_px(level))
+            self._line(draw, chain, shade, SHARPNESS * self.scene.body_px(widths_mm[names[branch]]))
         # Multiplied, so that walls can be seen through the bodies.
         whole = ImageChops.multiply(self.ground, bodies)
         draw = ImageDraw.Draw(whole)

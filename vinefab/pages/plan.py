@@ -41,7 +41,7 @@ from vinefab.pages.panel import (
     plan_panel,
     round_length_mm,
 )
-from vinefab.physics.tube import inflated_diameter_mm
+from vinefab.physics.tube import inflated_diameter_mm, inflated_radius_mm
 
 if TYPE_CHECKING:
     from vinefab.maps.importers.photo_map import PhotoMap
@@ -199,7 +199,7 @@ STOP_WORDS = {
 
 def body_cells(
     deployment: Deployment,
-    widths_mm: Sequence[float],
+    widths_mm: Floats,
     low_mm: tuple[float, float],
     cell_mm: float,
     shape: tuple[int, int],
@@ -208,7 +208,7 @@ def body_cells(
     picture = Image.new("1", (shape[1], shape[0]))
     draw = ImageDraw.Draw(picture)
     for branch in np.flatnonzero(deployment.deployed).tolist():
-        across = inflated_diameter_mm(widths_mm[int(deployment.tree.level[branch]) - 1]) / cell_mm
+        across = inflated_diameter_mm(float(widths_mm[branch])) / cell_mm
         chain = (deployment.chain_mm(branch) - np.array(low_mm)) / cell_mm - 0.5
         draw.line([(x, y) for x, y in chain.tolist()], fill=1, width=max(1, round(across)))
         for x, y in chain.tolist():
@@ -276,13 +276,13 @@ def draw_start_range(panel: Panel, mark: StartMark) -> None:
         panel.explain(RANGE_LABEL, Shape([], ink, closed=True))
 
 
-def draw_deployment(panel: Panel, deployment: Deployment, widths_mm: tuple[float, ...]) -> None:
+def draw_deployment(panel: Panel, deployment: Deployment, widths_mm: Floats) -> None:
     """Draw body, centreline, contacts and tips of a deployment, coloured by level.
 
     Parameters
     ----------
     widths_mm
-        Lay-flat width of each level; 0 where the body is a line.
+        Lay-flat width of each branch, shape (n,); 0 where the body is a line.
     """
     levels = deployment.tree.level
     size = 0.5 if len(levels) > MANY_TIPS else 1.0
@@ -291,9 +291,11 @@ def draw_deployment(panel: Panel, deployment: Deployment, widths_mm: tuple[float
         members = np.flatnonzero((levels == level) & deployment.deployed)
         chains = [deployment.chain_mm(int(branch)) for branch in members]
         colour = level_colour(level)
-        lines = [shapely.LineString(chain) for chain in chains if len(chain) > 1]
-        if radius_mm := widths_mm[level - 1] / np.pi:
-            body = shapely.union_all(shapely.buffer(lines, radius_mm, quad_segs=8))
+        if np.any(widths_mm):
+            drawn = [number for number, chain in enumerate(chains) if len(chain) > 1]
+            lines = [shapely.LineString(chains[number]) for number in drawn]
+            radii_mm = [inflated_radius_mm(float(widths_mm[members[number]])) for number in drawn]
+            body = shapely.union_all(shapely.buffer(lines, radii_mm, quad_segs=8))
             edge = Ink(fill=colour, fill_alpha=0.3, line=colour)
             panel.polygons([body], edge, rank=3.0)
         width_pt = size * max(1.0, 2.2 - 0.3 * level)
@@ -301,7 +303,7 @@ def draw_deployment(panel: Panel, deployment: Deployment, widths_mm: tuple[float
         count = f"{len(members)} of {np.count_nonzero(levels == level)}"
         swatch = Shape([], Ink(line=colour, width_pt=2.4))
         panel.explain(f"level {level} ({count})", swatch)
-    if not any(widths_mm):
+    if not np.any(widths_mm):
         panel.explain("body: a line without width", Shape([], Ink(line=SOFT, width_pt=1.2)))
     contacts = [deployment.contacts_mm(branch) for branch in range(len(deployment.tree))]
     points = np.concatenate(contacts) if contacts else np.empty((0, 2))
@@ -408,7 +410,7 @@ def map_plan(
 def deployment_plan(  # noqa: PLR0913  options by keyword
     world: Map | None,
     deployment: Deployment,
-    widths_mm: tuple[float, ...],
+    widths_mm: Floats,
     *,
     longest_pt: float = 468.0,
     named: bool = False,
@@ -420,6 +422,8 @@ def deployment_plan(  # noqa: PLR0913  options by keyword
 
     Parameters
     ----------
+    widths_mm
+        As in `draw_deployment`.
     touched
         The targets to draw; None: those of the map, as the body touches them.
     """

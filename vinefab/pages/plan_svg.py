@@ -121,7 +121,7 @@ def ground_svg(world: Map, *, detail: bool = True) -> str:
 
 def robot_svg(
     deployment: Deployment,
-    widths_mm: tuple[float, ...],
+    widths_mm: Floats,
     *,
     is_growing: NDArray[np.bool_] | None = None,
     detail: bool = True,
@@ -131,7 +131,7 @@ def robot_svg(
     Parameters
     ----------
     widths_mm
-        Lay-flat width of each level; where it is 0, only centrelines are drawn.
+        Lay-flat width of each branch, shape (n,); where it is 0, only centrelines are drawn.
     is_growing
         Which branches grow on, shape (n,), in an earlier shape: their tips have no mark.
     detail
@@ -156,17 +156,29 @@ def robot_svg(
             f' data-grown="{round(grown, 3):.10g}"'
             for name, base, grown in ways
         ]
+
+    def courses(branches: Sequence[int], usual_mm: float | None = None) -> str:
+        """Return the paths of some branches; bodies of another width than usual say their own."""
+        alike: dict[tuple[int, str], list[int]] = {}
+        for branch in branches:
+            width_mm = float(widths_mm[branch])
+            own = "" if usual_mm in (None, width_mm) else f' stroke-width="{_across(width_mm)}"'
+            alike.setdefault((branch if detail else 0, own), []).append(branch)
+        return "".join(
+            f'<path{marked[rows[0]]}{own} d="{"".join(paths[row] for row in rows)}"/>'
+            for (_, own), rows in alike.items()
+        )
+
     parts = []
     for level in range(int(deployment.tree.level.max()), 0, -1):
         out = np.flatnonzero((deployment.tree.level == level) & deployment.deployed).tolist()
-        if detail:
-            course = "".join(f'<path{marked[branch]} d="{paths[branch]}"/>' for branch in out)
-        else:
-            course = f'<path d="{"".join(paths[branch] for branch in out)}"/>' if out else ""
+        widest_mm = float(widths_mm[deployment.tree.level == level].max())
         # One opacity for the bodies of a level, so that crossings do not darken.
-        width_mm, colour = widths_mm[level - 1], (level - 1) % len(LEVEL_COLOURS) + 1
-        across = _text(inflated_diameter_mm(width_mm))
-        body = f'<g class="body" stroke-width="{across}">{course}</g>' if width_mm else ""
+        body = ""
+        if widest_mm:
+            bodies = courses(out, widest_mm)
+            body = f'<g class="body" stroke-width="{_across(widest_mm)}">{bodies}</g>'
+        colour, course = (level - 1) % len(LEVEL_COLOURS) + 1, courses(out)
         parts.append(f'<g class="level level-{colour}">{body}<g class="line">{course}</g></g>')
     if detail:
         at_rest = deployment.deployed if is_growing is None else deployment.deployed & ~is_growing
@@ -396,6 +408,11 @@ def _arc(start: tuple[float, float], end: tuple[float, float], bulge: float) -> 
 
 def _pair(x_mm: float, y_mm: float) -> str:
     return f"{_text(x_mm)} {_text(-y_mm)}"
+
+
+def _across(width_mm: float) -> str:
+    """Return how wide a body of some lay-flat width is drawn."""
+    return _text(inflated_diameter_mm(width_mm))
 
 
 def _text(value: float) -> str:

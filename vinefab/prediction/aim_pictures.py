@@ -106,7 +106,7 @@ def best_deployments_panel(found: Aims, robot: AimedRobot, longest_pt: float = C
     panel = plan_panel(found.world.bounds.bounds, longest_pt)
     draw_map(panel, found.world)
     draw_thin(panel, robot.shown[1:], Ink(line=SOFT, width_pt=0.6, line_alpha=0.35), 2.0)
-    widths_mm = found.plan.options.drawn_widths_mm(robot.design.build.widths_mm)
+    widths_mm = found.plan.options.drawn_widths_mm(robot.shown[0].tree)
     draw_deployment(panel, robot.shown[0], widths_mm)
     _draw_best(panel, found, robot)
     return panel

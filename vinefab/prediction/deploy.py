@@ -165,9 +165,7 @@ class BranchPlace(Record):
     radius_mm: float  # its inflated radius
 
 
-def without_room(
-    design: Design, deployment: Deployment, options: GrowthOptions
-) -> tuple[BranchPlace, ...]:
+def without_room(deployment: Deployment, options: GrowthOptions) -> tuple[BranchPlace, ...]:
     """Return the branches that had no room where they should have started, and where that is.
 
     Only inflated bodies can lack room. Branches further out, whose parents never emerged, are not
@@ -181,8 +179,7 @@ def without_room(
         can_emerge |= deployment.deployed[parent]
     can_emerge &= (parent < 0) | ~np.isin(deployment.stop[parent], CUT_STOPS)
     lost = np.flatnonzero(~deployment.deployed & can_emerge).tolist()
-    radii_mm = [options.radius_mm(width_mm) for width_mm in design.build.widths_mm]
-    return tuple(_place(radii_mm, deployment, branch, int(parent[branch])) for branch in lost)
+    return tuple(_place(options, deployment, branch, int(parent[branch])) for branch in lost)
 
 
 def stayed_text(left: Sequence[bool], design: Design, options: GrowthOptions) -> list[str]:
@@ -205,14 +202,11 @@ def stayed_text(left: Sequence[bool], design: Design, options: GrowthOptions) ->
     ]
 
 
-def wedged(
-    design: Design, deployment: Deployment, options: GrowthOptions
-) -> tuple[BranchPlace, ...]:
+def wedged(deployment: Deployment, options: GrowthOptions) -> tuple[BranchPlace, ...]:
     """Return the branches that ended in a corner or a gap that closes, and where."""
     stuck = np.flatnonzero(deployment.stop == Stop.CORNER).tolist()
     inflated = options.changed(body="inflated")
-    radii_mm = [inflated.radius_mm(width_mm) for width_mm in design.build.widths_mm]
-    return tuple(_place(radii_mm, deployment, branch, branch) for branch in stuck)
+    return tuple(_place(inflated, deployment, branch, branch) for branch in stuck)
 
 
 def places_text(title: str, places: tuple[BranchPlace, ...]) -> list[str]:
@@ -226,19 +220,16 @@ def places_text(title: str, places: tuple[BranchPlace, ...]) -> list[str]:
     return [f"{title}: {branch} {', '.join(named[:_MOST_NAMED])}{more} mm"]
 
 
-def _place(
-    radii_mm: Sequence[float], deployment: Deployment, branch: int, ended: int
-) -> BranchPlace:
+def _place(options: GrowthOptions, deployment: Deployment, branch: int, ended: int) -> BranchPlace:
     """Return a branch with the tip of the branch ``ended``, or the pose if that is none."""
     x_mm, y_mm = deployment.pose.x_mm, deployment.pose.y_mm
     if ended >= 0:
         x_mm, y_mm = deployment.chain_mm(ended)[-1].tolist()
-    level = int(deployment.tree.level[branch])
     return BranchPlace(
         branch=deployment.tree.ids[branch],
         x_mm=x_mm,
         y_mm=y_mm,
-        radius_mm=radii_mm[level - 1],
+        radius_mm=options.radius_mm(float(deployment.tree.width_mm[branch])),
     )
 
 
@@ -294,9 +285,7 @@ class DeployedDesign(Result):
             "stops": self.stops,
             **self.options.content,
             "without_room": [place.content for place in self.without_room],
-            "wedged": [
-                place.content for place in wedged(self.design, self.deployment, self.options)
-            ],
+            "wedged": [place.content for place in wedged(self.deployment, self.options)],
         }
 
     def view(self) -> Iterator[Block]:
@@ -320,9 +309,7 @@ class DeployedDesign(Result):
                 *self._out_of_reach,
                 *stayed_text([bool(self.deployment.deployed[0])], self.design, self.options),
                 *places_text("no room to start", self.without_room),
-                *places_text(
-                    "stopped in a corner", wedged(self.design, self.deployment, self.options)
-                ),
+                *places_text("stopped in a corner", wedged(self.deployment, self.options)),
             )
         )
 
@@ -340,7 +327,7 @@ class DeployedDesign(Result):
     @property
     def without_room(self) -> tuple[BranchPlace, ...]:
         """The branches that were too wide for the place where they should have started."""
-        return without_room(self.design, self.deployment, self.options)
+        return without_room(self.deployment, self.options)
 
     @property
     def history(self) -> History:
@@ -361,9 +348,9 @@ class DeployedDesign(Result):
         return deployment_text(self.deployment, *names, self.metrics, shapes, more)
 
     @property
-    def _widths_mm(self) -> tuple[float, ...]:
-        """Lay-flat widths to draw."""
-        return self.options.drawn_widths_mm(self.design.build.widths_mm)
+    def _widths_mm(self) -> Floats:
+        """Lay-flat width to draw of each branch."""
+        return self.options.drawn_widths_mm(self.deployment.tree)
 
     def picture(self, suffix: str, *, named: bool = False) -> bytes:
         """Return a plan of the deployment."""

@@ -479,7 +479,7 @@ def deployment_picture(
     touched
         As in `deployment_plan`.
     """
-    widths_mm = options.drawn_widths_mm(design.build.widths_mm)
+    widths_mm = options.drawn_widths_mm(deployment.tree)
     whole = whole or bool(deployment.grown_mm.sum() < 0.2 * deployment.tree.total_length_mm)
     plan = deployment_plan(
         world, deployment, widths_mm, longest_pt=COLUMN_PT, whole=whole, touched=touched
@@ -494,7 +494,7 @@ def deployment_pictures(
     design: Design, deployed: Sequence[tuple[Map, Deployment]], options: GrowthOptions
 ) -> tuple[bytes, ...]:
     """Return deployments on their whole maps for one row: the first has the legend for all."""
-    widths_mm = options.drawn_widths_mm(design.build.widths_mm)
+    widths_mm = options.drawn_widths_mm(design.tree)
     panels = [
         panel
         for world, deployment in deployed
@@ -523,8 +523,8 @@ def deployment_section(
     options: GrowthOptions,
 ) -> Section:
     """Return pictures of deployments, and how all branches ended."""
-    widths_mm = options.drawn_widths_mm(design.build.widths_mm)
-    drawn = "Bodies are drawn as wide as they inflate." if any(widths_mm) else f"{BODY_IS_LINE}."
+    is_wide = options.drawn_widths_mm(design.tree).any()
+    drawn = "Bodies are drawn as wide as they inflate." if is_wide else f"{BODY_IS_LINE}."
     return Section(
         title="Deployments",
         paragraphs=(
@@ -695,7 +695,7 @@ def heat_map_of(
     shape = math.ceil((y_max - y_min) / cell_mm), math.ceil((x_max - x_min) / cell_mm)
     passed = np.zeros(shape)
     for deployment in deployments:
-        passed += body_cells(deployment, design.build.widths_mm, low_mm, cell_mm, shape)
+        passed += body_cells(deployment, deployment.tree.width_mm, low_mm, cell_mm, shape)
     start = varied.starts[0]
     where = f"{start.spread_x_mm:g} mm across, {start.spread_y_mm:g} mm along the map"
     if start.area is not None:

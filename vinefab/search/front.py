@@ -221,7 +221,7 @@ def front_picture(
         deployment = grow_on(design, terrain, world.starts[0].pose, options)
         plan = plan_panel(world.bounds.bounds, side_pt)
         draw_map(plan, world)
-        draw_deployment(plan, deployment, options.drawn_widths_mm(design.build.widths_mm))
+        draw_deployment(plan, deployment, options.drawn_widths_mm(deployment.tree))
         draw_targets(plan, targets)
         plan.x_name = plan.y_name = ""
         plan.x_ticks = plan.y_ticks = ()

@@ -476,7 +476,7 @@ class _BestSoFar:
             growth, pose = self._settings.growth.at_one_angle, self._world.starts[0].pose
             deployment = grow_on(design, Terrain.of(self._world), pose, growth)
             touched = touched_targets([(deployment, self._world)], run_task(self._settings))
-            widths_mm = growth.drawn_widths_mm(design.build.widths_mm)
+            widths_mm = growth.drawn_widths_mm(deployment.tree)
             plan = deployment_plan(self._world, deployment, widths_mm, touched=touched)
             self._drawn = design, page_svg(plan)
         yield Picture(

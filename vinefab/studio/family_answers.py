@@ -119,7 +119,7 @@ def family_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     means = trial.means
     before = asked.scores_before
     pairs = [(before[key], mean) for key, mean in means.items() if key in before]
-    widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
+    widths_mm = state.growth.drawn_widths_mm(state.design.tree)
     entries: list[dict[str, Any]] = []
     for place in places:
         world, ground = place.prepared.world, None
@@ -430,7 +430,7 @@ HEAT_CELLS = 320
 def heat_cells(
     places: Sequence[FamilyMap],
     by_map: Sequence[Sequence[Deployment]],
-    widths_mm: Sequence[float],
+    widths_mm: Floats,
 ) -> dict[str, Any]:
     """Return the share of the maps on which a body covers each place, as seen from the start.
 

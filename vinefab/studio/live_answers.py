@@ -129,7 +129,7 @@ def grown(state: StudioState, start: Pose) -> tuple[Deployment, Terrain]:
         raise ValueError("no map is open")
     tree = shapely.STRtree(world.obstacles)
     tolerance_mm = _terrain(world.name, world.bounds, ()).tolerance_mm
-    body_mm = options.radius_mm(max(design.build.widths_mm)) + tolerance_mm
+    body_mm = options.radius_mm(float(design.tree.width_mm.max())) + tolerance_mm
     map_key = world.name, len(world.obstacles)
     near = _LAST_NEAR.get(map_key, np.zeros(len(world.obstacles), dtype=np.bool_)).copy()
     near[tree.query(Point(start.x_mm, start.y_mm), "dwithin", body_mm)] = True
@@ -240,8 +240,7 @@ def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, An
             "targets_headline": found.headline,
             "targets_tone": found.tone,
         }
-    widths_mm = state.design.build.widths_mm
-    lost = without_room(state.design, deployment, state.growth)
+    lost = without_room(deployment, state.growth)
     is_cut_as_designed = state.design.build.compensation == "none"
     unknown = [
         f"{joint.name}: grown at its designed angles; no table gives its deployed angles"
@@ -254,7 +253,7 @@ def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, An
     ]
     needed_kpa = float(worst_pressures_of([deployment])[0, 0])
     answer |= {
-        "robot_svg": robot_svg(deployment, state.growth.drawn_widths_mm(widths_mm)),
+        "robot_svg": robot_svg(deployment, state.growth.drawn_widths_mm(deployment.tree)),
         "front_full_mm": deployment.full_mm,
         "facts": {
             "branches": len(deployment.tree),
@@ -268,7 +267,7 @@ def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, An
             *unknown,
             *stayed_text([bool(deployment.deployed[0])], state.design, state.growth),
             *places_text("no room to start", lost),
-            *places_text("stopped in a corner", wedged(state.design, deployment, state.growth)),
+            *places_text("stopped in a corner", wedged(deployment, state.growth)),
         ],
     }
     return answer | (_scores(deployment, prepared_map(state)) if with_scores else {})
@@ -430,7 +429,7 @@ def front_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     given: Any = ask.get("front_mm")
     front_mm = number("front_mm", given, 1e-6, LARGEST_MM, "mm")
     frame = history.at(front_mm, engine=current_engine())
-    widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
+    widths_mm = state.growth.drawn_widths_mm(frame.deployment.tree)
     return {
         "front_mm": frame.front_mm,
         "full_mm": history.full_mm,

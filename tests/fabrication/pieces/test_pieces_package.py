@@ -17,7 +17,7 @@ from vinefab.fabrication.job.passes import weldcut_offset_mm
 from vinefab.fabrication.job.placement import SheetOptions
 from vinefab.fabrication.package.prepare import package, prepare
 from vinefab.fabrication.pieces.partition import partition_of
-from vinefab.model.design import Pouch
+from vinefab.model.design import Branch, Build, Design, PieceSettings, Pouch
 from vinefab.outline.body_outline import body_outline, flat_layout
 
 TREE = design(fan(3, 90.0, 110.0), fan(2, 140.0, 126.0), fan(2, 80.0, 84.0), pressure_kpa=12.0)
@@ -28,10 +28,26 @@ POUCHED = design(
     pouch=Pouch(shape="round", radius_mm=8.0),
 )
 LONG = design(fan(2, 500.0, 40.0), fan(2, 420.0, 40.0), trunk=400.0)
+# Two bent branches that cross, one of them with children: cut behind its second bend.
+BENT = Design.of_branches(
+    [
+        Branch(name="left", angle_deg=62.0, length_mm=260.0, bends=((60.0, -50.0), (130.0, -65.0)),
+               width_mm=16.0, taper=0.8),
+        Branch(name="right", angle_deg=-50.0, length_mm=270.0,
+               bends=((70.0, 55.0), (140.0, 50.0))),
+        Branch(name="one", of="left", angle_deg=-40.0, length_mm=80.0, width_mm=8.0),
+        Branch(name="two", of="left", angle_deg=45.0, length_mm=70.0, width_mm=8.0,
+               bends=((30.0, 40.0),)),
+    ],
+    trunk_length_mm=140.0,
+    trunk_bends=((60.0, 25.0),),
+    build=Build(trunk_width_mm=40.0, pieces=PieceSettings(most=6)),
+    name="bent",
+)  # fmt: skip
 
 
 POUCHED_TURNED = POUCHED.changed(build=POUCHED.build.changed(mounting="turned"))
-ROBOTS = {"TREE": TREE, "LONG": LONG, "POUCHED_TURNED": POUCHED_TURNED}
+ROBOTS = {"TREE": TREE, "LONG": LONG, "POUCHED_TURNED": POUCHED_TURNED, "BENT": BENT}
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
@@ -145,7 +161,7 @@ def test_a_package_says_how_its_own_pieces_are_joined(made):
     section = " ".join(readme.split("\nJoin the pieces\n")[1].split("\nMount\n")[0].split())
     told = re.findall(
         r"Joint (\d+) of (\d+): plug (\w+) into socket (\w+) \(piece (\w+) (into|over) piece"
-        r" (\w+), branch ([\d.]+), ([\d.]+) mm wide\), ([\d.]+) mm deep",
+        r" (\w+), branch ([\d./]+), ([\d.]+) mm wide\), ([\d.]+) mm deep",
         section,
     )
     assert [int(step[0]) for step in told] == list(range(1, len(job["joints"]) + 1))

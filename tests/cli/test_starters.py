@@ -93,6 +93,44 @@ def test_a_design_of_levels_is_written_branch_by_branch(name, capsys):
     assert "left as it is" in capsys.readouterr().out
 
 
+LINES = "x1,y1,x2,y2,width\n0,0,0,100,30\n0,100,40,180,\n# left\n-60,160,0,100,15\n"
+
+
+def test_a_skeleton_of_comma_separated_lines_is_a_design(tmp_path):
+    (tmp_path / "lines.csv").write_text(LINES)
+    assert main(["new", "design", "drawn.toml", "--skeleton", "lines.csv"]) == 0
+    drawn = Design.read("drawn.toml")
+    assert (drawn.name, drawn.names) == ("drawn", ("trunk", "0", "1"))
+    assert drawn.tree.width_mm.tolist() == [30.0, 18.0, 15.0]
+    tip = ["--skeleton", "lines.csv", "--base=-60,160", "--trunk-width-mm", "20"]
+    assert main(["new", "design", "tip.toml", *tip]) == 0
+    assert Design.read("tip.toml").origin["drawn_at"] == [-60.0, 160.0, -45.0]
+    assert Design.read("tip.toml").tree.width_mm[0] == 20.0
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "message"),
+    [
+        (LINES, ["--base", "0,100"], "lines.csv: base: (0, 100) lies in the middle"),
+        (LINES + "9,9,8,x\n", [], "lines.csv: line 6 is '9,9,8,x'"),
+        (LINES + "9,9,8,20,-1\n", [], "lines.csv: line 6: width is '-1'"),
+        (LINES + "40,180,-60,160\n", [], "lines close a loop"),
+        ("", [], "lines.csv: lines is missing"),
+        (LINES, ["--from", "plain_vine"], "--skeleton: a drawing makes a new design alone"),
+        (LINES, ["--snap-mm", "0"], "snap"),
+    ],
+)
+def test_a_skeleton_that_cannot_be_used_is_refused_in_one_line(
+    text, options, message, tmp_path, capsys
+):
+    (tmp_path / "lines.csv").write_text(text)
+    assert main(["new", "design", "drawn.toml", "--skeleton", "lines.csv", *options]) == 2
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "drawn.toml").exists()
+
+
 def test_the_starter_map_has_room_for_the_starter_design(capsys):
     assert main(["new", "map", "table.geojson", "-q"]) == 0
     assert main(["grow", "three_level_tree", "--map", "table.geojson"]) == 0

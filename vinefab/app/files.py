@@ -7,12 +7,25 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 from vinefab.app.common import Names, WrittenFile
-from vinefab.core.verbs import IN_PLACE, Force, Kind, also, registered_names, verb, wrote
+from vinefab.core.errors import UnfitInputError
+from vinefab.core.verbs import (
+    IN_PLACE,
+    Force,
+    Kind,
+    also,
+    numbers_from,
+    registered_names,
+    verb,
+    wrote,
+)
 from vinefab.model.inputs import FOLDER, PathText, all_names, as_path
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from vinefab.fabrication.profile_listing import ProfileListing, ProfileNumbers
     from vinefab.fabrication.rules.catalog import RuleBook
+    from vinefab.model.design import Design
 
 _NEXT_STEPS = {
     "design": "vinefab studio {0}, or edit it and: vinefab check {0}",
@@ -35,6 +48,18 @@ def new(
     *,
     original: Annotated[str | None, Kind(metavar="NAME"), also("--from")] = None,
     branches: bool = False,
+    skeleton: Annotated[PathText | None, Kind(metavar="FILE")] = None,
+    base: Annotated[
+        tuple[float, float] | None,
+        Kind(
+            metavar="X,Y",
+            read=partial(numbers_from, count=2),
+            words=lambda place: [",".join(f"{one!r}" for one in place)],
+            hyphen=True,
+        ),
+    ] = None,
+    trunk_width_mm: float | None = None,
+    snap_mm: float = 1.0,
     force: Force = False,
 ) -> WrittenFile:
     """Write a commented file to begin with, as a design or a map; its name is the file's.
@@ -49,6 +74,14 @@ def new(
         The shipped or own file to copy; default: a usual one.
     branches
         Write a design branch by branch, so that each one may be changed alone.
+    skeleton
+        Make the design of the lines in this file: CSV, x1,y1,x2,y2[,width] in mm.
+    base
+        The loose end of the skeleton where the trunk begins; default: the lowest.
+    trunk_width_mm
+        Lay-flat width of the trunk of a skeleton; default: that of its first line, else 40 mm.
+    snap_mm
+        Ends of a skeleton's lines no further apart are one joint.
     force
         Overwrite the file, also one of another program.
 
@@ -69,6 +102,7 @@ def new(
     --------
     $ vinefab new design mine.toml
     $ vinefab new map table.geojson
+    $ vinefab new design drawn.toml --skeleton lines.csv --base 0,0
     $ vinefab new design free.toml --from grid_explorer --branches
 
     >>> from tempfile import TemporaryDirectory
@@ -80,12 +114,37 @@ def new(
     from vinefab.model.files.starters import write_starter
 
     path = as_path("file", file)
-    name, is_new = write_starter(kind, path, original=original, branches=branches, force=force)
+    drawn = None
+    if skeleton is not None:
+        if kind != "design" or original is not None or branches:
+            problem = "a drawing makes a new design alone, without --from and --branches"
+            raise UnfitInputError("skeleton", problem, "leave one of them out")
+        drawn = _of_skeleton(as_path("skeleton", skeleton), base, trunk_width_mm, snap_mm)
+    elif base is not None or trunk_width_mm is not None:
+        key = "base" if base is not None else "trunk_width_mm"
+        raise UnfitInputError(key, "needs a drawing", "give --skeleton too")
+    name, is_new = write_starter(
+        kind, path, original=original, branches=branches, drawn=drawn, force=force
+    )
     if is_new:
         wrote(path, "" if name == path.stem else f", named {name}")
     there = f"{path} is there already and left as it is; --force writes it anew"
     steps = (f"next: {_NEXT_STEPS[kind].format(shlex.quote(str(path)), name)}",)
     return WrittenFile(path=path, summary=steps if is_new else (there, *steps), is_new=is_new)
+
+
+def _of_skeleton(
+    source: Path, base: tuple[float, float] | None, trunk_width_mm: float | None, snap_mm: float
+) -> Design:
+    """Return the design that the lines in a file draw."""
+    from vinefab.core.errors import located
+    from vinefab.maps.importers.skeleton_lines import read_skeleton
+    from vinefab.model.design import Build, Design
+
+    lines, widths = read_skeleton(source)
+    build = Build() if trunk_width_mm is None else Build(trunk_width_mm=trunk_width_mm)
+    with located(source):
+        return Design.of_segments(lines, base=base, snap_mm=snap_mm, widths_mm=widths, build=build)
 
 
 @verb

@@ -43,6 +43,7 @@ def write_starter(
     *,
     original: str | None = None,
     branches: bool = False,
+    drawn: Design | None = None,
     force: bool = False,
 ) -> tuple[str, bool]:
     """Write a file to begin with; return the name that stands in it, and whether it is new.
@@ -55,6 +56,8 @@ def write_starter(
         The shipped or own file to copy, by name or path; None for a usual one.
     branches
         Write a design branch by branch.
+    drawn
+        The design to write, in place of a copy.
     """
     if kind not in _STARTER_KINDS:
         allowed = f"one of {', '.join(_STARTER_KINDS)}{nearest(kind, _STARTER_KINDS)}"
@@ -74,6 +77,8 @@ def write_starter(
     name = (one_line(stem) if kind == "map" else _plain(stem)) or kind
     if kind == "map":
         text = map_text(starter_map(name))
+    elif drawn is not None:
+        text = f"# Of a drawing, to change as you like.\n{design_text(drawn.changed(name=name))}"
     else:
         text = _named_copy(kind, original or _STARTERS[kind][1], name, branches=branches)
     if out.exists() and not force:

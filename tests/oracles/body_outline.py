@@ -290,3 +290,115 @@ def largest_radius(first, second, reach_mm):
         middle = (low + high) / 2
         low, high = (middle, high) if nearest(middle) <= reach_mm else (low, middle)
     return low
+
+
+class FreeTwin(Twin):
+    """The same for trees of branches with bends: every joint and pouch is its own.
+
+    An elbow is what lies between two circles, each touching both sides of the tube on its side of
+    the turn; the straight parts end where they touch.
+    """
+
+    def __init__(self, design: Design, tolerance_mm: float) -> None:
+        super().__init__(design, tolerance_mm)
+        tree, self.children = self.layout.tree, {}
+        for row in range(len(tree)):
+            self.children[row] = np.flatnonzero(tree.parent == row).tolist()
+        self.elbows = {row: self.elbow(row) for row in self.children if self.continues(row)}
+
+    def continues(self, row):
+        below, layout = self.children[row], self.layout
+        return len(below) == 1 and layout.width_mm[below[0]] == layout.end_width_mm[row]
+
+    def elbow(self, row):
+        """Centre and signed reach of the circle on each side, and where it touches both parts."""
+        layout, (child,) = self.layout, self.children[row]
+        half, heading = layout.end_width_mm[row] / 2, layout.heading_rad
+        back = heading[row] + (math.pi if layout.tree.offset_rad[child] < 0 else -math.pi)
+        lean, tilt = self.lean(child), self.lean(row)
+        if layout.tree.offset_rad[child] > 0:
+            one, two = heading[child] - lean, heading[row] + math.pi - tilt
+        else:
+            one, two = back - 2 * math.pi + tilt, heading[child] + lean
+        strips = ("strip", one, half, 1), ("strip", two, half, -1)
+        shorter = min(layout.tree.length_mm[child], self.shortest(row, row))
+        most = largest_radius(*strips, max(shorter / 2, half))
+        inner = max(0.0, min(layout.tree.fillet_mm[child], most))
+        found = {}
+        for side in (1, -1):
+            normals = np.array(
+                [
+                    direction(heading[row] + side * (math.pi / 2 - tilt)),
+                    direction(heading[child] + side * (math.pi / 2 - lean)),
+                ]
+            )
+            is_inner = side * layout.tree.offset_rad[child] > 0
+            reach = inner if is_inner else -(inner + 2 * half)
+            center = np.linalg.solve(normals, [half + reach] * 2)
+            found[side] = center, [center - reach * normal for normal in normals]
+        return found
+
+    def branch(self, branch):
+        layout, tree = self.layout, self.layout.tree
+        half, end_half = layout.width_mm[branch] / 2, layout.end_width_mm[branch] / 2
+        above, lean = int(tree.parent[branch]), self.lean(branch)
+        turn, start, end = (
+            layout.heading_rad[branch],
+            layout.start_mm[branch],
+            layout.end_mm[branch],
+        )
+        corners = {}
+        for side in (1, -1):
+            normal = direction(turn + side * (math.pi / 2 - lean))
+            corners[side] = [start + half * normal, end + end_half * normal]
+            if above in self.elbows:
+                corners[side][0] = start + self.elbows[above][side][1][1]
+            if branch in self.elbows:
+                corners[side][1] = end + self.elbows[branch][side][1][0]
+        shape = Polygon([*corners[1], *corners[-1][::-1]])
+        if branch > 0 and above not in self.elbows:
+            shape = shape.union(self.at(self.disc(half), start, turn))
+        if branch == 0 and lean:
+            shape = shape.union(self.at(self.disc(half), start, turn))
+            shape = shape.intersection(box(0.0, -1e4, 1e4, 1e4))
+        if branch not in self.elbows and layout.pouches[branch] is None:
+            shape = shape.union(self.at(self.disc(end_half), end, turn))
+        return shape
+
+    def pouch(self, leaf):
+        own, whole_design = self.layout.pouches[leaf], self.design
+        build = whole_design.build.model_copy(update={"pouch": own})
+        self.design = whole_design.model_copy(update={"build": build})
+        try:
+            return super().pouch(leaf)
+        finally:
+            self.design = whole_design
+
+    def crotches(self, joint):
+        layout, place = self.layout, self.layout.end_mm[joint]
+        if joint in self.elbows:
+            edges = []
+            for side in (1, -1):
+                center, (one, two) = self.elbows[joint][side]
+                radius = math.hypot(*(one - center))
+                first, last = (math.atan2(*(point - center)[::-1]) for point in (one, two))
+                turns = math.remainder(last - first, math.tau)
+                angles = first + turns * np.linspace(0, 1, 4 * self.quad_segs(max(radius, 1e-3)))
+                arc = center + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+                edges.append(arc[:: 1 if side == 1 else -1])
+            return [affinity.translate(Polygon(np.vstack(edges)).buffer(0), *place)]
+        children, half, heading = self.children[joint], layout.width_mm / 2, layout.heading_rad
+        end, tilt = layout.end_width_mm[joint] / 2, self.lean(joint)
+        fillets = layout.tree.fillet_mm[children].tolist()
+        around = [(heading[joint] - math.pi, -tilt, end, joint)]
+        around += [(heading[child], self.lean(child), half[child], child) for child in children]
+        around += [(heading[joint] + math.pi, -tilt, end, joint)]
+        wanted = [fillets[0], *map(min, itertools.pairwise(fillets)), fillets[-1]]
+        shapes = []
+        for (one, two), designed in zip(itertools.pairwise(around), wanted, strict=True):
+            first, second = (one[0] - one[1], *one[2:]), (two[0] + two[1], *two[2:])
+            shapes += self.crotch(joint, first, second, designed)
+        return [affinity.translate(shape, *place) for shape in shapes]
+
+    def shortest(self, branch, joint):  # noqa: ARG002  joints that are alike do not occur here
+        return float(self.layout.tree.length_mm[branch])

@@ -398,7 +398,7 @@ def check_packing(subject: Subject, limits: Limits) -> RuleApplied:
     film_mm = profile.material.film_mm
     tree, is_leaf = subject.design.tree, subject.design.tree.is_leaf
     shares = occupancies(subject.design, film_mm, limits["packing"])
-    shares = np.round(100.0 * shares / passages_of(subject.design, subject.pattern), 9)
+    shares = 100.0 * shares / passages_of(subject.design, subject.pattern)
     filled, violations = 0, []
     for level in range(1, subject.design.depth + 1):
         rows = np.flatnonzero((tree.level == level) & (shares > 0.0))
@@ -406,14 +406,14 @@ def check_packing(subject: Subject, limits: Limits) -> RuleApplied:
         fullest = float(shares[rows].max(initial=0.0))
         if broken := limits.most(fullest):
             # The fullest is named; marked are all that break the same limit.
-            worst = rows[shares[rows] == fullest].tolist()
-            over = rows[shares[rows] > broken.limit].tolist()
+            worst = rows[shares[rows] >= fullest * (1.0 - ROUNDING)].tolist()
+            others = rows[(shares[rows] > broken.limit) & ~np.isin(rows, worst)].tolist()
             words = subject.words(worst)
             message = f"folded film may jam in {words}: fewer or narrower children, or widen it"
             if is_leaf[worst[0]]:
                 it = "the level" if subject.design.branches is None else "the branch"
                 message = f"folded pouches may jam in {words}: narrow them, or widen {it}"
-            violations.append(broken.on_alike(subject, [*worst, *set(over) - set(worst)], message))
+            violations.append(broken.on_alike(subject, [*worst, *others], message))
     return RuleApplied(checked=filled, violations=tuple(violations))
 
 

@@ -278,7 +278,10 @@ def markdown(text: str) -> str:
         title, _, rest = section.partition("\n")
         body = rest.partition("\n")[2]
         if title == "Examples":
-            parts.append(f"**{title}**\n\n```text\n{body.strip()}\n```")
+            # Lines for a shell stand on the page of the command.
+            body = re.sub(r"^\$ .*\n+", "", body, flags=re.MULTILINE)
+            if body.strip():
+                parts.append(f"**{title}**\n\n```text\n{body.strip()}\n```")
         elif title in ("See Also", "Notes"):
             parts.append(f"**{title}**\n\n{_paragraphs(body)}")
         else:

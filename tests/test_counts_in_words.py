@@ -35,6 +35,16 @@ SOUND = {
     ("given", "maps"),  # said where there are several
     ("rows", "cells"),
     ("cell", "edges"),
+    ("deepest_nesting", "levels"),  # constants
+    ("most_tiles", "tiles"),
+    ("most", "branches"),
+    ("beds", "sheets"),  # several
+    ("count", "lines"),
+    ("at", "lines"),
+    ("wall_count", "corners"),  # too many
+    ("columns", "parts"),
+    ("branches", "branches"),  # numbers by level
+    ("words", "poses"),  # from the same poses
 }
 """Name before a plural and the plural: what is no count, or never one."""
 

@@ -109,7 +109,8 @@ def _settle(
     )
     tolerance_mm = np.array([terrain.tolerance_mm])
     trees = TreesArrays.of([plan.arrays()])
-    settling.settle(trees, plan.radius_mm, jobs, growth, tolerance_mm, none, "kernel")
+    emergence = np.where(plan.parts.is_bent, 1.0, settling.emergence)
+    settling.settle(trees, plan.radius_mm, emergence, jobs, growth, tolerance_mm, none, "kernel")
 
 
 def grow_reference(

@@ -14,6 +14,8 @@ type Tone = "plain" | "good" | "caution" | "bad";
 type Trunk = {
   /** mm: of the trunk, times scale_mm_per_unit */
   length: number;
+  /** preformed turns, `[mm from the base, degrees counter-clockwise]` each: the tube is cut with them */
+  bends?: [number, number][];
 };
 
 /** One level of branches; every branch of the level before sprouts the same fan. */
@@ -26,6 +28,8 @@ type Level = {
   angle_deg: number;
   /** %: last child's length over the first's (LGF) */
   growth_percent: number;
+  /** preformed turns, `[mm from the base, degrees counter-clockwise]` each: the tube is cut with them */
+  bends?: [number, number][];
 };
 
 /** The wider pocket at every leaf tip that jams in a gap (flat sizes, before inflation). */
@@ -38,6 +42,28 @@ type Pouch = {
   length_mm?: number;
   /** mm: of a rectangle, across it */
   width_mm?: number;
+};
+
+/** One branch of a robot that is written branch by branch. */
+type Branch = {
+  /** unique: letters, digits, `-` and `_` */
+  name: string;
+  /** name of its parent */
+  of?: string;
+  /** deg: from the parent's heading at its end, counter-clockwise positive */
+  angle_deg: number;
+  /** mm: of the branch, times scale_mm_per_unit */
+  length: number;
+  /** preformed turns, `[mm from the base, degrees counter-clockwise]` each: the tube is cut with them */
+  bends?: [number, number][];
+  /** mm: lay-flat lumen width at its base; left out: that of its level */
+  width_mm?: number;
+  /** ×: width at its end over that at its base; left out: that of its level */
+  taper?: number;
+  /** mm: radius in the joint at its base; left out: that of its level */
+  fillet_mm?: number;
+  /** at its tip, where it has no children: false for none; left out: that of the build */
+  pouch?: boolean | Pouch;
 };
 
 /** The end of the tail, as wide as the clamp of a base needs. */
@@ -110,6 +136,8 @@ type Design = {
   trunk: Trunk;
   /** one per level after the trunk; none: a plain vine */
   level: Level[];
+  /** every branch after the trunk, in any order; in place of levels */
+  branch?: Branch[];
   /** how it is made */
   build: Build;
   /** findings that are accepted */

@@ -33,7 +33,11 @@ TESTS = {
         "growth/test_twins.py",
     ),
     "growth.contact_kernel": ("growth/test_branch_contact.py", "growth/test_emergence.py"),
-    "growth.batch_kernel": ("search/test_design_batch.py", "tasks/test_fast_areas.py"),
+    "growth.batch_kernel": (
+        "search/test_design_batch.py",
+        "tasks/test_fast_areas.py",
+        "growth/test_bends.py",
+    ),
     "tasks.areas_kernel": ("tasks/test_fast_areas.py", "tasks/test_reach.py"),
     "tasks.union_kernel": ("tasks/test_union_areas.py",),
     "tasks.tips_kernel": ("tasks/test_anchoring_force.py",),

@@ -13,6 +13,7 @@ from tests.oracles.anchoring import branch_force_n, pouch_contact_mm2, tip_force
 from vinefab.growth.batch import Batch, Launches, TerrainSet, grow_on
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
+from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.cave import cave_map
 from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.poses import draw_poses
@@ -487,3 +488,19 @@ def test_shipped_film_and_seam_are_the_limits_unless_told_otherwise() -> None:
     film = read_profile(DEFAULT_RECIPE).material
     assert Anchoring().film_n_mm == pytest.approx(film.strength_mpa.value * film.ply_mm.value)
     assert Anchoring().seam_n_mm == pytest.approx(seam_load_n_mm(film.seam))
+
+
+def test_preformed_bends_hold_nothing():
+    """No wall need be touched there: their turns are those of joints, not of contacts."""
+    world = Map(name="field", bounds=box(0, 0, 1000, 1000))
+    bent = Design.of_branches(
+        [], trunk_length_mm=300.0, trunk_bends=[(100.0, 50.0), (200.0, -70.0)]
+    )
+    pose = Pose(x_mm=300.0, y_mm=500.0, heading_rad=0.0)
+    launches = Launches.of(TerrainSet([Terrain.of(world)]), [[pose]])
+    options = GrowthOptions(head_on_half_angle_rad=0.0)
+    turns = Batch(Plans.of([bent], options), launches, options).each(
+        lambda block: Turns.of(GrownBatch.of_block(block)).path_rad.copy()
+    )
+    assert next(iter(turns)).tolist() == [0.0]
+    assert path_turn_rad(grow_on(bent, Terrain.of(world), pose, options)).tolist() == [0.0]

@@ -262,6 +262,7 @@ def test_changes_of_the_map_alone_are_unsaved_work_and_a_map_is_saved(studio, op
     after.page.evaluate(edit)
     text = map_text(world)
     (studio.folder / "saved.geojson").write_text(text)
+    after.page.wait_for_selector("text=/changed on disk; your 1 changes/")
     after.page.get_by_role("button", name="Save map").click()
-    after.page.wait_for_selector("dialog[open]:has-text('changed outside')")
+    after.page.wait_for_selector("dialog[open] .problem:has-text('changed outside')")
     assert (studio.folder / "saved.geojson").read_text() == text

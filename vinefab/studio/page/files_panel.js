@@ -193,11 +193,15 @@ function mountLive(root, app, name, mark) {
 
   // The map -------------------------------------------------------------------------------------
 
+  // Another version of the map's file, which was read below changes of this page: nobody has answered it yet.
+  let unanswered = /** @type {Conflict | null} */ (null);
+
   /** Write the map into its file; without one, or where it is another than expected, ask for a name. */
   app.saveMap = async () => {
     const { file, stamp } = store.get().map?.source ?? {};
     try {
-      const refused = file ? await writeMap(file, stamp) : null;
+      const asked = unanswered?.path === file ? unanswered : null;
+      const refused = asked ?? (file ? await writeMap(file, stamp) : null);
       if (!file || refused) await saveMapDialog.show(refused);
     } catch (error) {
       app.fail(error);
@@ -221,6 +225,7 @@ function mountLive(root, app, name, mark) {
       store.rewrite((state) => { if (state.map?.source.file === found.path) take(state); });
     } else store.change(`save the map as ${found.path}`, (state) => { if (plainText([state.map, state.pose]) === written) take(state); });
     notes.clear("map");
+    unanswered = null;
     app.say(`Saved ${found.path}`);
     keepSoon();
     return null;
@@ -295,9 +300,10 @@ function mountLive(root, app, name, mark) {
     app.say(`${event.path} changed on disk and was read anew`);
     const count = state.map?.edits.length ?? 0;
     if (!isMap || !count) return;
+    unanswered = { saved: false, why: "changed", path: event.path, stamp: event.stamp, design: null, problem: null };
     notes.show("map", `${event.path} changed on disk; your ${count} changes of obstacles go by their numbers and may now move others.`, [
-      ["Drop my changes", () => store.change("drop changes of the map", (copy) => { if (copy.map) copy.map.edits = []; })],
-      ["Leave them", () => {}],
+      ["Drop my changes", () => { unanswered = null; store.change("drop changes of the map", (copy) => { if (copy.map) copy.map.edits = []; }); }],
+      ["Leave them", () => { unanswered = null; }],
     ]);
   }
 

@@ -140,6 +140,15 @@ def test_branches_that_lead_nowhere_are_refused():
         read(text)
 
 
+def test_a_long_ring_of_branches_is_refused_too():
+    branch = '[[branch]]\nname = "b{}"\nof = "b{}"\nlength = 50.0\n'
+    ring = "".join(branch.format(n, (n + 1) % 15) for n in range(15))
+    hangs_on = branch.format("first", 3) + "angle_deg = 30.0\n"
+    head = SCOUT[: SCOUT.index("[[branch]]")]
+    with pytest.raises(vf.BadInputError, match=r"branch\[2\].of is 'b1'.*its own parent"):
+        read(head + hangs_on + ring)
+
+
 def test_very_many_branches_and_bends_are_refused_at_once():
     branch = '[[branch]]\nname = "b{}"\nangle_deg = {}\nlength = 50.0\n'
     head = SCOUT[: SCOUT.index("[[branch]]")]

@@ -492,8 +492,10 @@ class Batch:
         self.launches = launches
         self._rules, self._half_angle = rules_of(options, 0.0), half_angle_rad
         self._settling = Settling.of(options)
-        self._radius_mm = plans.radius_mm if self._settling.is_needed else np.zeros(0)
-        self._emergence = plans.emergence(self._settling.emergence)
+        self._radius_mm = self._emergence = np.zeros(0)
+        if self._settling.is_needed:
+            self._radius_mm = plans.radius_mm
+            self._emergence = plans.emergence(self._settling.emergence)
         self._walls = launches.atlas.arrays(plans.spans.radii_mm)
         self._page = launches.atlas.pages(plans.spans.radii_mm)
         # Appending and popping are safe between threads.

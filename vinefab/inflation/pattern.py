@@ -10,11 +10,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from vinefab.core.errors import VinefabError
+from vinefab.core.plain_text import some_of
 from vinefab.core.progress import each
 from vinefab.core.validation import Floats
 from vinefab.core.verbs import note
@@ -127,6 +127,12 @@ def stretch_of(design: Design, material: Material, width_mm: float) -> float:
     return stretch_at(design.build, material, width_mm)
 
 
+def _stretches(build: Build, material: Material, width_mm: Floats) -> Floats:
+    """Return by how much tubes grow longer, shape (n,); equal widths are worked out once."""
+    widths_mm, place = np.unique(width_mm, return_inverse=True)
+    return np.array([stretch_at(build, material, width) for width in widths_mm.tolist()])[place]
+
+
 _MOST_TARGETS = 8
 _MOST_TURN_DEG = 0.8
 """Most by which children are turned so that their tips come near. With the differences of meshes,
@@ -197,7 +203,7 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
     drawn = DrawnTree.of(design)
     parts = drawn.tree
     flat_rad, deployed_rad = parts.offset_rad.copy(), parts.offset_rad.copy()
-    stretch = np.array([stretch_of(design, material, width) for width in parts.width_mm.tolist()])
+    stretch = _stretches(build, material, parts.width_mm)
     cut_mm, grown_mm = parts.length_mm.copy(), parts.length_mm.copy()
     if compensated:
         cut_mm[0] /= stretch[0]
@@ -286,24 +292,26 @@ def joint_families(drawn: DrawnTree) -> list[JointFamily]:
     def ways_mm(row: int) -> tuple[float, ...]:
         return tuple(length_mm[one] + away_mm[one] for one in drawn.children[row])
 
-    alike: dict[tuple[Any, ...], tuple[JointPlan, list[int]]] = {}
-    for plan, rows in drawn.joints():
-        for row in rows:
-            key = level[row], plan.parent.half_mm, plan.children, plan.is_bend, ways_mm(row)
-            alike.setdefault(key, (plan, []))[1].append(row)
+    alike = list[tuple[JointPlan, list[int]]]()
+    for family in drawn.joints():
+        by_way: dict[tuple[float, ...], tuple[JointPlan, list[int]]] = {}
+        for plan, row in ((plan, row) for plan, rows in family for row in rows):
+            by_way.setdefault(ways_mm(row), (plan, []))[1].append(row)
+        alike += by_way.values()
     ids, found = tree.ids, []
     forks = {row for row, below in enumerate(drawn.children) if below}
-    forks -= {row for plan, rows in alike.values() if plan.is_bend for row in rows}
-    for plan, rows in sorted(alike.values(), key=lambda one: min(one[1])):
+    forks -= {row for plan, rows in alike if plan.is_bend for row in rows}
+    for plan, rows in sorted(alike, key=lambda one: min(one[1])):
         rows.sort()
         own = level[rows[0]]
         if plan.is_bend:
             words = "bend at the end of" if len(rows) == 1 else "bends at the ends of"
-            name = f"{words} {_some(ids, rows)}"
+            name = f"{words} {some_of([ids[row] for row in rows], 3)}"
         elif len(rows) == sum(level[row] == own for row in forks):
             name = f"level {own + 1}"
         else:
-            name = f"joint{'' if len(rows) == 1 else 's'} at the end of {_some(ids, rows)}"
+            some = some_of([ids[row] for row in rows], 3)
+            name = f"joint{'' if len(rows) == 1 else 's'} at the end of {some}"
         found.append(
             JointFamily(
                 plan=plan,
@@ -314,12 +322,6 @@ def joint_families(drawn: DrawnTree) -> list[JointFamily]:
             )
         )
     return found
-
-
-def _some(ids: tuple[str, ...], rows: list[int]) -> str:
-    """Return the names of some branches, three at most."""
-    more = f" and {len(rows) - 3} more" if len(rows) > 3 else ""
-    return f"{', '.join(ids[row] for row in rows[:3])}{more}"
 
 
 def as_grown(
@@ -642,7 +644,7 @@ def quick_pattern(design: Design, material: Material) -> QuickPattern:
     """
     build, drawn = design.build, DrawnTree.of(design)
     parts, passages, beyond = drawn.tree, list[float](), 0.0
-    stretch = np.array([stretch_at(build, material, width) for width in parts.width_mm.tolist()])
+    stretch = _stretches(build, material, parts.width_mm)
     offset_rad, length_mm = parts.offset_rad.copy(), parts.length_mm.copy()
     length_mm[0] /= stretch[0]
     for family in joint_families(drawn):

@@ -35,7 +35,14 @@ from vinefab.core.validation import LARGEST_MM, SMALLEST, check_plain, number, w
 from vinefab.model.files.shipped import locate, path_given
 from vinefab.model.files.toml import read_toml, table_content
 from vinefab.model.skeleton import DrawnBranch, traced_branches
-from vinefab.model.tree import Bend, BranchTree, tree_of_branches, tree_of_levels
+from vinefab.model.tree import (
+    DEFAULT_FILLET_RATIO,
+    Bend,
+    BranchTree,
+    default_fillet_mm,
+    tree_of_branches,
+    tree_of_levels,
+)
 
 if TYPE_CHECKING:
     from vinefab.model.deployment import Deployment
@@ -50,8 +57,6 @@ WIDEST_BODY_MM = 1e4
 
 DEFAULT_TRUNK_WIDTH_MM = 40.0
 DEFAULT_WIDTH_RATIO = 0.6
-DEFAULT_FILLET_RATIO = 0.25
-DEFAULT_LEAST_FILLET_MM = 2.0
 DEFAULT_TAIL_MM = 200.0
 DEFAULT_PRESSURE_KPA = 20.0
 
@@ -550,7 +555,7 @@ def default_fillets_mm(
     widths_mm: tuple[float, ...], ratio: float = DEFAULT_FILLET_RATIO
 ) -> tuple[float, ...]:
     """Return the default fillet radius for every level after the trunk."""
-    return tuple(max(DEFAULT_LEAST_FILLET_MM, ratio * width) for width in widths_mm[1:])
+    return tuple(default_fillet_mm(width, ratio) for width in widths_mm[1:])
 
 
 class Waiver(Table):
@@ -700,15 +705,15 @@ class Design(Table):
             if same != branch.name:
                 allowed = f"another angle than {same!r} has: both are children of {branch.of!r}"
                 raise BadInputError(f"branch[{place}].angle_deg", branch.angle_deg, allowed)
+        # What the trunk does not lead to hangs on a branch that is its own ancestor.
+        reached = {branch.name for branch in self._in_order}
         for place, branch in enumerate(branches, start=1):
-            at, steps = branch, 0
-            while at.of != TRUNK:
-                at, steps = branches[number[at.of] - 1], steps + 1
-                if steps > len(branches) or at is branch:
+            at = branch
+            for _ in range(len(branches) if branch.name not in reached else 0):
+                at = branches[number[at.of] - 1]
+                if at is branch:
                     allowed = f"a branch that leads to the trunk: {branch.name!r} is its own parent"
                     raise BadInputError(f"branch[{place}].of", branch.of, allowed)
-                if steps > MOST_LEVELS:
-                    break
 
     def _check_bends(self) -> None:
         widths_mm = self.build.widths_mm
@@ -760,7 +765,7 @@ class Design(Table):
     def depth(self) -> int:
         """Number of levels, the trunk included."""
         if self.branches is not None:
-            return 1 + max((level - 1 for level in self._levels_in_order), default=0)
+            return max(self._levels_in_order, default=1)
         return 1 + len(self.levels)
 
     @property

@@ -17,10 +17,13 @@ if TYPE_CHECKING:
 Bend = tuple[float, float]
 """A preformed turn of a branch: mm from its base, degrees counter-clockwise."""
 
-BEND_FILLET_RATIO = 0.25
-"""Inner radius of an elbow over the width of its tube, as the default of joints."""
+DEFAULT_FILLET_RATIO = 0.25
+"""Fillet radius of a joint over its child's width, and inner radius of an elbow over its tube's."""
 
-LEAST_BEND_FILLET_MM = 2.0
+
+def default_fillet_mm(width_mm: float, ratio: float = DEFAULT_FILLET_RATIO) -> float:
+    """Return the default fillet radius where a tube of some width begins; 2 mm or more."""
+    return max(2.0, ratio * width_mm)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -152,6 +155,13 @@ class BranchTree:
         return bent
 
     @property
+    def last_parts(self) -> Ints:
+        """The row of a straight tree where each branch ends, shape (branches,)."""
+        last = np.empty(int(self.branch.max()) + 1, dtype=np.int64)
+        last[self.branch] = np.arange(len(self))  # the last part of a branch comes last
+        return last
+
+    @property
     def generations(self) -> list[Ints]:
         """Rows whose parents stand in the entry before: the trunk, its children and so on."""
         depth = self.level
@@ -213,7 +223,7 @@ class BranchTree:
         fillet = np.where(
             is_first,
             self.fillet_mm[branch],
-            np.maximum(LEAST_BEND_FILLET_MM, BEND_FILLET_RATIO * width),
+            np.array([default_fillet_mm(one) for one in width.tolist()]),
         )
         none = np.zeros(0)
         return BranchTree(
@@ -249,14 +259,12 @@ class BranchTree:
         bent, until_mm = parts.is_bent, np.zeros(len(parts))
         for row, before in enumerate(np.where(bent, parts.parent, -1).tolist()):
             until_mm[row] = length_mm[row] + (until_mm[before] if before >= 0 else 0.0)
-        whole_mm = np.empty(len(self))
-        whole_mm[parts.branch] = until_mm  # the last part of a branch comes last
         rows = np.flatnonzero(bent)
         rows = rows[np.argsort(parts.branch[rows], kind="stable")]
         return replace(
             self,
             offset_rad=frozen_floats("offset_rad", offset_rad[~bent]),
-            length_mm=frozen_floats("length_mm", whole_mm),
+            length_mm=frozen_floats("length_mm", until_mm[parts.last_parts]),
             bend_branch=frozen_ints(parts.branch[rows]),
             bend_mm=frozen_floats("bend_mm", until_mm[parts.parent[rows]]),
             bend_rad=frozen_floats("bend_rad", offset_rad[rows]),

@@ -7,7 +7,7 @@ body cross each other is for the rules.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
@@ -181,8 +181,8 @@ class DrawnTree:
             for row, below in enumerate(self.children)
         ]
 
-    def joints(self) -> list[tuple[JointPlan, list[int]]]:
-        """Return every kind of joint, and the parts at whose ends it is, in their order.
+    def joints(self) -> list[list[tuple[JointPlan, list[int]]]]:
+        """Return every family of joints: its kinds, and the parts at whose ends each is.
 
         Joints with the same children below tubes of one width are alike: the shortest of these
         tubes caps the fillets of all. They differ only by the lean of the parent's sides.
@@ -212,10 +212,11 @@ class DrawnTree:
             leans: dict[float, list[int]] = {}
             for row in rows:
                 leans.setdefault(self.lean_rad[row], []).append(row)
+            family = []
             for lean, own in leans.items():
                 parent = PlannedSide(half_mm=end_mm / 2, length_mm=shortest_mm, lean_rad=lean)
-                plan = JointPlan(parent=parent, children=sides, is_bend=is_bend)
-                found.append((plan, own))
+                family.append((JointPlan(parent=parent, children=sides, is_bend=is_bend), own))
+            found.append(family)
         return found
 
 
@@ -268,7 +269,6 @@ class DrawnJoint:
     joint: Joint
     plan: JointPlan
     rows: tuple[int, ...]  # the parts at whose ends it is, rising
-    level: int  # of these parts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -277,15 +277,12 @@ class OutlineParts:
 
     offset_mm: float  # how far outside the lumen's edge they run
     tail: Tail  # from the mouth to the trunk's base
-    joints: tuple[DrawnJoint, ...]  # each kind, in the order of the first part that ends there
+    # The joints that differ by the taper of their parents' sides only, together, in the order of
+    # the first part that ends there.
+    families: tuple[tuple[DrawnJoint, ...], ...]
     ends: tuple[Joint | TipStroke, ...]  # at the end of each part
     bases_mm: tuple[Point, ...]  # lengths of each part's right and left side that its base takes
     number: tuple[int, ...]  # of each part among its parent's children, from 1
-
-    @property
-    def families(self) -> list[list[DrawnJoint]]:
-        """The joints that differ by the taper of their parents' sides only, together."""
-        return _families(self.joints)
 
     def used_mm(self, row: int) -> tuple[Point, Point]:
         """Return the lengths of a part's right and left side that its base and its end take.
@@ -310,18 +307,20 @@ def _outline_parts(drawn: DrawnTree, offset_mm: float, least_fillet_mm: float) -
     for children in drawn.children:
         for place, child in enumerate(children, start=1):
             number[child] = place
-    joints = [
-        DrawnJoint(
-            joint=joint_of(plan, offset_mm, least_fillet_mm=least_fillet_mm),
-            plan=plan,
-            rows=tuple(rows),
-            level=int(drawn.tree.level[rows[0]]),
+    families = tuple(
+        tuple(
+            DrawnJoint(
+                joint=joint_of(plan, offset_mm, least_fillet_mm=least_fillet_mm),
+                plan=plan,
+                rows=tuple(rows),
+            )
+            for plan, rows in family
         )
-        for plan, rows in drawn.joints()
-    ]
-    at = {row: one.joint for one in joints for row in one.rows}
+        for family in drawn.joints()
+    )
+    at = {row: one.joint for family in families for one in family for row in one.rows}
     bases_mm = [(0.0, 0.0)] * len(drawn.tree)
-    for family in _families(joints):
+    for family in families:
         gaps = [one.joint.gaps for one in family]
         taken = [
             (
@@ -336,7 +335,7 @@ def _outline_parts(drawn: DrawnTree, offset_mm: float, least_fillet_mm: float) -
     return OutlineParts(
         offset_mm=offset_mm,
         tail=tail_of(drawn.build, drawn.lean_rad[0], offset_mm),
-        joints=tuple(joints),
+        families=families,
         ends=tuple(
             at[row]
             if children
@@ -346,15 +345,6 @@ def _outline_parts(drawn: DrawnTree, offset_mm: float, least_fillet_mm: float) -
         bases_mm=tuple(bases_mm),
         number=tuple(number),
     )
-
-
-def _families(joints: Iterable[DrawnJoint]) -> list[list[DrawnJoint]]:
-    found: dict[tuple[Any, ...], list[DrawnJoint]] = {}
-    for one in joints:
-        plan = one.plan
-        key = one.level, plan.parent.half_mm, plan.children, plan.is_bend
-        found.setdefault(key, []).append(one)
-    return list(found.values())
 
 
 LEAST_STEP_MM = 0.1
@@ -633,6 +623,7 @@ class _Walk:
         self.layout, self.pattern, self.piece = layout, pattern, piece
         self.stubs = dict(piece.stubs)
         self.ids, self.children = layout.tree.ids, drawn.children
+        self.lean_rad = drawn.lean_rad
         heading = layout.heading_rad.tolist()
         # Frames of each branch, where it begins and where it ends.
         self.begins, self.ends = (
@@ -656,10 +647,9 @@ class _Walk:
 
     def _open_end(self, branch: int, end: OpenEnd) -> StrokeRun:
         """Return the right side of an open end, from its mouth to the branch's own side."""
-        layout, offset = self.layout, self.pattern.offset_mm
-        half, far = float(layout.width_mm[branch]) / 2, float(layout.end_width_mm[branch]) / 2
-        lean = taper_rad(half, far, float(layout.tree.length_mm[branch]))
-        return BranchSide(half_mm=half + offset, lean_rad=lean).end_mm(end, offset)
+        half, offset = float(self.layout.width_mm[branch]) / 2, self.pattern.offset_mm
+        side = BranchSide(half_mm=half + offset, lean_rad=self.lean_rad[branch])
+        return side.end_mm(end, offset)
 
     def _around(self, branch: int) -> None:
         """Walk from the base of a branch's right side to the end of its left side."""

@@ -12,8 +12,9 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 
-from vinefab.model.design import DEFAULT_FILLET_RATIO, DEFAULT_LEAST_FILLET_MM, Build, Pouch
+from vinefab.model.design import Build, Pouch
 from vinefab.model.outline import Part
+from vinefab.model.tree import default_fillet_mm
 from vinefab.outline.joint import (
     LEAST_CUT_MM,
     LEAST_SEGMENT_MM,
@@ -145,8 +146,7 @@ def transition(
 
 def level_fillets_mm(build: Build) -> tuple[float, ...]:
     """Return the designed fillet radius of every level, the trunk's default first."""
-    trunk = max(DEFAULT_LEAST_FILLET_MM, DEFAULT_FILLET_RATIO * build.widths_mm[0])
-    return (trunk, *build.fillet_mm)
+    return (default_fillet_mm(build.widths_mm[0]), *build.fillet_mm)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -163,18 +163,15 @@ def planned_paths(tree: BranchTree) -> tuple[GrowthPath, ...]:
     less pressure may do than in free space.
     """
     steps, parts = list[Steps](), tree.straight
-    ends: list[Steps] = [[]] * len(tree)
-    for parent, turn_rad, length_mm, branch in zip(
+    for parent, turn_rad, length_mm in zip(
         parts.parent.tolist(),
         np.abs(parts.offset_rad).tolist(),
         parts.length_mm.tolist(),
-        parts.branch.tolist(),
         strict=True,
     ):
         before = steps[parent] if parent >= 0 else []
         steps.append([*before, (turn_rad, length_mm)])
-        ends[branch] = steps[-1]  # the last part comes last
-    return tuple(_path(found) for found in ends)
+    return tuple(_path(steps[row]) for row in parts.last_parts.tolist())
 
 
 def riding_mm(tree: BranchTree) -> Floats:
@@ -235,10 +232,8 @@ def planned_growth_kpa(
         before_kpa[rows] = (before_kpa[parent] + own_kpa[parent]) * bend[rows]
     store_kpa = constants.storage_kpa.value + drag_kpa_mm * riding_mm(tree)
     unscaled = constants.yield_kpa.value + store_kpa[parts.branch] * factor + before_kpa + own_kpa
-    ends_kpa = np.empty(len(tree))
-    ends_kpa[parts.branch] = unscaled  # the last part comes last
     diameter_mm = inflated_diameter_mm(1.0) * tree.width_mm
-    return np.asarray(ends_kpa * (fitted_diameter_mm / diameter_mm))
+    return np.asarray(unscaled[parts.last_parts] * (fitted_diameter_mm / diameter_mm))
 
 
 # --- Paths of deployments ------------------------------------------------------------------------
@@ -278,7 +273,8 @@ def growth_pressures_kpa(
     """
     gain, drawn_mm = _path_gains(deployments, several[0].friction.value)
     trees = [deployment.tree for deployment in deployments]
-    of_tree = {id(tree): riding_mm(tree) for tree in trees}  # deployments of one plan share theirs
+    # Deployments of one plan share their tree.
+    of_tree = {key: riding_mm(tree) for key, tree in {id(tree): tree for tree in trees}.items()}
     riding = np.concatenate([of_tree[id(tree)] for tree in trees])
     widths = [tree.end_width_mm if at_end else tree.width_mm for tree in trees]
     width_mm, own = np.unique(np.concatenate(widths), return_inverse=True)

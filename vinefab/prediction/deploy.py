@@ -19,7 +19,7 @@ import shapely
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.codec import Record
 from vinefab.core.errors import BadInputError, UnfitInputError
-from vinefab.core.plain_text import agreeing, counted
+from vinefab.core.plain_text import agreeing, counted, some_of
 from vinefab.core.validation import Floats, positive, whole
 from vinefab.core.view import (
     Answer,
@@ -214,10 +214,8 @@ def places_text(title: str, places: tuple[BranchPlace, ...]) -> list[str]:
     if not places:
         return []
     named = [f"{place.branch} at ({place.x_mm:.1f}, {place.y_mm:.1f})" for place in places]
-    hidden = len(named) - _MOST_NAMED
-    more = f" and {hidden} more" if hidden > 0 else ""
     branch = agreeing(len(named), "branch", "branches")
-    return [f"{title}: {branch} {', '.join(named[:_MOST_NAMED])}{more} mm"]
+    return [f"{title}: {branch} {some_of(named, _MOST_NAMED)} mm"]
 
 
 def _place(options: GrowthOptions, deployment: Deployment, branch: int, ended: int) -> BranchPlace:

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from vinefab.core.hashing import MANIFEST_NAME, ROOMY_GENERATOR, manifest_text, sha256_of
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import counted, some_of
 from vinefab.core.progress import each, phase
 from vinefab.core.validation import Floats
 from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Picture, Rows, Section, Text, Tone
@@ -565,13 +565,11 @@ def pieces_section(
     ids, pieces = design.tree.straight.ids, []
     most_branches_named = 12  # branches of a piece that a table names; of more it gives the number
     for piece in partition.pieces:
-        names = ", ".join(ids[branch] for branch in piece.branches[:most_branches_named])
-        more = len(piece.branches) - most_branches_named
         long_mm, wide_mm = least_rectangle_mm(outlines[piece.label])
         pieces.append(
             (
                 piece.label,
-                f"{names} and {more} more" if more > 0 else names,
+                some_of([ids[branch] for branch in piece.branches], most_branches_named),
                 str(len(piece.branches)),
                 ", ".join(map(str, sheets[piece.label])),
                 f"{long_mm:.0f} x {wide_mm:.0f}",

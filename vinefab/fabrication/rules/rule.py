@@ -15,6 +15,7 @@ import shapely
 from vinefab.core.errors import BadInputError
 from vinefab.core.foreign import broken, calling, is_own
 from vinefab.core.frozen import FrozenMapping
+from vinefab.core.plain_text import agreeing, some_of
 from vinefab.core.validation import LARGEST_MM, Floats, number
 from vinefab.core.view import Answer, Block, Data, Fact, Facts, Notes, Result
 from vinefab.fabrication.job.laser_job import check_size, laser_job
@@ -157,17 +158,15 @@ class Subject(RigSubject):
 
     def last_parts(self, branches: Sequence[int]) -> list[int]:
         """Return the last straight part of each of some branches: rows of the layout."""
-        last = np.empty(len(self.design.tree), dtype=np.int64)
-        last[self.layout.tree.branch] = np.arange(len(self.layout.tree))
-        return [int(row) for row in last[np.asarray(branches, dtype=np.int64)]]
+        last = self.layout.tree.last_parts.tolist()
+        return [last[branch] for branch in branches]
 
     def words(self, branches: Sequence[int]) -> str:
         """Return what people call some branches: their level where the design has levels."""
         if self.design.branches is None:
             return f"level {int(self.design.tree.level[branches[0]])}"
-        names = [self.design.names[branch] for branch in branches[:3]]
-        more = f" and {len(branches) - 3} more" if len(branches) > 3 else ""
-        return f"branch{'es' if len(branches) > 1 else ''} {', '.join(names)}{more}"
+        names = some_of([self.design.names[branch] for branch in branches], 3)
+        return f"{agreeing(len(branches), 'branch', 'branches')} {names}"
 
     def alike(self, *columns: Floats) -> list[list[int]]:
         """Return the branches by level and values, those that are alike together."""

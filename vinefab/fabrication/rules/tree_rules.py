@@ -588,9 +588,7 @@ def fullest_laps(
     through the passage of its joint, shape (n,) for all branches.
     """
     level, fullest = design.tree.level, dict[int, tuple[int, float]]()
-    of_part = design.tree.straight.branch
-    last = np.empty(len(level), dtype=np.int64)
-    last[of_part] = np.arange(len(of_part))
+    last = design.tree.straight.last_parts
     for branch, found in lap_occupancies(design, sleeves, film_mm, packing).items():
         at = int(level[branch])
         share = found / float(passages[branch])

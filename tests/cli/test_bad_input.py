@@ -167,7 +167,7 @@ FILES |= {f"{name}.geojson": (None, DEPLOYED, words) for name, (_, words) in MAP
 LINES = {
     # what newcomers guess
     "grow": "DESIGN is missing; for example: vinefab grow three_level_tree --map",
-    "grow plain_vine": "MAP is missing; for example: vinefab grow three_level_tree --map",
+    "grow plain_vine": "map is missing; give --map FILE, or --out FILE for the skeleton",
     "grow plain_vine --map m.geojson --pose 100 20 90": "for example: vinefab grow",
     "grow plain_vine --map m.geojson --dpi x": "no option --dpi; vinefab grow --help lists them",
     "grow plain_vine --hlep": "there is no option --hlep; did you mean --help?",

@@ -146,7 +146,7 @@ def test_saved_files_are_called_by_their_names_and_not_written_again(here):
     content = opened("mine.toml", map={"source": {"file": "lab.geojson"}, "edits": []})
     files = {"design_file": str(here / "mine.toml"), "map_file": "lab.geojson"}
     answer = export(content, "picture", "grown.svg", **files)
-    assert answer["command"] == "vinefab grow mine.toml lab.geojson --out grown.svg"
+    assert answer["command"] == "vinefab grow mine.toml lab.geojson --svg grown.svg"
     assert answer["inputs"] == []
     first = everything()
     assert run_again(answer, "mine.toml", "lab.geojson") == first

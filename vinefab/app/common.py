@@ -103,6 +103,8 @@ PageFile = Annotated[PathText, written(".html", ".htm"), Doc("The page to write.
 PictureFile = Annotated[
     PathText | None, written(".svg", ".png"), also("--svg"), Doc("A picture to write.")
 ]
+SKELETON_ENDS = (".csv", ".dxf", ".geojson", ".svg")
+"""Endings of the files that skeletons are written to."""
 
 
 def page_path(key: str, out: str | PathLike[str] | None, *, force: bool) -> Path | None:

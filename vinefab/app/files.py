@@ -60,6 +60,9 @@ def new(
     ] = None,
     trunk_width_mm: float | None = None,
     snap_mm: float = 1.0,
+    chord_mm: float | None = None,
+    scale_mm_per_unit: float | None = None,
+    layer: Annotated[tuple[str, ...], Kind(metavar="NAME", several=True)] = (),
     force: Force = False,
 ) -> WrittenFile:
     """Write a commented file to begin with, as a design or a map; its name is the file's.
@@ -75,13 +78,22 @@ def new(
     branches
         Write a design branch by branch, so that each one may be changed alone.
     skeleton
-        Make the design of the lines in this file: CSV, x1,y1,x2,y2[,width] in mm.
+        Make the design of the lines in this file: DXF, SVG, GeoJSON, or CSV with
+        x1,y1,x2,y2[,width] in mm.
     base
-        The loose end of the skeleton where the trunk begins; default: the lowest.
+        The loose end of the skeleton where the trunk begins; default: the one that a layer, group
+        or point named base marks, else the lowest.
     trunk_width_mm
         Lay-flat width of the trunk of a skeleton; default: that of its first line, else 40 mm.
     snap_mm
         Ends of a skeleton's lines no further apart are one joint.
+    chord_mm
+        Curves of a skeleton become straight parts within this distance; default: a tenth of the
+        trunk's width.
+    scale_mm_per_unit
+        Millimetres per unit of the drawing, in place of the unit that it names.
+    layer
+        Layers of a DXF or groups of an SVG to read; default: all.
     force
         Overwrite the file, also one of another program.
 
@@ -102,7 +114,7 @@ def new(
     --------
     $ vinefab new design mine.toml
     $ vinefab new map table.geojson
-    $ vinefab new design drawn.toml --skeleton lines.csv --base 0,0
+    $ vinefab new design drawn.toml --skeleton lines.dxf --trunk-width-mm 25
     $ vinefab new design free.toml --from grid_explorer --branches
 
     >>> from tempfile import TemporaryDirectory
@@ -114,15 +126,32 @@ def new(
     from vinefab.model.files.starters import write_starter
 
     path = as_path("file", file)
-    drawn = None
+    drawn: Design | None = None
+    told: tuple[str, ...] = ()
+    of_drawings = {
+        "base": base,
+        "trunk_width_mm": trunk_width_mm,
+        "chord_mm": chord_mm,
+        "scale_mm_per_unit": scale_mm_per_unit,
+        "layer": layer or None,
+    }
     if skeleton is not None:
         if kind != "design" or original is not None or branches:
             problem = "a drawing makes a new design alone, without --from and --branches"
             raise UnfitInputError("skeleton", problem, "leave one of them out")
-        drawn = _of_skeleton(as_path("skeleton", skeleton), base, trunk_width_mm, snap_mm)
-    elif base is not None or trunk_width_mm is not None:
-        key = "base" if base is not None else "trunk_width_mm"
-        raise UnfitInputError(key, "needs a drawing", "give --skeleton too")
+        source = as_path("skeleton", skeleton)
+        drawn, told = _of_skeleton(
+            source,
+            base=base,
+            trunk_width_mm=trunk_width_mm,
+            snap_mm=snap_mm,
+            chord_mm=chord_mm,
+            scale_mm_per_unit=scale_mm_per_unit,
+            layers=layer,
+        )
+    for key, value in of_drawings.items():
+        if value is not None and drawn is None:
+            raise UnfitInputError(key, "needs a drawing", "give --skeleton too")
     name, is_new = write_starter(
         kind, path, original=original, branches=branches, drawn=drawn, force=force
     )
@@ -130,21 +159,54 @@ def new(
         wrote(path, "" if name == path.stem else f", named {name}")
     there = f"{path} is there already and left as it is; --force writes it anew"
     steps = (f"next: {_NEXT_STEPS[kind].format(shlex.quote(str(path)), name)}",)
-    return WrittenFile(path=path, summary=steps if is_new else (there, *steps), is_new=is_new)
+    summary = (*told, *steps) if is_new else (there, *steps)
+    return WrittenFile(path=path, summary=summary, is_new=is_new)
 
 
 def _of_skeleton(
-    source: Path, base: tuple[float, float] | None, trunk_width_mm: float | None, snap_mm: float
-) -> Design:
-    """Return the design that the lines in a file draw."""
+    source: Path,
+    *,
+    base: tuple[float, float] | None,
+    trunk_width_mm: float | None,
+    snap_mm: float,
+    chord_mm: float | None,
+    scale_mm_per_unit: float | None,
+    layers: tuple[str, ...],
+) -> tuple[Design, tuple[str, ...]]:
+    """Return the design that the lines in a file draw, and what was read, as a line."""
     from vinefab.core.errors import located
+    from vinefab.core.plain_text import counted
     from vinefab.maps.importers.skeleton_lines import read_skeleton
-    from vinefab.model.design import Build, Design
+    from vinefab.model.design import DEFAULT_TRUNK_WIDTH_MM, Build, Design
+    from vinefab.model.skeleton import place_text
 
-    lines, widths = read_skeleton(source)
     build = Build() if trunk_width_mm is None else Build(trunk_width_mm=trunk_width_mm)
+    width_mm = DEFAULT_TRUNK_WIDTH_MM if trunk_width_mm is None else trunk_width_mm
+    lines = read_skeleton(
+        source,
+        chord_mm=0.1 * width_mm if chord_mm is None else chord_mm,
+        layers=layers,
+        scale_mm_per_unit=scale_mm_per_unit,
+    )
     with located(source):
-        return Design.of_segments(lines, base=base, snap_mm=snap_mm, widths_mm=widths, build=build)
+        marked = lines.base_mm(snap_mm) if base is None else base
+        drawn = Design.of_segments(
+            lines.segments_mm,
+            base=marked,
+            snap_mm=snap_mm,
+            widths_mm=lines.widths_mm,
+            build=build,
+        )
+    x, y, heading = drawn.origin["drawn_at"]
+    why = "as given" if base is not None else "the lowest" if marked is None else "as marked"
+    count = len(drawn.tree.bend_mm)
+    told = (
+        f"read {counted(len(lines.segments_mm), 'line')}, unit {lines.unit}: "
+        f"{counted(drawn.branch_count, 'branch')}, {counted(count, 'bend')}, "
+        f"{drawn.tree.total_length_mm:.6g} mm; base at {place_text((x, y))} ({why}), "
+        f"heading {heading:.6g} degrees"
+    )
+    return drawn, (told,)
 
 
 @verb

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from vinefab.app.common import (
+    SKELETON_ENDS,
     BodyWidth,
     EitherParameters,
     EnvironmentOptions,
     PageFile,
-    PictureFile,
     PoseCount,
     TaskLike,
     TaskParameters,
@@ -31,6 +31,7 @@ from vinefab.app.common import (
 from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.progress import phase
 from vinefab.core.verbs import (
+    IN_PLACE,
     Force,
     Kind,
     ProgressLike,
@@ -70,11 +71,13 @@ if TYPE_CHECKING:
     from vinefab.observation.observe_photo import Observation
 
 if TYPE_CHECKING:
+    from vinefab.model.design import Design
     from vinefab.model.score import Score
     from vinefab.prediction.aiming import AimResult
     from vinefab.prediction.comparison import DesignComparison
     from vinefab.prediction.deploy import DeployedDesign
     from vinefab.prediction.predict import Predicted
+    from vinefab.prediction.skeleton_files import Skeleton
 
 
 def _fronts(text: str) -> int | tuple[float, ...]:
@@ -86,7 +89,7 @@ def _fronts(text: str) -> int | tuple[float, ...]:
 @verb
 def grow(
     design: DesignLike,
-    map: MapLike,
+    map: Annotated[MapLike | None, IN_PLACE] = None,
     pose: PoseLike | None = None,
     *,
     start: StartsLike = (),
@@ -96,7 +99,8 @@ def grow(
     head_on_half_angle_deg: HalfAngle | None = None,
     contacts: ContactsLike | None = None,
     children_of_stuck: str | None = None,
-    out: PictureFile = None,
+    out: Annotated[PathText | None, written(*SKELETON_ENDS)] = None,
+    svg: Annotated[PathText | None, written(".svg", ".png")] = None,
     label: bool = False,
     history: Annotated[
         int | tuple[float, ...] | None,
@@ -109,16 +113,24 @@ def grow(
         ),
     ] = None,
     animate: Annotated[PathText | None, written(".svg", ".gif")] = None,
-    frames: int = 40,
+    frames: int | None = None,
     progress: ProgressLike = True,
     force: Force = False,
-) -> DeployedDesign:
+) -> DeployedDesign | Skeleton:
     """Deploy a design on a map and say where every branch ended.
 
     Parameters
     ----------
+    map
+        A map, or the path of a map file; left out: the skeleton where nothing is in the way.
+    pose
+        Where the base is; without a map 0,0,90.
     children_of_stuck
         stop: they never emerge; deploy: they grow from there.
+    out
+        A drawing of the skeleton to write, as deployed or without a map as designed: lines in mm.
+    svg
+        A picture of the deployment to write.
     label
         Write branch ids in the picture.
     history
@@ -127,12 +139,12 @@ def grow(
     animate
         The deployment as a moving picture.
     frames
-        Frames of the moving picture.
+        Frames of the moving picture; default: 40.
 
     Returns
     -------
-    DeployedDesign
-        What `Design.grow` returns is its ``deployment``.
+    DeployedDesign | Skeleton
+        What `Design.grow` returns is the ``deployment`` of the first; without a map a skeleton.
 
     Raises
     ------
@@ -146,6 +158,7 @@ def grow(
     Examples
     --------
     $ vinefab grow three_level_tree --map grid.geojson --svg grown.svg --animate grows.gif
+    $ vinefab grow scout --out skeleton.dxf
 
     >>> from vinefab import maps
     >>> grow("plain_vine", maps.pegs(seed=1)).summary[0].startswith("plain_vine on pegs_1")
@@ -155,7 +168,30 @@ def grow(
     from vinefab.model.map import Pose
     from vinefab.prediction.deploy import MOST_FRAMES, deploy
 
-    picture = page_path("out", out, force=force)
+    drawing = page_path("out", out, force=force)
+    if map is None:
+        needing = {
+            "start": as_starts(start) or None,
+            "targets": targets or None,
+            "growth": growth,
+            "body": body,
+            "head_on_half_angle_deg": head_on_half_angle_deg,
+            "contacts": contacts,
+            "children_of_stuck": children_of_stuck,
+            "svg": svg,
+            "label": label or None,
+            "history": history,
+            "animate": animate,
+            "frames": frames,
+        }
+        for key, value in needing.items():
+            if value is not None:
+                raise UnfitInputError(key, "needs a map", "give --map too, or leave it out")
+        return _in_free_space(as_design(design), pose, drawing, force=force)
+    from vinefab.prediction.skeleton_files import Skeleton
+
+    frames = 40 if frames is None else frames
+    picture = page_path("svg", svg, force=force)
     film = page_path("animate", animate, force=force)
     if film is not None:
         whole("frames", frames, 1, MOST_FRAMES)
@@ -181,11 +217,32 @@ def grow(
     (robot,), here = context.as_grown, None if pose is None else Pose.of(pose)
     with told(progress):
         found = deploy(robot, context.worlds[0], here, context.given)
+        if drawing is not None:
+            where = f"on {context.worlds[0].name}"
+            lines = Skeleton.of_deployment(found.deployment, robot, where)
+            write_page(drawing, lines.file(drawing.suffix), force=force)
         if picture is not None:
             write_page(picture, found.picture(picture.suffix, named=label), force=force)
         if film is not None:
             write_page(film, found.animation(film.suffix, frames), force=force)
     return replace(found, fronts=history)
+
+
+def _in_free_space(
+    design: Design, pose: PoseLike | None, drawing: Path | None, *, force: bool
+) -> Skeleton:
+    """Return the skeleton of a design where nothing is in the way, and write it."""
+    from vinefab.model.map import Pose
+    from vinefab.prediction.skeleton_files import FREE_POSE, Skeleton
+
+    shell = this_call().shell
+    if drawing is None and shell and not shell.gives_json:
+        remedy = "give --map FILE, or --out FILE for the skeleton where nothing is in the way"
+        raise UnfitInputError("map", "is missing", remedy)
+    found = Skeleton.of_design(design, FREE_POSE if pose is None else Pose.of(pose))
+    if drawing is not None:
+        write_page(drawing, found.file(drawing.suffix), force=force)
+    return found
 
 
 @verb

@@ -237,7 +237,7 @@ class PictureExport(Export):
             raise BadInputError("out", source.out, "a name ending in .svg or .gif, to move", PAGE)
         if self.animate or suffix == ".gif":  # which always moves
             return {**given, "animate": source.out, "frames": self.frames}
-        return {**given, "out": source.out, "label": self.label}
+        return {**given, "svg": source.out, "label": self.label}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -53,7 +53,7 @@ def dxf_text(
     entity both carry the colour, since some programs read the one and some the other. There are no
     texts, splines, blocks or hatches.
     """
-    with _fixed_metadata():
+    with fixed_metadata():
         document = new(RELEASE_12) if r12 else new(VERSION, units=MILLIMETRES)
         document.header["$MEASUREMENT"] = METRIC
         for key, value in metadata(job, colours).items():
@@ -99,7 +99,7 @@ def _add(document: DxfDocument, styled: StyledPath, *, polyline: bool) -> None:
 
 
 @contextmanager
-def _fixed_metadata() -> Iterator[None]:
+def fixed_metadata() -> Iterator[None]:
     """Keep the clock and random identifiers out of the file; ezdxf has only a global switch.
 
     It also warns that every file of release 12 has no unit, which the format cannot have.

@@ -37,6 +37,7 @@ from vinefab.maps.importers.source_drawing import (
     CurvePiece,
     DrawingItem,
     DrawingReader,
+    DrawnPoint,
     Ring,
     SourceDrawing,
     Straight,
@@ -102,7 +103,14 @@ def _items_of(entity: Any, where: str) -> list[DrawingItem]:  # noqa: ANN401  ea
         closed = entity.is_closed
     elif kind in ("LWPOLYLINE", "SPLINE", "HELIX"):
         closed = bool(entity.closed)
-    item = DrawingItem(rings=(Ring(pieces=pieces),), where=where, closed=closed, filled=filled)
+    width = float(entity.dxf.get("const_width", 0.0)) if kind == "LWPOLYLINE" else 0.0
+    item = DrawingItem(
+        rings=(Ring(pieces=pieces),),
+        where=where,
+        closed=closed,
+        filled=filled,
+        width=width or None,
+    )
     return [item] if pieces else []
 
 
@@ -309,6 +317,11 @@ def import_dxf(path: Path, options: ImportOptions) -> Map:
     Hatches and solids are areas, everything else lines and outlines. Blocks are exploded. What is
     frozen, off, invisible, text or outside model space is counted and left out.
     """
+    return replace(drawing_map(path, dxf_source(path, options), options), environment="dxf")
+
+
+def dxf_source(path: Path, options: ImportOptions) -> SourceDrawing:
+    """Return what a DXF drawing shows on the layers that are asked for, curves as curves."""
     document, repaired = _document(path)
     try:
         drawing = _drawing(document, options.layers)
@@ -319,7 +332,7 @@ def import_dxf(path: Path, options: ImportOptions) -> Map:
         raise UnreadableFileError(path, f"is a damaged DXF file: {problem[:120]}") from None
     if repaired:
         drawing = replace(drawing, facts={**drawing.facts, "faults_mended_by_reader": repaired})
-    return replace(drawing_map(path, drawing, options), environment="dxf")
+    return drawing
 
 
 def _document(path: Path) -> tuple[Document, int]:
@@ -373,6 +386,7 @@ def _drawing(document: Document, layers: tuple[str, ...]) -> SourceDrawing:
         unit += " (GDAL and QGIS write so whatever the unit is; --scale-mm-per-unit if not)"
     return SourceDrawing(
         items=tuple(items),
+        points=tuple(walk.points),
         mm_per_unit=mm_per_unit,
         layered=len(drawn_on) > 1,
         facts={
@@ -405,9 +419,12 @@ class _Walk(DrawingReader):
                 raise BadInputError(where, "a solid or surface", _FLAT)
             elif kind not in _DRAWN:
                 self.ignored[kind] += 1
+                if kind == "POINT":
+                    x, y, _ = entity.dxf.location
+                    self.points.append(DrawnPoint(place=(x, y), names=(layer,)))
             else:
                 try:
-                    found += _items_of(entity, where)
+                    found += [replace(one, names=(layer,)) for one in _items_of(entity, where)]
                 except BadInputError:
                     raise
                 except _INCONSISTENT as error:

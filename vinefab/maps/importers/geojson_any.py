@@ -16,6 +16,7 @@ from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.source_drawing import (
     PROJECT_ADVICE,
     DrawingItem,
+    DrawnPoint,
     Ring,
     SourceDrawing,
     Straight,
@@ -66,8 +67,11 @@ _ONLY_DRAWINGS = (
 )
 _ROLES = ("bounds", "obstacle")
 
-_Leaf = tuple[str, dict[str, Any], object]
-"""Name in messages, a geometry that is not a collection, and the role of its feature."""
+_NAMED_BY = ("name", "layer", "role")
+"""Properties that name a feature, in any case."""
+
+_Leaf = tuple[str, dict[str, Any], dict[str, Any]]
+"""Name in messages, a geometry that is not a collection, and the properties of its feature."""
 
 
 def import_geojson(path: Path, options: ImportOptions) -> Map:
@@ -78,6 +82,24 @@ def import_geojson(path: Path, options: ImportOptions) -> Map:
     joined; points are counted and left out. ``properties.role`` may name bounds and obstacles.
     """
     options.refuse(("layers", "unknown", "least_obstacle_mm2"), "a GeoJSON file", path)
+    document = _document(path)
+    if "vinefab" in document:
+        options.refuse(_ONLY_DRAWINGS, "a map that vinefab wrote", path)
+        scale = 1.0 if options.scale_mm_per_unit is None else options.scale_mm_per_unit
+        world = _scaled_map(Map.read(path), scale)
+        return replace(world, facts={**world.facts, "source": path.name})
+    drawing = _source(path, document, options)
+    return replace(drawing_map(path, drawing, options), environment="geojson")
+
+
+def geojson_source(path: Path, options: ImportOptions) -> SourceDrawing:
+    """Return what a GeoJSON file shows."""
+    options.refuse(("layers",), "a GeoJSON file", path)
+    return _source(path, _document(path), options)
+
+
+def _document(path: Path) -> dict[str, Any]:
+    """Return the GeoJSON object in a file."""
     document = geojson_document(path)
     kind = None
     if isinstance(document, dict) and document.get("type") == "Topology":
@@ -88,11 +110,10 @@ def import_geojson(path: Path, options: ImportOptions) -> Map:
         raise BadInputError("type", kind, "GeoJSON; ogr2ogr plan.geojson FILE converts it", path)
     if not isinstance(document, dict) or "type" not in document:
         raise BadInputError("type", None, "a GeoJSON object such as a FeatureCollection", path)
-    if "vinefab" in document:
-        options.refuse(_ONLY_DRAWINGS, "a map that vinefab wrote", path)
-        scale = 1.0 if options.scale_mm_per_unit is None else options.scale_mm_per_unit
-        world = _scaled_map(Map.read(path), scale)
-        return replace(world, facts={**world.facts, "source": path.name})
+    return document
+
+
+def _source(path: Path, document: dict[str, Any], options: ImportOptions) -> SourceDrawing:
     with located(path):
         if options.scale_mm_per_unit is None:
             system = document.get("crs")
@@ -100,17 +121,26 @@ def import_geojson(path: Path, options: ImportOptions) -> Map:
             name = str(named.get("name")) if isinstance(named, dict) else ""
             if name.endswith((":CRS84", ":CRS84h", ":4326", ":4979")):
                 raise UnfitInputError("crs", f"{name} is in degrees", PROJECT_ADVICE)
-        drawing = _drawing(document)
-    return replace(drawing_map(path, drawing, options), environment="geojson")
+        return _drawing(document)
 
 
 def _drawing(document: dict[str, Any]) -> SourceDrawing:
     items: list[DrawingItem] = []
+    points: list[DrawnPoint] = []
     kinds: Counter[str] = Counter()
     unclosed = 0
-    for key, geometry, role in _geometries(document):
+    for key, geometry, properties in _geometries(document):
         kind = str(geometry.get("type"))
-        found = _items(key, geometry, role)
+        names = tuple(str(value) for name, value in properties.items() if name.lower() in _NAMED_BY)
+        width: Any = properties.get("width")
+        wide = type(width) in (int, float) and width > 0.0
+        found = [
+            replace(item, names=names, width=float(width) if wide else None)
+            for item in _items(key, geometry, properties.get("role"))
+        ]
+        place: Any = geometry.get("coordinates")
+        if kind == "Point" and _is_position(place):
+            points.append(DrawnPoint(place=(float(place[0]), float(place[1])), names=names))
         kinds[kind] += 1
         rings = [ring.hull() for item in found if item.closed for ring in item.rings]
         unclosed += sum(bool((points[0] != points[-1]).any()) for points in rings)
@@ -121,7 +151,7 @@ def _drawing(document: dict[str, Any]) -> SourceDrawing:
     }
     if unclosed:
         facts["rings_closed"] = unclosed
-    return SourceDrawing(items=tuple(items), facts=facts, curved=False)
+    return SourceDrawing(items=tuple(items), points=tuple(points), facts=facts, curved=False)
 
 
 def _geometries(document: dict[str, Any]) -> Iterator[_Leaf]:
@@ -136,30 +166,31 @@ def _geometries(document: dict[str, Any]) -> Iterator[_Leaf]:
         if not isinstance(feature, dict):
             raise BadInputError(key, feature, "a GeoJSON Feature")
         if feature.get("type") != "Feature":
-            yield from _leaves(key, feature, None, 0)
+            yield from _leaves(key, feature, {}, 0)
             continue
         properties, geometry = feature.get("properties"), feature.get("geometry")
-        role = properties.get("role") if isinstance(properties, dict) else None
         if geometry is not None:
-            yield from _leaves(key, geometry, role if role in _ROLES else None, 0)
+            named = properties if isinstance(properties, dict) else {}
+            yield from _leaves(key, geometry, named, 0)
 
 
-def _leaves(key: str, geometry: object, role: object, depth: int) -> Iterator[_Leaf]:
+def _leaves(key: str, geometry: object, properties: dict[str, Any], depth: int) -> Iterator[_Leaf]:
     if not isinstance(geometry, dict) or depth > _DEEPEST:
         raise BadInputError(key, geometry, "a geometry with type and coordinates")
     kind, parts = geometry.get("type"), geometry.get("coordinates")
     if kind == "GeometryCollection":
         for index, part in enumerate(_list(key, geometry.get("geometries")), start=1):
-            yield from _leaves(f"{key} geometry {index}", part, role, depth + 1)
+            yield from _leaves(f"{key} geometry {index}", part, properties, depth + 1)
     elif isinstance(kind, str) and kind.startswith("Multi"):
         for index, part in enumerate(_list(key, parts), start=1):
             single = {"type": kind.removeprefix("Multi"), "coordinates": part}
-            yield f"{key} part {index}", single, role
+            yield f"{key} part {index}", single, properties
     else:
-        yield key, geometry, role
+        yield key, geometry, properties
 
 
 def _items(key: str, geometry: dict[str, Any], role: Any) -> list[DrawingItem]:  # noqa: ANN401  JSON
+    role = role if role in _ROLES else None
     kind, coordinates = geometry.get("type"), geometry.get("coordinates")
     if kind == "LineString":
         ring = _ring(key, coordinates)
@@ -186,16 +217,20 @@ def _ring(key: str, points: object) -> Ring | None:
     """Return a ring, None without positions."""
     positions = _list(key, points)
     for number, point in enumerate(positions, start=1):
-        if not (
-            isinstance(point, list)
-            and len(point) >= 2
-            and all(type(value) in (int, float) and abs(value) < 1e300 for value in point[:2])
-        ):
+        if not _is_position(point):
             raise BadInputError(f"{key} position {number}", point, "[x, y], finite numbers")
     if not positions:
         return None
     array = np.array([point[:2] for point in positions], dtype=np.float64)
     return Ring(pieces=(Straight(array),))
+
+
+def _is_position(point: Any) -> bool:  # noqa: ANN401  JSON
+    return (
+        isinstance(point, list)
+        and len(point) >= 2
+        and all(type(value) in (int, float) and abs(value) < 1e300 for value in point[:2])
+    )
 
 
 def _list(key: str, value: object) -> list[Any]:

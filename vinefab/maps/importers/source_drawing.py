@@ -152,6 +152,10 @@ class Ring:
 class DrawingItem(Drawn[Ring]):
     """A `DrawnShape` whose curves are still curves."""
 
+    names: tuple[str, ...] = ()  # layer, groups or feature that it stands in, and its own
+    width: float | None = None  # of a line that has one, in units of the source
+    unjoined: bool = False  # whether the line ends apart, though its fill counts as closed
+
     def flat(self, tolerance: float) -> DrawnShape:
         """Return it with chords for curves, within a tolerance in units of the source."""
         try:
@@ -163,8 +167,16 @@ class DrawingItem(Drawn[Ring]):
             raise error.under(self.where) from None
         if not all(np.isfinite(ring).all() for ring in (*rings, *holes)):
             raise UnfitInputError(self.where, "a curve is not finite", "draw it anew")
-        same = {one.name: getattr(self, one.name) for one in fields(self)}
+        same = {one.name: getattr(self, one.name) for one in fields(Drawn)}
         return DrawnShape(**same | {"rings": rings, "holes": holes})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnPoint:
+    """A point of a drawing; maps leave it out."""
+
+    place: tuple[float, float]  # in units of the source
+    names: tuple[str, ...]  # layer or feature that it stands in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,6 +184,7 @@ class SourceDrawing:
     """The content of a drawing file."""
 
     items: tuple[DrawingItem, ...]  # what can be walls
+    points: tuple[DrawnPoint, ...] = ()
     mm_per_unit: float = 1.0  # as the file says, or assumed
     down: bool = False  # whether y points down
     origin: tuple[float, float] = (0.0, 0.0)  # position in the file that becomes the map's origin
@@ -185,6 +198,7 @@ class DrawingReader:
     """What a reader of drawings was asked for, read and left out."""
 
     layers: frozenset[str]  # to read; empty for all
+    points: list[DrawnPoint] = field(default_factory=list)
     read: Counter[str] = field(default_factory=Counter)  # by kind
     ignored: Counter[str] = field(default_factory=Counter)  # by reason or kind
 

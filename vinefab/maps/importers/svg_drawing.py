@@ -36,6 +36,9 @@ from vinefab.maps.importers.source_drawing import (
 from vinefab.model.files.shipped import read_bytes
 from vinefab.model.map import Map
 
+WIDTH_ATTRIBUTE = "data-width"
+"""Of a line of a skeleton: its lay-flat width in user units; strokes are for the eye."""
+
 LARGEST_NUMBER = 1e12
 """Of a coordinate, length or factor: products of a few stay finite, and no drawing needs more."""
 
@@ -422,20 +425,39 @@ def import_svg(path: Path, options: ImportOptions) -> Map:
     are walls of that thickness, filled ones outlines. The lower left corner of the page is the
     map's origin.
     """
+    drawing = _source(path, options, lines_only=False)
+    return replace(drawing_map(path, drawing, options), environment="svg")
+
+
+def svg_source(path: Path, options: ImportOptions) -> SourceDrawing:
+    """Return the lines of an SVG drawing in the groups that are asked for, curves as curves.
+
+    The background of the page is left out.
+    """
+    return _source(path, options, lines_only=True)
+
+
+def _source(path: Path, options: ImportOptions, *, lines_only: bool) -> SourceDrawing:
     root = read_nodes(path)
     # What overflows in nested transforms is found, and named, by `drawing_map`.
     try:
         with located(path), np.errstate(over="ignore", invalid="ignore"):
-            drawing = _drawing(root, options)
+            return _drawing(root, options, lines_only=lines_only)
     except RecursionError:
         raise UnreadableFileError(path, "has elements nested too deep") from None
-    return replace(drawing_map(path, drawing, options), environment="svg")
 
 
-def _drawing(root: Node, options: ImportOptions) -> SourceDrawing:
+def _drawing(root: Node, options: ImportOptions, *, lines_only: bool) -> SourceDrawing:
     box, mm_per_unit, units = page_frame(root)
     walls, free = options.wall_mm is not None, options.drawn == "free"
-    walk = _Walk(frozenset(options.layers), root=root, page=box, walls=walls, free=free)
+    walk = _Walk(
+        frozenset(options.layers),
+        root=root,
+        page=box,
+        walls=walls,
+        free=free,
+        lines_only=lines_only,
+    )
     items = walk.items()
     unknown = sorted(set(options.layers) - walk.names)
     if unknown:
@@ -462,6 +484,7 @@ class _Walk(DrawingReader):
     page: Floats = field(kw_only=True)
     walls: bool = field(kw_only=True)
     free: bool = field(kw_only=True)
+    lines_only: bool = field(kw_only=True)
     names: set[str] = field(default_factory=set)
     drawn_in: set[tuple[str, ...]] = field(default_factory=set)  # groups of the elements read
     by_id: dict[str, Node] = field(default_factory=dict)
@@ -479,6 +502,8 @@ class _Walk(DrawingReader):
                 self.styles |= _rules(node.text)
         place = _Place(IDENTITY, (), filled=True)
         found = [item for node in self.root.children for item in self._items(node, place)]
+        if self.lines_only:
+            return [item for item in found if not any(item is page for page in self.backgrounds)]
         return self._without_backgrounds(found)
 
     def _items(self, node: Node, place: _Place) -> Iterator[DrawingItem]:
@@ -556,6 +581,11 @@ class _Walk(DrawingReader):
             return
         self.read[node.tag] += 1
         self.drawn_in.add(place.layers)
+        own = [node.attributes[key] for key in ("id", "label") if key in node.attributes]
+        width = 0.0
+        if self.lines_only:
+            stretch = math.sqrt(abs(float(np.linalg.det(place.matrix[:, :2]))))
+            width = length_px(node, WIDTH_ATTRIBUTE) * stretch
         for run in svg_outlines(node):
             pieces = tuple(_moved(piece, place.matrix) for piece in run.pieces)
             ring = Ring(pieces=pieces)
@@ -568,6 +598,9 @@ class _Walk(DrawingReader):
                 role="obstacle" if self.walls and fills else None,
                 paint=self.seen if fills else None,
                 even_odd=place.even_odd,
+                names=(*place.layers, *own),
+                width=width or None,
+                unjoined=not run.closed,
             )
             if fills and style.get("stroke", "none") == "none" and self._is_page(ring):
                 self.backgrounds.append(item)

@@ -173,7 +173,7 @@ def _of_skeleton(
     scale_mm_per_unit: float | None,
     layers: tuple[str, ...],
 ) -> tuple[Design, tuple[str, ...]]:
-    """Return the design that the lines in a file draw, and what was read, as a line."""
+    """Return the design that the lines in a file draw, and a line about the drawing."""
     from vinefab.core.errors import located
     from vinefab.core.plain_text import counted
     from vinefab.maps.importers.skeleton_lines import read_skeleton

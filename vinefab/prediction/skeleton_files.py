@@ -101,7 +101,7 @@ class Skeleton(Result):
         return float(sum(np.hypot(*step.T).sum() for step in steps))
 
     def view(self) -> Iterator[Block]:
-        """Yield its branches in words, and a picture."""
+        """Yield how many branches there are, and a picture."""
         yield Answer(
             f"{self.design} {self.where} from {self.pose.text}: "
             f"{counted(len(self.branches), 'branch')}, {self.length_mm:.1f} mm"

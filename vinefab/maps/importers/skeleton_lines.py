@@ -104,7 +104,7 @@ def read_skeleton(
     Raises
     ------
     BadInputError
-        If something in the file is no line; it is named.
+        If something in the file cannot be a line; it is named.
     UnreadableFileError
         If there is no such file, it cannot be read, or not in a bounded time and memory.
     """

@@ -11,9 +11,11 @@ from shapely import affinity
 import vinefab as vf
 from tests.growth.test_bends import random_bent_tree
 from tests.outline.free_trees import random_free_tree
+from vinefab.fabrication.package.prepare import pressure_section
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.laser import read_profile
 from vinefab.outline.body_outline import body_outline
+from vinefab.prediction.pressure_window import window_over
 
 RECIPE = "co2_60w__stretchlon_200"
 ROUNDING_MM = 1e-9
@@ -208,3 +210,60 @@ def test_bends_of_0_degrees_change_no_byte_of_a_package(tmp_path):
         if name not in OF_FORM:
             one, two = (Path(tmp_path / form / name) for form in ("straight", "bent"))
             assert one.read_bytes() == two.read_bytes(), name
+
+
+# --- Own widths and pouches ----------------------------------------------------------------------
+
+
+def own_widths(pouch_mm=18.0):
+    """A robot whose branches have widths and a pouch that no level has."""
+    disc = vf.Pouch(shape="round", radius_mm=pouch_mm / 2.0)
+    return vf.Design.of_branches(
+        [
+            vf.Branch(name="left", angle_deg=60.0, length_mm=600.0, width_mm=22.0),
+            vf.Branch(name="right", angle_deg=-50.0, length_mm=150.0),
+            vf.Branch(name="tip", of="left", angle_deg=30.0, length_mm=300.0, width_mm=10.0),
+            vf.Branch(name="end", of="left", angle_deg=-30.0, length_mm=300.0, width_mm=8.0,
+                      pouch=disc),
+        ],
+        trunk_length_mm=200.0,
+        build=vf.Build(trunk_width_mm=40.0),
+    )  # fmt: skip
+
+
+def test_tables_of_widths_have_those_of_the_branches():
+    design, profile = own_widths(), read_profile(RECIPE)
+    widths = [40.0, 24.0, 22.0, 8.0, 10.0]
+    assert [one.width_mm for one in design.tubes] == widths
+    names = ["trunk", "branch right", "branch left", "branch end", "branch tip"]
+    assert [one.name for one in design.tubes] == names
+    inflated = vf.inflate(design, RECIPE).numbers["tubes"]
+    assert [one["branches"] for one in inflated] == names
+    assert [one["flat_mm"] for one in inflated] == widths
+    window = window_over(design, profile, np.array([5.0]), np.array([9.0]))
+    found = [(one.name, one.width_mm) for one in window.levels]
+    assert found == [*zip(names, widths, strict=True), ("pouch", 18.0)]
+    (table,) = pressure_section(design, profile).tables
+    assert [row[:2] for row in table.rows] == [
+        (name, f"{width:.2f}") for name, width in zip(names, widths, strict=True)
+    ]
+    levels = vf.Design.read("three_level_tree")
+    assert [row[0] for row in pressure_section(levels, profile).tables[0].rows] == ["1", "2", "3"]
+
+
+def test_a_pressure_window_of_many_widths_has_the_widest():
+    branches = [
+        vf.Branch(name=f"b{n}", angle_deg=4.0 * n - 80, length_mm=90.0, width_mm=5.0 + 0.1 * n)
+        for n in range(40)
+    ]
+    many = vf.Design.of_branches(branches, trunk_length_mm=100.0)
+    window = window_over(many, read_profile(RECIPE), np.array([5.0]), np.array([9.0]))
+    widths = [one.width_mm for one in window.levels]
+    assert len(widths) == 12
+    assert widths == pytest.approx([40.0, *(5.0 + 0.1 * n for n in range(29, 40))])
+
+
+def test_a_pouch_of_one_branch_is_checked_as_those_of_all_are():
+    found = vf.check(own_widths(7.0), RECIPE).findings
+    (small,) = [one for one in found if "no wider than its branch" in one.message]
+    assert (small.measured, small.limit, small.branches) == (7.0, 8.0, ("0.1.0",))

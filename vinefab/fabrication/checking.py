@@ -61,7 +61,7 @@ def corridors_in(
     name
         What it is called; the map's name if empty.
     """
-    bodies_mm = [inflated_diameter_mm(width) / scale for width in design.build.widths_mm]
+    bodies_mm = [inflated_diameter_mm(one.width_mm) / scale for one in design.tubes]
     starts_mm = [(start.pose.x_mm, start.pose.y_mm) for start in world.starts]
     # Most corridors of a map that are checked for the widest branch, narrowest first.
     most_corridors = 50

@@ -17,6 +17,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
 
+import numpy as np
 import tomli_w
 from annotated_types import Interval, Unit
 from numpy.typing import ArrayLike
@@ -29,7 +30,7 @@ from vinefab.core.errors import BadInputError, UnknownNameError, inside, located
 from vinefab.core.front_door import ABOVE
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import file_number, rad
-from vinefab.core.plain_text import GENERATOR, counted
+from vinefab.core.plain_text import GENERATOR, agreeing, counted, some_of
 from vinefab.core.table import DeclaredKey, Slider, Table, validated
 from vinefab.core.validation import LARGEST_MM, SMALLEST, check_plain, number, whole
 from vinefab.model.files.shipped import locate, path_given
@@ -833,6 +834,61 @@ class Design(Table):
             return ()
         return (TRUNK, *(branch.name for branch in self._in_order))
 
+    def words(self, rows: Sequence[int]) -> str:
+        """Return what people call some branches: their level where the design has levels."""
+        if self.branches is None:
+            return f"level {int(self.tree.level[rows[0]])}"
+        names = some_of([self.names[row] for row in rows], 3)
+        return f"{agreeing(len(rows), 'branch', 'branches')} {names}"
+
+    def alike(self, *columns: ArrayLike) -> list[list[int]]:
+        """Return the rows of the branches by level and values, those that are alike together."""
+        found: dict[tuple[float, ...], list[int]] = {}
+        values = (np.asarray(one).tolist() for one in columns)
+        for row, kind in enumerate(zip(self.tree.level.tolist(), *values, strict=True)):
+            found.setdefault(kind, []).append(row)
+        return list(found.values())
+
+    @property
+    def tubes(self) -> "tuple[Tubes, ...]":
+        """The branches of each level and lay-flat width, in the tree's order.
+
+        Examples
+        --------
+        >>> [(one.name, one.width_mm) for one in Design.read("three_level_tree").tubes]
+        [('trunk', 40.0), ('level 2', 24.0), ('level 3', 14.4)]
+        """
+        tree = self.tree
+        return tuple(
+            Tubes(
+                name=self.words(rows) if rows[0] else TRUNK,
+                level=int(tree.level[rows[0]]),
+                width_mm=float(tree.width_mm[rows[0]]),
+                rows=tuple(rows),
+            )
+            for rows in self.alike(tree.width_mm)
+        )
+
+    @property
+    def idle_values(self) -> tuple[str, ...]:
+        """Values in its file that change nothing, a clause each."""
+        return tuple(
+            f"level {number} has one child per branch, which grows straight on: its angle_deg of "
+            f"{math.degrees(level.fan_rad):g} changes nothing"
+            for number, level in enumerate(self.levels, start=2)
+            if level.branches == 1 and level.fan_rad > 0.0
+        )
+
+    @property
+    def written(self) -> dict[str, Any]:
+        """Its skeleton as plain values, by levels or branch by branch, as in its file."""
+        keys = ("branches", "length_mm", "angle_deg", "growth_percent")
+        levels = [{key: getattr(one, key) for key in keys} for one in self.levels]
+        named = (
+            {} if self.branches is None else {"branches": [one.content for one in self.branches]}
+        )
+        return {"trunk_length_mm": self.trunk_length_mm, "levels": levels, **named}
+
     @cached_property
     def pouches(self) -> tuple[Pouch | None, ...]:
         """The pouch at the tip of each branch, in the tree's order; None where there is none."""
@@ -1267,6 +1323,16 @@ def design_of(content: Mapping[str, Any], source: str | Path) -> Design:
     with located(source):
         check_plain({"origin": dict(design.origin)})
     return design
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tubes:
+    """Branches of one level and one lay-flat width."""
+
+    name: str  # for people: `trunk`, `level 2`, or the names of the branches
+    level: int
+    width_mm: float  # lay-flat, where they begin
+    rows: tuple[int, ...]  # of the design's tree
 
 
 T = TypeVar("T", Trunk, Level, Branch)

@@ -329,13 +329,15 @@ class InflatedDesign(Result):
         )
 
     def _tubes(self) -> Rows:
-        """Return strain, diameter and growth in length of each level's straight tubes."""
-        design, film, rows = self.design, self.profile.material, []
-        for level, width_mm in enumerate(design.build.widths_mm, start=1):
+        """Return strain, diameter and growth in length of straight tubes, by level and width."""
+        design, film, rows = self.design, self.profile.material, list[tuple[Value, ...]]()
+        by_level = design.branches is None
+        for one in design.tubes:
+            width_mm = one.width_mm
             around = tube_stretch(strain_of(design, film, width_mm))[0]
             rows.append(
                 (
-                    level,
+                    one.level if by_level else one.name,
                     Number(width_mm, form=".1f"),
                     Number(_strain(design, film, width_mm), "%", ".1f", per=0.01, decimals=4),
                     Number(2.0 * width_mm * around / np.pi, form=".1f", decimals=3),
@@ -343,14 +345,14 @@ class InflatedDesign(Result):
                            decimals=4),
                 )
             )  # fmt: skip
-        modulus = film.modulus_mpa
+        modulus, kind = film.modulus_mpa, "level" if by_level else "branches"
         return Rows(
             caption=f"Straight tubes: hoop strain p W / (pi E t) with E {modulus.value:g} MPa "
             f"({modulus.standing}), and its effect on the film (computed)",
-            headings=("level", "flat mm", "hoop strain", "diameter mm", "longer by"),
+            headings=(kind, "flat mm", "hoop strain", "diameter mm", "longer by"),
             rows=tuple(rows),
             key="tubes",
-            keys=("level", "flat_mm", "hoop_strain", "diameter_mm", "longer_by"),
+            keys=(kind, "flat_mm", "hoop_strain", "diameter_mm", "longer_by"),
         )
 
     def _tips(self) -> list[tuple[str, tuple[float, ...]]]:

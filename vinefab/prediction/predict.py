@@ -686,7 +686,7 @@ def cautions(
 
 
 def span_notes(prepared: Prepared) -> list[str]:
-    """Return which levels have branches that fold under their own weight where nothing holds them.
+    """Return which branches fold under their own weight where nothing holds them, by their width.
 
     Branches that lie on a floor, or on obstacles, do not.
     """
@@ -694,15 +694,18 @@ def span_notes(prepared: Prepared) -> list[str]:
     build, notes = design.build, list[str]()
     if build.pressure_kpa <= 0.0:
         return notes
-    tree = design.tree
-    for level, width_mm in enumerate(build.widths_mm, start=1):
+    for tubes in design.tubes:
         span_mm = self_weight_span_mm(
-            build.pressure_kpa, width_mm, film.ply_mm.value, film.density_kg_m3.value
+            build.pressure_kpa, tubes.width_mm, film.ply_mm.value, film.density_kg_m3.value
         )
-        longest_mm = float(tree.length_mm[tree.level == level].max(initial=0.0))
-        if longest_mm > span_mm:
+        rows = [row for row in tubes.rows if design.tree.length_mm[row] > span_mm]
+        if rows:
+            longest_mm = float(design.tree.length_mm[rows].max())
+            of_level = design.branches is None
+            words = f"branches of level {tubes.level}" if of_level else design.words(rows)
+            verb = "are" if of_level or len(rows) > 1 else "is"
             notes.append(
-                f"Self-weight: branches of level {level} are up to {longest_mm:.0f} mm long; from "
+                f"Self-weight: {words} {verb} up to {longest_mm:.0f} mm long; from "
                 f"about {span_mm:.0f} mm without support they fold at {build.pressure_kpa:g} kPa "
                 f"(computed; density of the film {film.density_kg_m3.standing})."
             )

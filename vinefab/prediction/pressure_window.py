@@ -76,7 +76,7 @@ class PressureWindow:
     loose: Need
     tight: Need
     working_kpa: float  # the design's working pressure
-    levels: tuple[LevelPressure, ...]  # limits of each width, trunk first, pouches last
+    levels: tuple[LevelPressure, ...]  # limits of the widest, trunk first, pouches last
     safety_factor: float  # burst over allowed pressure
     standing: Standing  # of burst pressures
 
@@ -174,14 +174,14 @@ def window_over(
     factor = RULES["VF-P01"].limits["safety_factor"]
     film, build = profile.material, design.build
     stands_n_mm = seam_load_n_mm(film.seam)
-    parts = [
-        ("trunk" if level == 1 else f"level {level}", level, width_mm)
-        for level, width_mm in enumerate(build.widths_mm, start=1)
-    ]
-    if build.pouch is not None:
-        parts.append(("pouch", len(parts) + 1, build.pouch.flat_width_mm))
+    parts = [(one.name, one.level, one.width_mm) for one in design.tubes]
+    pouches = {pouch.flat_width_mm for pouch in design.pouches if pouch is not None}
+    parts += [("pouch", design.depth + 1, width_mm) for width_mm in sorted(pouches, reverse=True)]
+    # A robot of many widths is told by the widest ones: these stand the least.
+    most_parts = 12
+    widest = sorted(parts, key=lambda part: -part[2])[:most_parts]
     found = []
-    for name, level, width_mm in parts:
+    for name, level, width_mm in (part for part in parts if part in widest):
         burst_kpa = burst_pressure_kpa(width_mm, stands_n_mm)
         strain = hoop_strain(
             build.pressure_kpa, width_mm, film.ply_mm.value, film.modulus_mpa.value

@@ -348,21 +348,7 @@ def job_text(
     content: dict[str, object] = {
         "design": {
             "name": design.name,
-            "trunk_length_mm": design.trunk_length_mm,
-            "levels": [
-                {
-                    "branches": level.branches,
-                    "length_mm": level.length_mm,
-                    "angle_deg": level.angle_deg,
-                    "growth_percent": level.growth_percent,
-                }
-                for level in design.levels
-            ],
-            **(
-                {"branches": [branch.content for branch in design.branches]}
-                if design.branches is not None
-                else {}
-            ),
+            **design.written,
             "build": {
                 "widths_mm": list(build.widths_mm),
                 "end_widths_mm": list(build.end_widths_mm),

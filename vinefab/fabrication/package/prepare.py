@@ -397,13 +397,14 @@ def making_facts(prepared: Prepared) -> tuple[Fact, ...]:
 def design_facts(prepared: Prepared) -> tuple[Fact, ...]:
     """Return name and value of a design's key facts."""
     design, profile = prepared.design, prepared.profile
-    tree = design.tree
+    tree, most_widths = design.tree, 8
+    widths = [one.width_mm for one in design.tubes]
     return (
         Fact("branches", f"{len(tree)} on {counted(design.depth, 'level')}"),
         Fact("film in branches", f"{tree.total_length_mm / 1000:.3f} m (planned)"),
         Fact(
             "widths, lay-flat",
-            ", ".join(f"{width:.1f}" for width in design.build.widths_mm) + " mm",
+            some_of([f"{width:.1f}" for width in widths], most_widths) + " mm",
         ),
         Fact("working pressure", f"{design.build.pressure_kpa:g} kPa (design)"),
         Fact("machine", profile.machine.title),
@@ -508,11 +509,13 @@ def pattern_section(pattern: Pattern) -> Section:
 
 
 def pressure_section(design: Design, profile: LaserProfile) -> Section:
-    """Return the pressure that each level stands, with the standing of its source."""
+    """Return the pressure that each width stands, with the standing of its source."""
     film, build = profile.material, design.build
     allowed = seam_load_n_mm(film.seam)
     rows = []
-    for level, width_mm in enumerate(build.widths_mm, start=1):
+    by_level = design.branches is None
+    for one in design.tubes:
+        width_mm = one.width_mm
         strain = hoop_strain(
             build.pressure_kpa, width_mm, film.ply_mm.value, film.modulus_mpa.value
         )
@@ -522,13 +525,13 @@ def pressure_section(design: Design, profile: LaserProfile) -> Section:
             f"{burst_pressure_kpa(width_mm, allowed):.1f}",
             f"{100 * strain:.0f} %",
         )
-        rows.append((str(level), *cells))
+        rows.append((str(one.level) if by_level else one.name, *cells))
     table = Rows(
         caption=f"At the working pressure of {build.pressure_kpa:g} kPa; what seams stand rests on "
         f"one test: {film.seam.words()}. Strain rests on a modulus of "
         f"{film.modulus_mpa.value:g} MPa ({film.modulus_mpa.standing})",
         headings=(
-            "level",
+            "level" if by_level else "branches",
             "lay-flat mm",
             "inflated mm",
             "seam stands kPa",

@@ -372,8 +372,10 @@ def check_corridors(subject: RigSubject, limits: Limits) -> RuleApplied:
     design = needed(subject.design, f"needs a design (--design), {why}")
     corridors = needed(subject.corridors or None, f"needs a map or a rig (--map), {why}")
     violations = []
-    levels = list(enumerate(map(inflated_diameter_mm, design.build.widths_mm), start=1))
-    for place, (level, diameter_mm) in product(corridors, levels):
+    for place, tubes in product(corridors, design.tubes):
+        words, diameter_mm = design.words(tubes.rows), inflated_diameter_mm(tubes.width_mm)
+        one = len(tubes.rows) == 1 or design.branches is None
+        inflate = "inflates" if one else "inflate"
         # A dead end with less free area than the branch's cross-section is a notch.
         usable = [one for one in place.corridors if one.dead_end_mm >= diameter_mm]
         narrow = [one for one in usable if limits.least(one.width_mm / diameter_mm)]
@@ -387,10 +389,10 @@ def check_corridors(subject: RigSubject, limits: Limits) -> RuleApplied:
                 broken,
                 measured=least.width_mm,
                 limit=broken.limit * diameter_mm,
-                message=f"level {level} inflates to {diameter_mm:.1f} mm: {every} of the "
+                message=f"{words} {inflate} to {diameter_mm:.1f} mm: {every} of the "
                 f"{len(usable)} narrowest corridors of {place.name} are narrower, the least at "
                 f"({least.x_mm:.1f}, {least.y_mm:.1f}) mm: narrow the tubes, or scale up the map",
-                aspect=f"{place.name} level {level}",
+                aspect=f"{place.name} {words}",
             )
         )
     return RuleApplied(

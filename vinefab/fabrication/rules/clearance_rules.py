@@ -29,7 +29,7 @@ from vinefab.fabrication.rules.spacing import (
     spacing,
 )
 from vinefab.inflation.pattern import joint_families
-from vinefab.model.design import Design
+from vinefab.model.design import Design, Pouch
 from vinefab.model.finding import Severity
 from vinefab.model.outline import Part, Segment
 from vinefab.model.tree import (
@@ -340,27 +340,31 @@ def check_pouch(subject: Subject, limits: Limits) -> RuleApplied:
 
     Their clearance to all other branches is VF-C01's and VF-T03's business, as for any branch.
     """
-    pouch = subject.design.build.pouch
-    if pouch is None:
+    pouches, end_width_mm = subject.layout.pouches, subject.layout.end_width_mm.tolist()
+    by_kind: dict[tuple[Pouch, float], list[int]] = {}
+    for row, pouch in enumerate(pouches):
+        if pouch is not None:
+            by_kind.setdefault((pouch, end_width_mm[row]), []).append(row)
+    if not by_kind:
         return RuleApplied(checked=0)
     found, _ = _film_left(subject, limits)
     near = _gap_violations(subject, limits, found, found.joined & found.pouch)
     violations = (*_confirmed(subject, limits, near),)
-    width_mm = subject.design.build.end_widths_mm[-1]
-    leaves = np.flatnonzero(subject.layout.is_leaf).tolist()
-    sizes = []
-    if pouch.length_mm is not None and pouch.length_mm < width_mm:
-        fault = "shorter than its branch is wide: lengthen"
-        sizes.append(("length", pouch.length_mm, fault))
-    if pouch.flat_width_mm <= width_mm:
-        sizes.append(("width", pouch.flat_width_mm, "no wider than its branch: widen"))
-    for aspect, size_mm, fault in sizes:
-        message = f"the pouch is {fault} it or leave it out"
-        small = Violation(limit=width_mm, measured=size_mm)
-        one = small.on(subject, leaves[:1], message, at=1.0, marked=leaves, aspect=aspect)
-        violations = (one, *violations)
+    for (pouch, width_mm), leaves in by_kind.items():
+        sizes = []
+        if pouch.length_mm is not None and pouch.length_mm < width_mm:
+            fault = "shorter than its branch is wide: lengthen"
+            sizes.append(("length", pouch.length_mm, fault))
+        if pouch.flat_width_mm <= width_mm:
+            sizes.append(("width", pouch.flat_width_mm, "no wider than its branch: widen"))
+        for aspect, size_mm, fault in sizes:
+            message = f"the pouch is {fault} it or leave it out"
+            small = Violation(limit=width_mm, measured=size_mm)
+            one = small.on(subject, leaves[:1], message, at=1.0, marked=leaves, aspect=aspect)
+            violations = (one, *violations)
     more = outline_violations(subject, ProblemKind.POUCH_WIDTH, known=violations)
-    return RuleApplied(checked=len(leaves), violations=(*violations, *more))
+    checked = sum(pouch is not None for pouch in pouches)
+    return RuleApplied(checked=checked, violations=(*violations, *more))
 
 
 def _confirmed(
@@ -474,16 +478,10 @@ def check_angle(subject: Subject, limits: Limits) -> RuleApplied:
                 if 0 in (gap.first.owner, gap.second.owner):
                     predicate = "almost folded onto its parent: narrow the fan"
                 violations.append(_violation(subject, joint, gap, predicate, broken))
-    alone = [
-        f"level {number} has one child per branch, which grows straight on: its angle_deg of "
-        f"{math.degrees(level.fan_rad):g} changes nothing"
-        for number, level in enumerate(subject.design.levels, start=2)
-        if level.branches == 1 and level.fan_rad > 0.0
-    ]
     return RuleApplied(
         checked=sum(len(joint.gaps) for joint in joints),
         violations=tuple(violations),
-        note="; ".join(alone),
+        note="; ".join(subject.design.idle_values),
     )
 
 

@@ -15,7 +15,6 @@ import shapely
 from vinefab.core.errors import BadInputError
 from vinefab.core.foreign import broken, calling, is_own
 from vinefab.core.frozen import FrozenMapping
-from vinefab.core.plain_text import agreeing, some_of
 from vinefab.core.validation import LARGEST_MM, Floats, number
 from vinefab.core.view import Answer, Block, Data, Fact, Facts, Notes, Result
 from vinefab.fabrication.job.laser_job import check_size, laser_job
@@ -163,18 +162,11 @@ class Subject(RigSubject):
 
     def words(self, branches: Sequence[int]) -> str:
         """Return what people call some branches: their level where the design has levels."""
-        if self.design.branches is None:
-            return f"level {int(self.design.tree.level[branches[0]])}"
-        names = some_of([self.design.names[branch] for branch in branches], 3)
-        return f"{agreeing(len(branches), 'branch', 'branches')} {names}"
+        return self.design.words(branches)
 
     def alike(self, *columns: Floats) -> list[list[int]]:
         """Return the branches by level and values, those that are alike together."""
-        found: dict[tuple[float, ...], list[int]] = {}
-        rows = zip(self.design.tree.level.tolist(), *(one.tolist() for one in columns), strict=True)
-        for branch, kind in enumerate(rows):
-            found.setdefault(kind, []).append(branch)
-        return list(found.values())
+        return self.design.alike(*columns)
 
     @property
     def taken_mm(self) -> float:

@@ -99,6 +99,7 @@ class _Nothing:
 
     class tree:  # noqa: N801
         level = np.zeros(1, dtype=int)
+        width_mm = np.zeros(1)
 
     deployed = np.zeros(1, dtype=bool)
 

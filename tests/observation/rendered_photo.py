@@ -166,23 +166,23 @@ class Scene(Raster):
     def __init__(self, world, deployment, build, look):
         super().__init__(world, RIM_MM)
         self.world, self.deployment, self.build, self.look = world, deployment, build, look
-        self.tubes = [
-            self._tube(level) for level in range(1, int(self.deployment.tree.level.max()) + 1)
-        ]
+        tree = self.deployment.tree
+        # Branches of one width, from the trunk outwards: what is drawn later lies above.
+        kinds = sorted(set(zip(tree.level.tolist(), tree.width_mm.tolist(), strict=True)))
+        self.tubes = [self._tube(level, width_mm) for level, width_mm in kinds]
         self.height = np.where(self.block, self.look.height_mm, 0.0)
         for radius, away, _ in self.tubes:
             inside = away < radius
             top = radius + np.sqrt(np.maximum(radius**2 - np.minimum(away, radius) ** 2, 0.0))
             self.height = np.where(inside & ~self.block, np.maximum(self.height, top), self.height)
 
-    def _tube(self, level):
-        """Return a level's radius, the distance from its lines and the way to them."""
-        radius = inflated_radius_mm(self.build.widths_mm[level - 1])
+    def _tube(self, level, width_mm):
+        """Return the radius of branches, the distance from their lines and the way to them."""
+        radius, tree = inflated_radius_mm(width_mm), self.deployment.tree
         away = np.full(self.shape, 1e6)
         to = np.zeros((*self.shape, 2))
-        for branch in np.flatnonzero(
-            (self.deployment.tree.level == level) & self.deployment.deployed
-        ):
+        alike = (tree.level == level) & (tree.width_mm == width_mm)
+        for branch in np.flatnonzero(alike & self.deployment.deployed):
             chain = self.deployment.chain_mm(branch)
             for a, b in itertools.pairwise(chain):
                 self._draw(a, b, radius + 2.0, away, to)

@@ -147,6 +147,11 @@ class BranchTree:
                 used[parent] += 1
         return tuple(names)
 
+    def bends_of(self, row: int) -> list[tuple[float, float]]:
+        """Return the bends of one branch: mm from its base, and turn in radians."""
+        own = self.bend_branch == row
+        return list(zip(self.bend_mm[own].tolist(), self.bend_rad[own].tolist(), strict=True))
+
     @property
     def is_bent(self) -> NDArray[np.bool_]:
         """Whether each row of a straight tree continues behind a bend, shape (n,)."""

@@ -112,38 +112,54 @@ class _Met(NamedTuple):
 
 
 def _grown_alone(
-    walls: WallArrays, rules: Rules, start: Launch, length_mm: float
+    walls: WallArrays,
+    rules: Rules,
+    start: Launch,
+    length_mm: float,
+    bends: Sequence[tuple[float, float]],
 ) -> tuple[Growth, list[_Met]]:
-    """Return the growth of one branch that no pressure stops, and where its tip met walls."""
+    """Return the growth of one branch that no pressure stops, and where its tip met walls.
+
+    Each straight part between bends is a branch of the growth.
+    """
     kernel = rebindable(KERNEL)
     meet, room = kernel["_meet"], 64
+    bends = [bend for bend in bends if bend[0] < length_mm]
+    count = len(bends) + 1
+    turn_rad = np.array([0.0, *(turn for _, turn in bends)])
     tree = TreesArrays(
-        parent=np.array([-1]),
-        turn=np.array([[1.0, 0.0]]),
-        length=np.array([length_mm]),
-        first=np.array([0, 1]),
-        limit=np.array([np.inf]),
-        store=np.zeros(1),
+        parent=np.arange(-1, count - 1),
+        turn=np.column_stack([np.cos(turn_rad), np.sin(turn_rad)]),
+        length=np.diff([0.0, *(at_mm for at_mm, _ in bends), length_mm]),
+        first=np.array([0, count]),
+        limit=np.full(count, np.inf),
+        store=np.zeros(count),
     )
-    fits = np.array([True])
+    fits = np.ones(count, dtype=np.bool_)
     while True:
-        growth, met = Growth.empty(1, room), list[_Met]()
+        growth, met = Growth.empty(count, room), list[_Met]()
 
         def note(walls: Any, rules: Any, tip: Any, wall: int, place: float) -> Any:  # noqa: ANN401  as the kernel
             x, y, tangent_x, tangent_y, _ = walls.wall[wall].tolist()
             spot = np.array([x + place * tangent_x, y + place * tangent_y])
-            chain = np.vstack([growth.points[: tip.pivot + 1], spot])  # noqa: B023  called at once
+            chain = np.vstack([_without_repeats(growth.points[: tip.pivot + 1]), spot])  # noqa: B023  called at once
             along = abs(tip.ux * tangent_x + tip.uy * tangent_y)
             against = tip.ux * tangent_y - tip.uy * tangent_x
-            front = growth.chain_length[tip.pivot] + math.dist(*chain[-2:])  # noqa: B023
+            front = np.hypot(*np.diff(chain, axis=0).T).sum()
             met.append(_Met(chain, math.atan2(along, against), float(front)))  # noqa: B023
             return meet(walls, rules, tip, wall, place)
 
         kernel["_meet"] = note
         with np.errstate(all="ignore"):
-            if kernel["grow_branches"](walls, tree, fits, rules, start, growth, 0, 1) == 1:
+            if kernel["grow_branches"](walls, tree, fits, rules, start, growth, 0, count) == count:
                 return growth, met
         room *= 2
+
+
+def _without_repeats(chain_mm: Floats) -> Floats:
+    """Return a chain in which a bend, the end of one part and the base of the next, is once."""
+    new = (np.diff(chain_mm, axis=0) != 0.0).any(axis=1)
+    return chain_mm[np.append(True, new)] if len(chain_mm) > 2 else chain_mm
 
 
 @dataclass(slots=True, eq=False)
@@ -164,8 +180,15 @@ class Replays:
         length_mm: float,
         radius_mm: float,
         half_angle_rad: float = 0.0,
+        bends: Sequence[tuple[float, float]] = (),
     ) -> Replay | None:
-        """Return a branch grown alone; None where it has no room."""
+        """Return a branch grown alone; None where it has no room.
+
+        Parameters
+        ----------
+        bends
+            Its preformed bends: mm from its base, rising, and turns in radians.
+        """
         around = shapely.Point(base_mm).buffer(length_mm + 3.0 * radius_mm)
         kept = tuple(shape for shape in self.world.obstacles if shape.intersects(around))
         terrain = Terrain.of(Map(name="near", bounds=self.world.bounds, obstacles=kept))
@@ -181,7 +204,7 @@ class Replays:
         rules = rules_of(options, terrain.tolerance_mm)
         x_mm, y_mm = base_mm.tolist()
         start = (x_mm, y_mm, math.cos(heading_rad), math.sin(heading_rad))
-        growth, met = _grown_alone(terrain.walls(radius_mm), rules, start, length_mm)
+        growth, met = _grown_alone(terrain.walls(radius_mm), rules, start, length_mm, bends)
         names, shapes = list(self.walls), np.array(list(self.walls.values()), dtype=np.object_)
         tips = [shapely.Point(one.chain_mm[-1]) for one in met]
         meetings = tuple(
@@ -196,10 +219,11 @@ class Replays:
             )
             for one, tip in zip(met, tips, strict=True)
         )
-        if growth.stop[0] in (Stop.CORNER, Stop.HEAD_ON) and meetings:
+        out = int(np.flatnonzero(growth.stop != Stop.NOT_DEPLOYED)[-1])  # the last part that grew
+        if growth.stop[out] in (Stop.CORNER, Stop.HEAD_ON) and meetings:
             meetings = (*meetings[:-1], meetings[-1].changed(outcome="stopped"))
         return Replay(
-            chain_mm=growth.points[: growth.first_point[1]],
+            chain_mm=_without_repeats(growth.points[: growth.first_point[out + 1]]),
             meetings=meetings,
             chains_mm=tuple(one.chain_mm for one in met),
         )
@@ -233,6 +257,13 @@ class SeenBranch:
     radius_mm: float
     heading_rad: float  # launch heading by the parent's line
     heading_error_deg: float
+    bends: tuple[tuple[float, float], ...] = ()  # preformed: mm from its base, radians
+
+    @property
+    def straight_mm(self) -> float:
+        """Length of its end beyond its last preformed bend; infinite without one."""
+        before = [at_mm for at_mm, _ in self.bends if at_mm < self.length_mm]
+        return self.length_mm - max(before, default=-math.inf)
 
 
 def seen_meetings(replays: Replays, seen: SeenBranch) -> tuple[tuple[WallMeeting, ...], str]:
@@ -286,7 +317,7 @@ def _stop_at_wall(replays: Replays, seen: SeenBranch) -> tuple[WallMeeting, bool
     if short_mm <= max(SHORT_OF_LENGTH_MM, SHORT_OF_LENGTH_SHARE * seen.planned_mm):
         return None
     tip = seen.points_mm[-1]
-    heading, error = _tip_heading(seen.points_mm)
+    heading, error = _tip_heading(seen.points_mm, seen.straight_mm)
     near = list[tuple[float, float, float, str]]()  # angle, distance, direction, wall
     tip_at_wall_mm = 2.5  # A tip that stopped at a wall lies so near to it [assumed]
     for name, shape in replays.walls.items():
@@ -324,11 +355,18 @@ def _stop_at_wall(replays: Replays, seen: SeenBranch) -> tuple[WallMeeting, bool
     return meeting, is_corner
 
 
-def _tip_heading(line_mm: Floats) -> tuple[float, float]:
-    """Return the heading of a tip by the bend of its line's end, and its error in degrees."""
+def _tip_heading(line_mm: Floats, straight_mm: float) -> tuple[float, float]:
+    """Return the heading of a tip by the bend of its line's end, and its error in degrees.
+
+    Parameters
+    ----------
+    straight_mm
+        Length of the end beyond the last preformed bend.
+    """
     line = LineString(line_mm)
     headings = []
-    tip_length_mm = 40.0  # of the line by whose bend the heading of a tip is found
+    # Of the line by whose bend the heading of a tip is found; shorter ones tell nothing.
+    tip_length_mm = min(40.0, max(straight_mm, 10.0))
     for length in (tip_length_mm, tip_length_mm / 2.0):
         over = min(length, line.length)
         along = np.linspace(0.0, over, 25)
@@ -337,7 +375,7 @@ def _tip_heading(line_mm: Floats) -> tuple[float, float]:
         headings.append(math.atan2(-slopes[1], -slopes[0]))
     # A kink near the end bends the longer stretch otherwise than the shorter one.
     apart = deg(math.remainder(headings[0] - headings[1], math.tau))
-    short = max(1.0, tip_length_mm / max(1.0, line.length))
+    short = max(1.0, 40.0 / max(1.0, min(straight_mm, line.length)))
     # Standard error of the heading of a tip by its film [assumed, above what rendered photos show].
     tip_error_deg = 2.5
     return headings[0], min(30.0, math.hypot(tip_error_deg * short, 0.5 * apart))
@@ -359,7 +397,7 @@ def _best_replay(
     length = seen.length_mm + slack_mm * seen.ends_early
     for turn in _TURNS_DEG:
         heading = seen.heading_rad + rad(turn)
-        replay = replays.grown(seen.points_mm[0], heading, length, seen.radius_mm)
+        replay = replays.grown(seen.points_mm[0], heading, length, seen.radius_mm, bends=seen.bends)
         if replay is None:
             continue
         near = [
@@ -420,17 +458,9 @@ class BranchSight:
     doubts: tuple[str, ...]
 
 
-def branch_sights(
-    film: SeenFilm, traced: TracedTree, widths_mm: tuple[float, ...]
-) -> tuple[BranchSight, ...]:
-    """Return the visibility of each branch of a tree, parents before their children.
-
-    Parameters
-    ----------
-    widths_mm
-        Lay-flat widths of the levels.
-    """
-    looks = _Looks.of(film, traced, widths_mm)
+def branch_sights(film: SeenFilm, traced: TracedTree) -> tuple[BranchSight, ...]:
+    """Return the visibility of each branch of a tree, parents before their children."""
+    looks = _Looks.of(film, traced)
     sights = list[BranchSight]()
     for index, parent in enumerate(traced.tree.parent.tolist()):
         doubts = looks.doubts(index)
@@ -453,10 +483,10 @@ class _Looks:
     unexplained: NDArray[np.bool_]  # thick film that no line explains
 
     @classmethod
-    def of(cls, film: SeenFilm, traced: TracedTree, widths_mm: tuple[float, ...]) -> "_Looks":
+    def of(cls, film: SeenFilm, traced: TracedTree) -> "_Looks":
         radii, areas = [], []
-        for branch, level in zip(traced.branches, traced.tree.level.tolist(), strict=True):
-            nominal = inflated_radius_mm(widths_mm[level - 1])
+        for branch, width_mm in zip(traced.branches, traced.tree.width_mm.tolist(), strict=True):
+            nominal = inflated_radius_mm(width_mm)
             seen = 0.5 * branch.width_mm if np.isfinite(branch.width_mm) else nominal
             radii.append(max(nominal, seen))
             line = film.moved(branch.points_mm, nominal, film.sight.plane_mm)
@@ -811,7 +841,7 @@ def compare_with_prediction(
     prediction = grow_on(design, terrain, pose, choice.options)
     branches = list[ComparedBranch]()
     for index, sight in enumerate(sights):
-        seen = _compared(index, traced, design, prediction, choice.options, replays)
+        seen = _compared(index, traced, prediction, choice.options, replays)
         no_wall = [NO_WALL] * (seen.stop_observed == UNCLEAR)
         branches.append(replace(seen, sight=sight).in_doubt(*no_wall))
     # With less of the film in the lines, or of the lines on film, design and photo do not fit.
@@ -836,14 +866,13 @@ def compare_with_prediction(
 def _compared(
     index: int,
     traced: TracedTree,
-    design: Design,
     prediction: Deployment,
     options: GrowthOptions,
     replays: Replays,
 ) -> ComparedBranch:
     seen, tree = traced.branches[index], traced.tree
-    level = int(tree.level[index])
-    radius = inflated_radius_mm(design.build.widths_mm[level - 1])
+    bends = tree.bends_of(index)
+    radius = inflated_radius_mm(float(tree.width_mm[index]))
     parent, length_mm = int(tree.parent[index]), float(tree.length_mm[index])
     contacts: tuple[WallMeeting, ...] = ()
     stop = Stop.NOT_DEPLOYED.label
@@ -866,6 +895,7 @@ def _compared(
             radius_mm=radius,
             heading_rad=heading,
             heading_error_deg=min(error, 30.0),
+            bends=tuple(bends),
         )
         contacts, stop = seen_meetings(replays, known)
     chain = prediction.chain_mm(index)
@@ -876,12 +906,13 @@ def _compared(
         heading = prediction.pose.heading_rad
         if parent >= 0:
             heading = _last_heading(prediction.chain_mm(parent)) + float(tree.offset_rad[index])
-        replay = replays.grown(chain[0], heading, length_mm, radius, options.only_half_angle_rad)
+        angle_rad = options.only_half_angle_rad
+        replay = replays.grown(chain[0], heading, length_mm, radius, angle_rad, bends)
         grown_mm = float(prediction.grown_mm[index]) + 1e-6
         predicted = [one for one in replay.meetings if one.front_mm <= grown_mm] if replay else []
     return ComparedBranch(
         id=tree.ids[index],
-        level=level,
+        level=int(tree.level[index]),
         planned_mm=length_mm,
         predicted_mm=float(prediction.grown_mm[index]),
         predicted_points_mm=chain,

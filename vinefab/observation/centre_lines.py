@@ -23,7 +23,7 @@ from vinefab.core.validation import Floats
 from vinefab.growth.batch import grow_on
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.growth.terrain import Terrain
-from vinefab.model.design import Build, Design
+from vinefab.model.design import Build, Design, Trunk
 from vinefab.model.map import Map, Pose
 from vinefab.model.tree import BranchTree
 from vinefab.observation.film import SeenFilm
@@ -126,8 +126,7 @@ class _Tracing:
 
     def __post_init__(self) -> None:
         self.tree = self.design.tree
-        widths = self.design.build.widths_mm
-        self.radius_mm = [inflated_radius_mm(widths[level - 1]) for level in self.tree.level]
+        self.radius_mm = [inflated_radius_mm(width) for width in self.tree.width_mm.tolist()]
         nothing = np.zeros((0, 2))
         self.chains = [nothing] * len(self.tree)
         self.early = [False] * len(self.tree)
@@ -333,8 +332,7 @@ class _Tracing:
             part = _cut(chain, length)
             cells = self.coarse.tube(self.film, part, radius)
             # Film under other film is neither for nor against; deploying is the rule.
-            way = np.diff(part, axis=0)
-            turn = np.diff(np.unwrap(np.arctan2(way[:, 1], way[:, 0])))
+            turn = _unplanned_turns(part, self.tree.bends_of(branch), max(4.0, radius))
             bends_mm = float(np.where(np.abs(turn) > rad(_KINK_DEG), _KINK_MM, _BEND_MM).sum())
             worth = -cost - 2.0 * radius * bends_mm
             worth += 0.02 * 2.0 * radius * length
@@ -357,14 +355,28 @@ class _Tracing:
         if not shapely.contains_xy(free, *base):
             nearest = shapely.shortest_line(free, place)
             base = shapely.get_coordinates(nearest)[0]
+        width_mm = float(self.tree.width_mm[branch])
+        bends = tuple((at_mm, deg(turn)) for at_mm, turn in self.tree.bends_of(branch))
         alone = Design(
             name="alone",
-            trunk_length_mm=length,
-            build=Build(widths_mm=(radius * np.pi,), fillet_mm=(), pressure_kpa=0.0),
+            trunk=Trunk(length_mm=length, bends=bends or None),
+            build=Build(widths_mm=(width_mm,), fillet_mm=(), pressure_kpa=0.0),
         )
         launch = Pose(x_mm=float(base[0]), y_mm=float(base[1]), heading_rad=heading)
         options = GrowthOptions(head_on_half_angle_rad=half_angle, pressure_stop=False)
         return grow_on(alone, self.terrain, launch, options).chain_mm(0)
+
+
+def _unplanned_turns(chain: Floats, bends: list[tuple[float, float]], near_mm: float) -> Floats:
+    """Return the turns at a chain's corners, without what preformed bends near them account for."""
+    way = np.diff(chain, axis=0)
+    turn = np.diff(np.unwrap(np.arctan2(way[:, 1], way[:, 0])))
+    at_mm = np.cumsum(np.hypot(*way.T))[:-1]
+    for bend_mm, bend_rad in bends:
+        near = np.flatnonzero(np.abs(at_mm - bend_mm) < near_mm)
+        if len(near):
+            turn[near[np.argmin(np.abs(turn[near] - bend_rad))]] -= bend_rad
+    return np.asarray(turn)
 
 
 def is_early(length_mm: float, planned_mm: float) -> bool:

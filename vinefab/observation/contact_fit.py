@@ -370,9 +370,13 @@ def _nominal_mm(branch: TracedBranchForm, design: Design | None) -> float | None
     """Return the nominal inflated diameter of a branch, by the observation or by the design."""
     if branch.width_mm is not None:
         return branch.width_mm.nominal
-    if design is None or branch.level > len(design.build.widths_mm):
+    if design is None:
         return None
-    return inflated_diameter_mm(design.build.widths_mm[branch.level - 1])
+    tree = design.tree
+    alike = tree.level == branch.level  # of a design of levels; others have the branch's own width
+    if design.branches is not None:
+        alike = np.array([one == branch.id for one in tree.ids])
+    return inflated_diameter_mm(float(tree.width_mm[alike][0])) if alike.any() else None
 
 
 ANGLE_ERROR_DEG = 2.0

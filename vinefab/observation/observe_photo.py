@@ -635,7 +635,7 @@ def observe_photo(  # noqa: PLR0913
     """
     setup = setup or PhotoSetup()
     camera, by, spread = _camera(photo, world, setup)
-    widths = design.build.widths_mm
+    widths = design.tree.width_mm.tolist()
     plane = inflated_radius_mm(widths[0])
     left, low, right, top = world.bounds.bounds
     around_bounds_mm = 10.0  # of the plan around the bounds
@@ -668,7 +668,7 @@ def observe_photo(  # noqa: PLR0913
     if not traced.branches[0].deployed:
         problem = f"no film is at the base ({pose.x_mm:g}, {pose.y_mm:g}) mm"
         raise UnfitInputError("", problem, "give the pose where the trunk leaves it", photo.name)
-    sights = branch_sights(film, traced, widths)
+    sights = branch_sights(film, traced)
     compared = compare_with_prediction(traced, design, world, pose, growth, sights)
     seen = Observation(
         photo=photo.name,
@@ -749,7 +749,7 @@ def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list
             "the height of the obstacles is not known: what they hide looks as if the film "
             "ended there; --obstacle-height tells"
         )
-    radii = [inflated_radius_mm(width) for width in seen.design.build.widths_mm]
+    radii = [inflated_radius_mm(width) for width in seen.design.tree.width_mm.tolist()]
     away = camera.parallax_mm_per_mm * max(abs(seen.film.sight.plane_mm - camera.z_mm), *radii)
     least_parallax_mm = 0.5  # less is not worth a caution
     if camera.focal_px is None and away > least_parallax_mm:

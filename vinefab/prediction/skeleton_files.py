@@ -137,9 +137,9 @@ def free_chains_mm(tree: BranchTree, pose: Pose) -> list[Floats]:
         if parent >= 0:
             place, heading_rad = ends[parent]
         heading_rad += tree.offset_rad[row]
-        own = tree.bend_branch == row
-        stops_mm = [0.0, *tree.bend_mm[own].tolist(), float(tree.length_mm[row])]
-        turns_rad = [*tree.bend_rad[own].tolist(), 0.0]
+        bends = tree.bends_of(row)
+        stops_mm = [0.0, *(at_mm for at_mm, _ in bends), float(tree.length_mm[row])]
+        turns_rad = [*(turn_rad for _, turn_rad in bends), 0.0]
         points = [place]
         for (begin_mm, end_mm), turn_rad in zip(pairwise(stops_mm), turns_rad, strict=True):
             along = np.array([np.cos(heading_rad), np.sin(heading_rad)])

@@ -306,6 +306,17 @@ class FreeTwin(Twin):
             self.children[row] = np.flatnonzero(tree.parent == row).tolist()
         self.elbows = {row: self.elbow(row) for row in self.children if self.continues(row)}
 
+    def body(self, beyond_mm: float = 0.0) -> Polygon:
+        """The lumen, in one part: an elbow and a straight part meet in an edge.
+
+        Their union may keep that edge, open by rounding; it is closed here.
+        """
+        shape = super().body(beyond_mm)
+        if len(shapely.get_parts(shape)) == 1:
+            return shape
+        wide = shape.buffer(1e-6, join_style="mitre")
+        return without_crumbs(wide.buffer(-1e-6, join_style="mitre"))
+
     def continues(self, row):
         below, layout = self.children[row], self.layout
         return len(below) == 1 and layout.width_mm[below[0]] == layout.end_width_mm[row]

@@ -257,6 +257,14 @@ def known_joint(way: Literal["flat", "deployed"], joint: JointShape) -> FlatJoin
     return found
 
 
+def cached_joint(way: Literal["flat", "deployed"], joint: JointShape) -> FlatJoint:
+    """Return a joint as it was once simulated; as `known_joint`, without the table."""
+    found = _from_cache(way, joint)
+    if found is None:
+        raise UnknownJointError(joint)
+    return found
+
+
 def _from_cache(way: str, joint: JointShape) -> FlatJoint | None:
     """Return a joint from the user's cache; raise what was raised when it was simulated."""
     record = cached(way, joint)

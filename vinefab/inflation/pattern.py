@@ -7,37 +7,28 @@ in their fan and number of children, so that one short table for each of these n
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
 
-from vinefab.core.errors import VinefabError
 from vinefab.core.plain_text import some_of
-from vinefab.core.progress import each
 from vinefab.core.validation import Floats
 from vinefab.core.verbs import note
 from vinefab.core.view import Notes, Number, Rows, Value
 from vinefab.inflation.compensation import (
-    MESH_DEG,
-    WITHIN_DEG,
     FlatJoint,
     UnknownJointError,
-    UnreachableJointError,
-    deployed_joint,
-    flat_joint,
-    known_joint,
-    likely_flat_deg,
 )
-from vinefab.inflation.joint import JointShape
 from vinefab.inflation.mesh import tube_stretch
+from vinefab.inflation.solving import JointTask, solved_joints
 from vinefab.inflation.table import CHILDREN, FILLET, RATIO, STRAIN, fan_table, flat_fan, scaled
 from vinefab.model.design import Build, Design
 from vinefab.model.files.run_context import ChosenRecipe
 from vinefab.model.laser import LaserProfile, Material, Standing
 from vinefab.outline.body_outline import DrawnTree
-from vinefab.outline.joint import JointPlan, joint_of
+from vinefab.outline.joint import JointPlan
 from vinefab.physics.tube import hoop_strain
 
 LEAST_STRAIN = 0.002
@@ -133,55 +124,6 @@ def _stretches(build: Build, material: Material, width_mm: Floats) -> Floats:
     return np.array([stretch_at(build, material, width) for width in widths_mm.tolist()])[place]
 
 
-_MOST_TARGETS = 8
-_MOST_TURN_DEG = 0.8
-"""Most by which children are turned so that their tips come near. With the differences of meshes,
-they stay within 1.5 degrees of the design."""
-
-
-@lru_cache(maxsize=64)
-def _joint(wanted: JointShape, compensated: bool, gain: float, known_only: bool) -> FlatJoint:  # noqa: FBT001  a key of the cache
-    """Return a joint whose children turn so many times as far as simulated, as measured.
-
-    The simulated angles aimed at are moved until those with the gain are the wanted ones.
-    """
-    if known_only:
-        flat_of, deployed_of = partial(known_joint, "flat"), partial(known_joint, "deployed")
-    else:
-        flat_of, deployed_of = partial(flat_joint, exact=True), partial(deployed_joint, exact=True)
-    if not compensated:
-        return _gained(deployed_of(wanted), gain)
-    if gain == 1.0:
-        return flat_of(wanted)
-    goal = np.array(wanted.angles_deg)
-    target = goal
-    for _ in range(_MOST_TARGETS):
-        try:
-            aim = wanted.with_angles(tuple(np.round(target, 3).tolist()))
-            simulated = flat_of(aim)
-        except UnreachableJointError as error:
-            if error.nearest is None:
-                raise
-            simulated = error.nearest
-        found = _gained(simulated, gain)
-        off = goal - np.array(found.deployed_deg)
-        if np.abs(off).max() <= WITHIN_DEG:
-            return found
-        target = target + off
-    if np.abs(off).max() <= MESH_DEG:
-        return found
-    angles = ", ".join(f"{angle:.1f}" for angle in found.deployed_deg)
-    raise UnreachableJointError(wanted, found, f"the nearest with gain {gain:g}: {angles} degrees")
-
-
-def _gained(found: FlatJoint, gain: float) -> FlatJoint:
-    """Return a simulated joint with the turns that film was measured to make."""
-    flat = np.array(found.flat.angles_deg)
-    turned = flat + gain * (np.array(found.deployed_deg) - flat)
-    sensitivity = abs(1.0 - gain) + gain * found.sensitivity
-    return replace(found, deployed_deg=tuple(turned.tolist()), sensitivity=sensitivity)
-
-
 def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = False) -> Pattern:
     """Return the flat tree that a design is cut as.
 
@@ -209,22 +151,23 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
         cut_mm[0] /= stretch[0]
     else:
         grown_mm[0] *= stretch[0]
+    gain = 1.0 if material.closing_gain is None else material.closing_gain.value
+    families = joint_families(drawn)
+    tasks = [
+        JointTask(
+            plan=family.plan,
+            away_mm=family.away_mm,
+            strain=strain_at(build, material, 2.0 * family.plan.parent.half_mm),
+            gain=gain,
+            compensated=compensated,
+        )
+        for family in families
+    ]
     joints = []
-    for family in each("joints", joint_families(drawn)):
+    solved = solved_joints(tasks, known_only=known_only)
+    for family, solution in zip(families, solved, strict=True):
         children = np.array([drawn.children[row] for row in family.rows])
-        wanted = tuple(math.degrees(one.angle_rad) for one in family.plan.children)
-        aimed, problem, is_known = wanted, "", True
-        found: FlatJoint | None
-        try:
-            aimed, found = _solved_joint(
-                family, build, material, compensated=compensated, known_only=known_only
-            )
-        except UnreachableJointError as error:
-            is_known = not isinstance(error, UnknownJointError)
-            aimed, found = error.wanted.angles_deg, error.nearest
-            problem = f"{family.name}: {error}"
-        except VinefabError as error:
-            found, problem = None, f"{family.name}: {error}"
+        found = solution.found
         if found and any(one >= two for one, two in pairwise(found.deployed_deg)):
             # Siblings would pass through each other: nothing that could be drawn.
             found = None
@@ -236,11 +179,11 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
                 rows=family.rows,
                 name=family.name,
                 is_bend=family.plan.is_bend,
-                wanted_deg=wanted,
-                aimed_deg=aimed,
+                wanted_deg=tuple(math.degrees(one.angle_rad) for one in family.plan.children),
+                aimed_deg=solution.aimed_deg,
                 found=found,
-                problem=problem,
-                is_known=is_known,
+                problem=f"{family.name}: {solution.error}" if solution.error else "",
+                is_known=not isinstance(solution.error, UnknownJointError),
             )
         )
         if found is not None:
@@ -358,55 +301,6 @@ def standing_of(material: Material) -> str:
     if not any(words.endswith(Standing.MEASURED) for words in known):
         return "simulated, unverified"
     return f"simulated; {', '.join(known)}"
-
-
-def _solved_joint(
-    family: JointFamily, build: Build, material: Material, *, compensated: bool, known_only: bool
-) -> tuple[tuple[float, ...], FlatJoint]:
-    """Return the angles that a joint is solved for, and the joint.
-
-    Fillets are those that its flat angles leave room for.
-    """
-    plan = family.plan
-    gain = 1.0 if material.closing_gain is None else material.closing_gain.value
-    width_mm = 2.0 * plan.parent.half_mm
-    wanted_deg = tuple(round(math.degrees(one.angle_rad), 3) for one in plan.children)
-    # Children stand off their designed axes: turned a little, their tips come nearer. An even fan
-    # is turned as a whole.
-    is_fan = all(abs(a + b) < 1e-9 for a, b in zip(wanted_deg, wanted_deg[::-1], strict=True))
-    designed_deg = np.array(wanted_deg)
-    most_deg = np.minimum(_MOST_TURN_DEG, np.abs(designed_deg) / 5.0)
-    turn_deg, fillets, flat = np.zeros(len(wanted_deg)), tuple[float, ...](), plan
-    if compensated:
-        # Crotches are wider flat than deployed: narrow fans have room for fillets there only.
-        flat = plan.turned(likely_flat_deg(np.array(wanted_deg)).tolist())
-    for step in range(4):
-        drawn = joint_of(flat, 0.0)
-        before, fillets = fillets, tuple(round(gap.radius_mm / width_mm, 3) for gap in drawn.gaps)
-        same = before and max(abs(a - b) for a, b in zip(before, fillets, strict=True)) <= 0.01
-        if same and step > 1:
-            break
-        aimed_deg = designed_deg - turn_deg
-        if is_fan:
-            share = 1.0 - turn_deg[-1] / wanted_deg[-1] if wanted_deg[-1] else 1.0
-            aimed_deg = share * designed_deg
-        wanted = JointShape(
-            angles_deg=tuple(round(angle, 3) for angle in aimed_deg.tolist()),
-            widths=tuple(round(2.0 * one.half_mm / width_mm, 4) for one in plan.children),
-            fillets=fillets,
-            hoop_strain=strain_at(build, material, width_mm),
-            is_bend=plan.is_bend,
-        )
-        found = _joint(wanted, compensated, gain, known_only)
-        if not compensated:
-            break
-        away_mm = np.array(family.away_mm)
-        if is_fan:
-            away_mm = np.full(len(away_mm), math.fsum(family.away_mm) / len(away_mm))
-        turn_deg = np.degrees(np.array(found.side_offsets) * width_mm / away_mm)
-        turn_deg = np.clip(turn_deg, -most_deg, most_deg)
-        flat = plan.turned(found.flat.angles_deg)
-    return wanted.angles_deg, found
 
 
 _SHOWN = partial(Number, form="z.1f", decimals=3)

@@ -114,7 +114,8 @@ def new(
     --------
     $ vinefab new design mine.toml
     $ vinefab new map table.geojson
-    $ vinefab new design drawn.toml --skeleton lines.dxf --trunk-width-mm 25
+    $ vinefab grow scout --out skeleton.dxf
+    $ vinefab new design drawn.toml --skeleton skeleton.dxf
     $ vinefab new design free.toml --from grid_explorer --branches
 
     >>> from tempfile import TemporaryDirectory

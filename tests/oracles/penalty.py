@@ -50,26 +50,25 @@ from vinefab.search.penalty_batch import MOST_CHECKED_BRANCHES, width_violations
 Pair = tuple[float, float]
 
 
-def rooms_mm(design: Design) -> list[Pair]:
-    """Return, for each level, the straight side left of its shortest branch, and its length.
+def rooms_mm(design: Design) -> list[list[Pair]]:
+    """Return, for the branches of a joint on each level, the straight sides left and the lengths.
 
     Fillets count with their designed radius. The outline draws them smaller where an angle allows
     no more, so that what it leaves is never less than this.
     """
-    ends = [*(_joint(design, level) for level in range(1, design.depth))]
-    bases_mm = [0.0, *(child_mm for _, child_mm in ends)]
+    joints = [_joint(design, level) for level in range(1, design.depth)]
+    begins_mm = [[0.0], *(children_mm for _, children_mm in joints)]
     tips_mm = [
-        *(parent_mm for parent_mm, _ in ends),
+        *(parent_mm for parent_mm, _ in joints),
         pouch_takes_mm(usual_leaf(design.build), design.build.pouch),
     ]
-    lengths_mm = [_trunk_mm(design)]
+    lengths_mm = [[_trunk_mm(design)]]
     for number in range(2, design.depth + 1):
         leans, all_mm = level_tapers_rad(design, number), level_lengths_mm(design, number)
-        shortest = min(range(len(all_mm)), key=all_mm.__getitem__)
-        lengths_mm.append(all_mm[shortest] * math.cos(leans[shortest]))
+        lengths_mm.append([mm * math.cos(lean) for mm, lean in zip(all_mm, leans, strict=True)])
     return [
-        (length - base - tip, length)
-        for length, base, tip in zip(lengths_mm, bases_mm, tips_mm, strict=True)
+        [(length - begin - tip, length) for length, begin in zip(lengths, begins, strict=True)]
+        for lengths, begins, tip in zip(lengths_mm, begins_mm, tips_mm, strict=True)
     ]
 
 
@@ -83,16 +82,23 @@ def _trunk_mm(design: Design) -> float:
     return design.trunk_length_mm + even_mm
 
 
-def _joint(design: Design, number: int) -> Pair:
-    """Return how much of parent and child the joint below level ``number`` takes."""
+def _joint(design: Design, number: int) -> tuple[float, list[float]]:
+    """Return how much of the parent, and of each child, the joint below level ``number`` takes."""
     wide = design.build.end_widths_mm[number - 1] / 2.0
     narrow = design.build.widths_mm[number] / 2.0
     radius = design.build.fillet_mm[number - 1]
-    beside, *between = gap_angles_rad(design, number)
+    beside, *between = _gaps_rad(design, number)
     parent, child = straight_begins_mm(beside, (wide, narrow), radius)
-    for angle in between:
-        child = max(child, straight_begins_mm(angle, (narrow, narrow), radius, wide)[0])
-    return parent, child
+    inner = [straight_begins_mm(gap, (narrow, narrow), radius, wide)[0] for gap in between]
+    sides = [child, *inner, child]
+    return parent, [max(pair) for pair in pairwise(sides)]
+
+
+def short_sides(design: Design, least_mm: float) -> float:
+    """Return what the shortest sides lack, of the worst branch of each level."""
+    return math.fsum(
+        max(short_share(*room, least_mm) for room in rooms) for rooms in rooms_mm(design)
+    )
 
 
 def window_penalty(
@@ -191,10 +197,7 @@ def fabrication_penalty(
     ]
     kinds = (
         width_violations(design.build, changed),
-        beyond
-        + narrow
-        + webbed
-        + sum(short_share(*room, LEAST_SEGMENT_MM) for room in rooms_mm(design)),
+        beyond + narrow + webbed + short_sides(design, LEAST_SEGMENT_MM),
         _over((100.0 * share for share in shares), _limit(check_packing, changed)),
         _on_sheet(design, changed, sheet_mm, beside_mm)
         if pieces is None
@@ -336,38 +339,34 @@ def path_excess(design: Design, profile: LaserProfile, changed: LimitChanges) ->
     least_mm = max(sizes.error_mm, sizes.run_mm)
     side_mm = 1.001 * _limit(check_paths, changed, "segment_error")
     found = math.fsum(relative_excess(least_mm, drawn) for drawn in _drawn_fillets_mm(design))
-    return found + math.fsum(short_share(*room, side_mm) for room in rooms_mm(design))
+    return found + short_sides(design, side_mm)
 
 
 def _drawn_fillets_mm(design: Design) -> list[float]:
-    """Return the fillet radii that the angles allow in the two tightest gaps of each level.
+    """Return the least fillet radii that the angles allow on each level.
 
-    These are the gap beside the parent and the one between the two shortest children.
+    These are the least beside the parent and the least between two children.
     """
     found: list[float] = []
     build, above_mm = design.build, design.trunk_length_mm
     for number, level in enumerate(fans_of(design), start=1):
         wide, narrow = build.end_widths_mm[number - 1] / 2.0, build.widths_mm[number] / 2.0
         disc, designed = max(wide, narrow), build.fillet_mm[number - 1]
-        child_mm = float(level.lengths_mm.min())
-        sides = ((wide, above_mm), (narrow, child_mm))
-        angles_rad = gap_angles_rad(design, number)
-        for angle_rad, (half, length_mm) in zip(angles_rad, sides, strict=False):
-            reach_mm = max(0.5 * min(child_mm, length_mm), disc)
-            most = largest_fillet_mm(angle_rad, (half, narrow), reach_mm)
-            found.append(max(0.0, min(designed, most)))
-        above_mm = child_mm
+        lengths_mm = level.lengths_mm.tolist()
+        beside, *between = _gaps_rad(design, number)
+
+        def drawn(angle_rad: float, half: float, shorter_mm: float) -> float:
+            reach_mm = max(0.5 * shorter_mm, disc)  # noqa: B023  called at once
+            most = largest_fillet_mm(angle_rad, (half, narrow), reach_mm)  # noqa: B023
+            return max(0.0, min(designed, most))  # noqa: B023
+
+        outer_mm = min(above_mm, lengths_mm[0], lengths_mm[-1])
+        found.append(drawn(beside, wide, outer_mm))
+        pairs = zip(between, pairwise(lengths_mm), strict=True)
+        inner = [drawn(angle, narrow, min(pair)) for angle, pair in pairs]
+        found += [min(inner)] if inner else []
+        above_mm = min(lengths_mm)
     return found
-
-
-def gap_angles_rad(design: Design, number: int) -> tuple[float, ...]:
-    """Return the least angles beside the parent and between children at the end of a level.
-
-    Tapered parents count with the side that leans most, tapered children with the one that leans
-    least. A single child has a gap beside its parent only.
-    """
-    beside, *between = _gaps_rad(design, number)
-    return (beside, min(between)) if between else (beside,)
 
 
 def _gaps_rad(design: Design, number: int) -> list[float]:

@@ -69,11 +69,13 @@ class Plan:
     @classmethod
     def of(cls, design: Design, options: GrowthOptions, tree: BranchTree | None = None) -> "Plan":
         """Return the plan of a design, or of a tree that came out a little different."""
-        tree = design.tree if tree is None else tree
-        feed = Feed.of(design.build, options, tree.width_mm)
-        return cls.of_parts(
-            tree, options, feed.limit_kpa, feed.store_kpa(riding_mm(tree)), design.build
-        )
+        return cls.of_tree(design.tree if tree is None else tree, options, design.build)
+
+    @classmethod
+    def of_tree(cls, tree: BranchTree, options: GrowthOptions, build: Build) -> "Plan":
+        """Return the plan of a tree that is built in some way."""
+        feed = Feed.of(build, options, tree.width_mm)
+        return cls.of_parts(tree, options, feed.limit_kpa, feed.store_kpa(riding_mm(tree)), build)
 
     @classmethod
     def of_parts(

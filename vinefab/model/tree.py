@@ -188,6 +188,24 @@ class BranchTree:
         """Sum of all planned lengths: the film that the tree takes, as a length."""
         return float(self.length_mm.sum())
 
+    def laid_out(self) -> tuple[Floats, Floats]:
+        """Return where the branches of a tree without bends lie flat, the trunk along +x.
+
+        Returns
+        -------
+        tuple
+            Heading of each branch in rad, shape (n,), and its end in mm, shape (n, 2).
+        """
+        heading, end_mm = np.zeros(len(self)), np.zeros((len(self), 2))
+        for rows in self.generations:
+            above = self.parent[rows]
+            root = above < 0
+            heading[rows] = self.offset_rad[rows] + np.where(root, 0.0, heading[above])
+            way = np.column_stack([np.cos(heading[rows]), np.sin(heading[rows])])
+            begin_mm = np.where(root[:, None], 0.0, end_mm[above])
+            end_mm[rows] = begin_mm + self.length_mm[rows, None] * way
+        return heading, end_mm
+
     @property
     def key(self) -> tuple[bytes, ...]:
         """Everything as bytes: trees with the same key are equal."""

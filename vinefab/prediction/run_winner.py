@@ -59,6 +59,7 @@ from vinefab.prediction.prediction_width import (
 )
 from vinefab.prediction.pressure_window import PressureWindow, window_over
 from vinefab.search.evaluator import PointEvaluator, final_seed, with_pose_range
+from vinefab.search.free_space import space_of
 from vinefab.search.manufacturability import run_profile
 from vinefab.search.optimizers.optimizer import OptimizerConfig
 from vinefab.search.record.generations import curve_of
@@ -78,7 +79,6 @@ from vinefab.search.record.winner import (
 from vinefab.search.run import FRESH_MAPS, Search, chooses_on_fresh_maps, run_search, violations_of
 from vinefab.search.run_pages import PAGE_NAME, LivePage, run_facts, search_section
 from vinefab.search.settings import RunSettings, has_own_targets, run_task
-from vinefab.search.space import Space
 from vinefab.tasks.evaluate import PreparedMap, score_designs, trunks_with_room
 from vinefab.tasks.reach import design_touches, touched_targets
 from vinefab.tasks.task import Task
@@ -597,18 +597,12 @@ def _limit_section(
 ) -> Section:
     """Return the limits of the winner: walls and pressure, rules, bounds of the space."""
     bounds = list[tuple[str, str, str]]()  # variables that lie at an end of their ranges
-    space = Space(run.settings.space, run.settings.build)
-    point = run.result.finalists[0].x.tolist()
-    for variable, share in zip(space.variables, point, strict=True):
-        if variable.level > run.design.depth:
-            continue
-        value, (low, high) = variable.value(share), (variable.bounds.low, variable.bounds.high)
-        near = EDGE * (high - low) if not variable.choices else 0.0
-        ends = (("least", low), ("most", high))
-        for name, end in ends:
-            if abs(value - end) <= near:
-                of = "" if variable.level == 0 else f", level {variable.level}"
-                bounds.append((f"{variable.name}{of}", f"{value:g}", f"{name}, {end:g}"))
+    space = space_of(run.settings.space, run.settings.build)
+    for one in space.values(run.result.finalists[0].x):
+        near = EDGE * (one.high - one.low) if not one.is_whole else 0.0
+        for name, end in (("least", one.low), ("most", one.high)):
+            if abs(one.value - end) <= near:
+                bounds.append((one.name, f"{one.value:g}", f"{name}, {end:g}"))
     tables = [
         Rows(
             caption=f"Rules that the winner breaks, or would if limits were {100 * NEAR:.0f} % "

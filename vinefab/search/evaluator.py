@@ -39,6 +39,7 @@ from vinefab.model.finding import Finding
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.model.start import share_around
+from vinefab.search.free_space import FreeSpace, space_of
 from vinefab.search.penalty_batch import BatchPenalty
 from vinefab.search.settings import (
     EvaluationSettings,
@@ -46,7 +47,8 @@ from vinefab.search.settings import (
     keys_of_other_task,
     make_other_task,
 )
-from vinefab.search.space import DesignBatch, Space, planned_batch
+from vinefab.search.space import DesignBatch, DesignSpace
+from vinefab.search.tree_batch import TreeBatch
 from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import Conditions, PreparedMap, composites, poses_on, scores_of
 from vinefab.tasks.reach import Reach, check_targets_on
@@ -397,7 +399,7 @@ def penalty_at(penalty: Penalty, design: Design) -> float:
     return float(value)
 
 
-PenaltyOfBatch = Callable[[DesignBatch], Floats]
+PenaltyOfBatch = Callable[[DesignBatch | TreeBatch], Floats]
 """The penalties of many designs, NaN for those that are not valid; shape (m,)."""
 
 
@@ -405,7 +407,7 @@ PenaltyOfBatch = Callable[[DesignBatch], Floats]
 class SpacePenalty(Protocol):
     """A penalty that is faster for many designs of one space than one by one."""
 
-    def within(self, space: Space) -> PenaltyOfBatch:
+    def within(self, space: DesignSpace) -> PenaltyOfBatch:
         """Return the same penalty for batches of a space's designs."""
         ...
 
@@ -433,16 +435,16 @@ class PenaltyWithLimits:
     """The penalty of the rules, where there is one, plus the excess over the space's limits."""
 
     rules: Penalty | None
-    space: Space
+    space: DesignSpace
 
     def __call__(self, design: Design) -> float:
         """Return the distance of a design from one that can win."""
         penalty = 0.0 if self.rules is None else penalty_at(self.rules, design)
-        return penalty + float(self.space.limit_excess(DesignBatch.of(design))[0])
+        return penalty + float(self.space.limit_excess(self.space.batch_of(design))[0])
 
     def passes(self, design: Design) -> bool:
         """Return whether a design keeps the limits, and passes the full check if there is one."""
-        if self.space.limit_excess(DesignBatch.of(design))[0] > 0.0:
+        if self.space.limit_excess(self.space.batch_of(design))[0] > 0.0:
             return False
         return self.rules.passes(design) if isinstance(self.rules, FullCheck) else True
 
@@ -507,7 +509,7 @@ class Evaluator:
     spec: EvaluatorSpec  # what it was built from
     maps: tuple[PreparedMap, ...]
     terrains: TerrainSet  # the walls of all maps
-    space: Space  # maps points to designs
+    space: DesignSpace  # maps points to designs
     task: Task  # scores final states, in the form for searching
     penalty_of_batch: PenaltyOfBatch | None  # where that is faster
     # body radius per level of the deepest designs; one 0 for bare centrelines
@@ -549,7 +551,7 @@ class Evaluator:
         if evaluation.fabricable and spec.penalty is None:
             problem = "is true, and there is no penalty"
             raise UnfitInputError("evaluation.fabricable", problem, "give one, or set it to false")
-        space = Space(settings.space, settings.build)
+        space = space_of(settings.space, settings.build)
         if len(space) == 0:
             raise UnfitInputError("space", "fixes every variable", "give at least one a range")
         if evaluation.maps_per_generation > len(spec.maps):
@@ -620,7 +622,7 @@ class Evaluator:
         """
         if not isinstance(self.penalty, TableCheck):
             return None
-        key = design.trunk_length_mm, design.levels  # the space has the rest
+        key = design.tree.key  # the space has the rest
         if key not in self.checked:
             self.checked[key] = self.penalty.broken(design)
         return self.checked[key]
@@ -632,7 +634,7 @@ class Evaluator:
 
     def may_win(self, design: Design) -> bool:
         """Return whether a design keeps all limits and rules, as far as no simulation is needed."""
-        excess = self.space.limit_excess(DesignBatch.of(design))[0] if self.space.most else 0.0
+        excess = self.space.limit_excess(self.space.batch_of(design))[0] if self.space.most else 0.0
         return excess == 0.0 and not self.broken(design)
 
     @property
@@ -655,9 +657,7 @@ class Evaluator:
         """Draw the conditions of a generation of the search, on all maps or on some of them."""
         draw = generation if self.evaluation.redraw else 0
         drawn = self.conditions(seed, TRAINING, draw, self.evaluation.poses_per_map)
-        wanted = self.evaluation.maps_per_generation
-        if self.evaluation.composite == "single":
-            wanted = 1
+        wanted = self.spec.settings.maps_per_generation
         if wanted == 0:
             return drawn
         taken = child(seed, MAPS, draw).permutation(len(drawn.poses))[:wanted].tolist()
@@ -715,7 +715,17 @@ class Evaluator:
 
         Rules count only where they are computed for many designs at once.
         """
-        designs = self.space.batch(x)
+        return self._penalties_of(self.space.batch(x))
+
+    def penalties_of_levels(self, x: Floats) -> Floats:
+        """Return the penalties of points of a free space's levels, as `penalties`."""
+        space = self.space
+        return self._penalties_of(
+            (space.levels if isinstance(space, FreeSpace) else space).batch(x)
+        )
+
+    def _penalties_of(self, designs: DesignBatch | TreeBatch) -> Floats:
+        """Return the penalties of designs, NaN where there is no valid one, shape (m,)."""
         excess = self._excess(designs)
         if self.penalty_of_batch is None:
             return np.where(designs.sizes > MOST_BRANCHES, np.nan, excess)
@@ -726,7 +736,7 @@ class Evaluator:
         """Whether `penalties` tells designs apart: by rules at once, or by limits."""
         return self.penalty_of_batch is not None or bool(self.space.most)
 
-    def _excess(self, designs: DesignBatch) -> Floats:
+    def _excess(self, designs: DesignBatch | TreeBatch) -> Floats:
         """Return by how much designs exceed limits, 0 where they are not valid, shape (m,)."""
         excess = np.zeros(len(designs))
         if self.space.most:
@@ -735,7 +745,7 @@ class Evaluator:
         return excess
 
     def _penalty_units(
-        self, x: Floats, designs: DesignBatch, workers: int
+        self, x: Floats, designs: DesignBatch | TreeBatch, workers: int
     ) -> list[WorkUnit[tuple[Floats, Work]]]:
         """Return the work of computing penalties."""
         alone, at_once = self.penalty, self.penalty_of_batch
@@ -762,11 +772,10 @@ class Evaluator:
         ]
 
     def _growth_units(
-        self, designs: DesignBatch, launches: Launches, workers: int
+        self, designs: DesignBatch | TreeBatch, launches: Launches, workers: int
     ) -> list[WorkUnit[tuple[TaskOutcomes, Work]]]:
         """Return the work of growing and scoring designs, in the order of a batch."""
-        builds = {depth: self.space.build_of(depth) for depth in set(designs.depth.tolist())}
-        plans = planned_batch(designs, builds, self.radii_mm, self.growth)
+        plans = self.space.planned(designs, self.radii_mm, self.growth)
         batch = Batch(plans, launches, self.growth, self.workspaces)
         grounds = [prepared.context for prepared in self.maps]
 

@@ -22,13 +22,13 @@ from vinefab.model.score import Score
 from vinefab.search.evaluator import FRESH, INVALID_FITNESS, Begin, Evaluator, FullCheck, penalty_at
 from vinefab.search.manufacturability import FAILED
 from vinefab.search.record.generations import Finalist, Generation
-from vinefab.search.space import COSTS, Space
+from vinefab.search.space import COSTS, DesignSpace
 from vinefab.tasks.evaluate import Conditions, score_designs
 from vinefab.tasks.reach import design_touches
 
 
 def minimized(
-    x: Floats, scores: Mapping[str, Floats], space: Space, names: Sequence[str]
+    x: Floats, scores: Mapping[str, Floats], space: DesignSpace, names: Sequence[str]
 ) -> Floats:
     """Return the further values that a front minimizes, shape (m, k).
 
@@ -120,7 +120,7 @@ def knee(fitness: Floats, costs: Floats) -> int | None:
 
 
 def feasible_points(
-    history: Sequence[Generation], lowest: float, space: Space, names: Sequence[str]
+    history: Sequence[Generation], lowest: float, space: DesignSpace, names: Sequence[str]
 ) -> tuple[Floats, Floats, Floats]:
     """Return points, fitness and `minimized` of all manufacturable designs of a run, in order."""
     x = np.concatenate([generation.x for generation in history])
@@ -179,7 +179,7 @@ class RepairResults:
     def of(
         cls,
         points: Sequence[Floats],
-        space: Space,
+        space: DesignSpace,
         penalty: Callable[[Design], float],
         passes: Callable[[Design], bool],
         asked: str = "manufacturable",
@@ -204,7 +204,7 @@ class RepairResults:
 
 def repair_design(
     x: Floats,
-    space: Space,
+    space: DesignSpace,
     penalty: Callable[[Design], float],
     passes: Callable[[Design], bool],
     budget: RepairBudget | None = None,
@@ -250,7 +250,7 @@ def repair_design(
     return RepairResult(x=here, penalty=lowest, passed=False)
 
 
-def _penalty_at(x: Floats, space: Space, penalty: Callable[[Design], float]) -> float:
+def _penalty_at(x: Floats, space: DesignSpace, penalty: Callable[[Design], float]) -> float:
     """Return a point's penalty, infinite where there is no valid design."""
     try:
         value = penalty_at(penalty, space.design(x))
@@ -274,24 +274,29 @@ def choose_finalists(
     count: int,
     further: Sequence[str] = (),
     *,
+    held: Sequence[Floats] = (),
     by_table: bool = True,
 ) -> FinalistChoice:
     """Return the points that are evaluated again at the end of a run.
 
     Without a full check these are the best of the run. With one, they are the best that pass it;
     if none does, the best are repaired, and if that fails too they stay as they are. With further
-    objectives, they are taken from the front. ``by_table``: joints come from the table where they
-    can; then the winner's are left to be simulated.
+    objectives, they are taken from the front. ``held``: points that the optimizer holds for the
+    best, in place of those with the best fitness. ``by_table``: joints come from the table where
+    they can; then the winner's are left to be simulated.
     """
     if further and (front := front_points(history, evaluator, count, further)):
         return FinalistChoice(points=front, checked=True)
     penalty, space = evaluator.winner_penalty, evaluator.space
     if not isinstance(penalty, FullCheck):
-        return FinalistChoice(points=best_points(history, space, count))
+        points = list(held) or best_points(history, space, count)
+        return FinalistChoice(points=points[:count])
     passes = evaluator.may_win if by_table and evaluator.has_table else penalty.passes
     # Most full checks among the designs of a run: joints are simulated, which may take seconds.
     most_full_checks = 60
-    passing, ranked = list[Floats](), _ranked(history, space, max(most_full_checks, 2 * count))
+    passing = list[Floats]()
+    ranked = [(x, 0.0) for x in held]
+    ranked = ranked or _ranked(history, space, max(most_full_checks, 2 * count))
     with phase("finalists chosen", count) as chosen:
         for tried, (x, broken) in enumerate(ranked):
             chosen.at(len(passing), f"{counted(tried, 'design')} checked")
@@ -301,7 +306,7 @@ def choose_finalists(
                 passing.append(x)
     if passing:
         return FinalistChoice(points=passing, checked=True)
-    best = best_points(history, space, count)
+    best = list(held[:count]) or best_points(history, space, count)
     asked = "permitted" if evaluator.penalty is None else "manufacturable"
     repairs = RepairResults.of(best, space, penalty, passes, asked)
     if repairs.repaired:
@@ -332,7 +337,7 @@ def front_points(
     return []
 
 
-def best_points(history: Sequence[Generation], space: Space, count: int) -> list[Floats]:
+def best_points(history: Sequence[Generation], space: DesignSpace, count: int) -> list[Floats]:
     """Return the points of the best designs of a run, best first, each design once."""
     points = [x for x, _ in _ranked(history, space, count)]
     if not points:
@@ -340,7 +345,9 @@ def best_points(history: Sequence[Generation], space: Space, count: int) -> list
     return points
 
 
-def _ranked(history: Sequence[Generation], space: Space, count: int) -> list[tuple[Floats, float]]:
+def _ranked(
+    history: Sequence[Generation], space: DesignSpace, count: int
+) -> list[tuple[Floats, float]]:
     """Return points and penalties of the best designs, best first, each design once."""
     x = np.concatenate([generation.x for generation in history])
     fitness = np.concatenate([generation.fitness for generation in history])
@@ -350,8 +357,7 @@ def _ranked(history: Sequence[Generation], space: Space, count: int) -> list[tup
         if fitness[index] <= INVALID_FITNESS or len(ranked) == count:
             break
         design = space.design(x[index])
-        key = design.trunk_length_mm, design.levels
-        ranked.setdefault(key, (x[index], float(penalty[index])))
+        ranked.setdefault(design.tree.key, (x[index], float(penalty[index])))
     return list(ranked.values())
 
 

@@ -33,11 +33,12 @@ from vinefab.pages.panel import (
 )
 from vinefab.pages.plan import draw_deployment, draw_map, draw_targets
 from vinefab.search.finalists import LEAST_BEND, feasible_points, knee, minimized, non_dominated
+from vinefab.search.free_space import space_of
 from vinefab.search.record.generations import Finalist
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import training_maps
 from vinefab.search.settings import RunSettings, run_task
-from vinefab.search.space import COSTS, Space
+from vinefab.search.space import COSTS
 from vinefab.tasks.reach import task_targets
 
 FRONT_FILE = "front.json"
@@ -58,7 +59,7 @@ def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...
     """
     finalists = result.finalists
     fitness = np.array([finalist.fitness for finalist in finalists])
-    space, names = Space(settings.space, settings.build), settings.further_objectives
+    space, names = space_of(settings.space, settings.build), settings.further_objectives
     scores = {
         other.name: np.array([f.score.composite[other.name] for f in finalists])
         for other in settings.other_tasks
@@ -246,7 +247,7 @@ def _front_chart(
 ) -> Panel:
     """Return fitness over the first further objective: in the search, and of the front."""
     lowest = min(finalist.fitness for finalist in result.finalists)
-    space, axis = Space(settings.space, settings.build), settings.front_axis
+    space, axis = space_of(settings.space, settings.build), settings.front_axis
     _, fitness, costs = feasible_points(result.history, min(-1e3, lowest), space, [axis])
     cost = costs[:, 0] if axis in COSTS else -costs[:, 0]
     penalty = np.concatenate([generation.penalty for generation in result.history])

@@ -62,7 +62,7 @@ from vinefab.search.evaluator import Evaluator
 from vinefab.search.penalty_batch import BatchPenalty, PenaltyRules
 from vinefab.search.record.generations import Finalist, Generation, SearchProgress
 from vinefab.search.settings import EvaluationSettings, RunSettings
-from vinefab.search.space import Bounds, Space
+from vinefab.search.space import Bounds, DesignSpace, Space
 from vinefab.tasks.evaluate import Conditions, PreparedMap
 from vinefab.tasks.reach import task_targets
 
@@ -103,7 +103,7 @@ class ManufacturabilityPenalty:
         changed = by_rule(changed_limits(design, self.profile))
         return PenaltyRules.of(design.build, self.profile, changed, self.sheet_mm)
 
-    def within(self, space: Space) -> BatchPenalty:
+    def within(self, space: DesignSpace) -> BatchPenalty:
         """Return the same penalty for batches of a space's designs."""
         vine = Design(name="vine", trunk_length_mm=_VINE_MM, build=space.build_of(1))
         return self._rules(vine).of_space(space)

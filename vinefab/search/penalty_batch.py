@@ -6,9 +6,10 @@ Everything that depends on a build and a level alone is computed once, by the ru
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vinefab.core.front_door import imported_later
 from vinefab.core.validation import Floats, Ints
@@ -56,12 +57,13 @@ from vinefab.inflation.pattern import (
     stretch_at,
 )
 from vinefab.model.design import MOST_BRANCHES, MOST_LEVELS, Build, Design
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, Material
 from vinefab.outline.body_outline import flat_layout
-from vinefab.outline.ends import level_fillets_mm, pouch_takes_mm, usual_leaf
+from vinefab.outline.ends import Leaf, level_fillets_mm, pouch_takes_mm
 from vinefab.outline.joint import LEAST_SEGMENT_MM, STEEPEST, Point
 from vinefab.physics.tube import inflated_diameter_mm, lumen_area_mm2
-from vinefab.search.space import DesignBatch, Space, batch_branches
+from vinefab.search.space import DesignBatch, DesignSpace, batch_branches
+from vinefab.search.tree_batch import TreeBatch
 
 if TYPE_CHECKING:
     from vinefab.search import penalty_kernel
@@ -77,56 +79,133 @@ LEAST_DEPTH = 1e-9
 MOST_CONFLICTS, MOST_PIECE_BRANCHES = 20_000, 400
 """Designs with more pairs that are too near, or more branches, count as one flat outline."""
 
+_Entry = TypeVar("_Entry")
+
 MOST_STEPS = 64
 """Sets of cuts that are looked at for each design."""
 
 
-class DesignArrays(NamedTuple):
-    """Designs, m of them, with at most n levels below the trunk, and their trees one by one."""
+class TreeRows(NamedTuple):
+    """Trees, m of them, as the kernel takes them: straight parts, one tree after the other."""
 
-    depth: Ints  # levels of each design, the trunk included, shape (m,)
-    build: Ints  # row of each design's build in the tables, shape (m,)
-    trunk: Floats  # length of each trunk, mm, shape (m,)
-    # of each design and level below the trunk, as in `vinefab.model.design.Level`, shape (m, n)
-    branches: Ints
-    fan: Floats  # rad
-    size: Floats  # length of the first child, mm
-    growth: Floats
-    first: Ints  # where each design's branches begin, shape (m + 1,)
-    # every branch, parents first
-    parent: Ints  # within its tree, -1 for trunks
+    depth: Ints  # levels of each tree, the trunk included, shape (m,)
+    build: Ints  # row of each tree's build in the tables, shape (m,)
+    first: Ints  # where each tree's rows begin, shape (m + 1,)
+    # every row, parents first; places are counted within a tree
+    parent: Ints  # row before, -1 for trunks
     level: Ints  # 1 for trunks
-    offset: Floats  # angle from the parent's heading, rad
+    kid: Ints  # first of the rows that begin at its end, which follow each other
+    kids: Ints  # how many these are
+    bend: Ints  # 1 where it continues its branch behind a bend, else 0
+    leaf: Ints  # 1 where its branch has no children, else 0
+    offset: Floats  # angle from the heading of the row before, rad
     length: Floats  # mm
+    half: Floats  # half the lay-flat width where it begins, mm
+    end_half: Floats  # the same where it ends
+    fillet: Floats  # radius at the joint where it begins, mm
+    stretch: Floats  # by which it grows longer under pressure
+
+    @classmethod
+    def of(cls, trees: TreeBatch, builds: Ints, stretch: Floats) -> "TreeRows":
+        """Return the rows of some trees with some builds."""
+        own = _Family.of(trees.first, trees.parent, trees.is_bent)
+        return cls(
+            depth=trees.depth,
+            build=np.ascontiguousarray(builds),
+            first=trees.first,
+            parent=trees.parent,
+            level=trees.level,
+            kid=own.kid,
+            kids=own.kids,
+            bend=own.bend,
+            leaf=own.leaf,
+            offset=trees.offset_rad,
+            length=trees.length_mm,
+            half=trees.width_mm / 2.0,
+            end_half=trees.end_width_mm / 2.0,
+            fillet=trees.fillet_mm,
+            stretch=stretch,
+        )
+
+    @classmethod
+    def of_levels(cls, designs: DesignBatch, builds: Ints, tables: "LevelTables") -> "TreeRows":
+        """Return the rows of designs of levels with some builds."""
+        tree = batch_branches(designs)
+        own = _Family.of(tree.first, tree.parent, np.zeros(len(tree.parent), dtype=np.bool_))
+        build = np.repeat(builds, np.diff(tree.first))
+        at = build, tree.level - 1
+        return cls(
+            depth=np.ascontiguousarray(designs.depth),
+            build=np.ascontiguousarray(builds),
+            first=tree.first,
+            parent=tree.parent,
+            level=tree.level,
+            kid=own.kid,
+            kids=own.kids,
+            bend=own.bend,
+            leaf=own.leaf,
+            offset=tree.offset_rad,
+            length=tree.length_mm,
+            half=tables.half[at],
+            end_half=tables.end_half[at],
+            fillet=tables.fillet[at],
+            stretch=tables.stretch[at],
+        )
+
+
+class _Family(NamedTuple):
+    """Which rows begin at the end of which, as in `TreeRows`."""
+
+    kid: Ints
+    kids: Ints
+    bend: Ints
+    leaf: Ints
+
+    @classmethod
+    def of(cls, first: Ints, parent: Ints, is_bent: NDArray[np.bool_]) -> "_Family":
+        start = np.repeat(first[:-1], np.diff(first))
+        rows = np.flatnonzero(parent >= 0)
+        above = start[rows] + parent[rows]
+        kids = np.bincount(above, minlength=len(parent))
+        kid = np.zeros(len(parent), dtype=np.int64)
+        kid[above[::-1]] = (rows - start[rows])[::-1]  # the first of them is written last
+        leaf = (kids == 0).astype(np.int64)
+        for row in np.flatnonzero(is_bent)[::-1].tolist():
+            leaf[start[row] + parent[row]] = leaf[row]
+        return cls(kid=kid, kids=kids, bend=is_bent.astype(np.int64), leaf=leaf)
 
 
 class LevelTables(NamedTuple):
-    """What depends on a build and a level alone, for b builds of at most n + 1 levels."""
+    """Sizes of the branches of a level, for b builds of at most n levels, shape (b, n)."""
 
-    # of each level, shape (b, n + 1)
     half: Floats  # half the lay-flat width where its branches begin, mm
     end_half: Floats  # the same where they end
     fillet: Floats  # radius at the joint below, mm
-    area: Floats  # cross-section of the inflated lumen where its branches end, mm2
-    scale: Floats  # growth constants of its tube over those of the fitted tube
     stretch: Floats  # by which its tubes grow longer under pressure
-    # of each build, shape (b,)
-    widths: Floats  # summed violations by the widths themselves
-    tip: Floats  # what the pouch takes of a leaf, mm
+
+
+class BuildTables(NamedTuple):
+    """What depends on a build and a level alone, for b builds of at most n levels."""
+
+    # of a leaf of each level, shape (b, n)
+    tip: Floats  # what the pouch takes of it, mm
     tip_cut: Floats  # the same where the cut runs, mm
-    pouch_share: Floats  # share of a leaf's lumen that its own pouch fills
-    leaf_width: Floats  # lay-flat width of the leaves, pouches included, mm
+    pouch_share: Floats  # share of its lumen that its own pouch fills
+    pouch_width: Floats  # lay-flat width of the pouch, mm; 0 without
+    # of each build, shape (b,)
     tail_mm: Floats
     even_mm: Floats  # what of the tail is as wide as the trunk
     most_kpa: Floats  # most that growth may take
     widest_mm: Floats  # branch that may be cut
     # Capsules of the pouch in the frame of the tip, and of the tail in that of the base: where each
-    # build's begin, with the total at the end, and both ends and half widths, mm, shape (k, 6).
+    # build's begin, of pouches for each level, how many a pouch has or the total at the end, and
+    # both ends and half widths, mm, shape (k, 6).
     pouch_first: Ints
+    pouch_count: Ints
     pouch: Floats
     tail_first: Ints
     tail: Floats
-    # how fans are cut; laws by their place, with or without compensation
+    # how even fans are cut; laws by their place, with or without compensation
     law_at: Ints  # of each level below the trunk and number of children, -1 for none, (b, n, c)
     law: Floats  # by deployed fan: `FanLaw.rows`; no rows where they are cut as designed
     least: Floats  # smallest deployed fan among the simulated ones, rad
@@ -174,25 +253,36 @@ class PenaltyLimits(NamedTuple):
     on_stub: bool  # whether sockets are on stubs, not on outer pieces
     lap_film_mm: float  # as `film_mm`, where laps ride in it
     lap_percent: float  # most of a lumen that film with laps in it may fill
+    lumen: float  # cross-section of an inflated lumen over the square of its lay-flat width
+    fitted_width_mm: float  # lay-flat width of the tube that the growth constants were fitted to
+    width_mm: float  # least lay-flat width of a branch
+    width_ratio: float  # least width of a parent over that of its child
 
 
 class Scratch(NamedTuple):
-    """Memory for one design: its branches, then its capsules."""
+    """Memory for one tree: its rows, then its capsules."""
 
-    # as cut, of each level and child, the trunk first
-    angle: Floats  # from the parent's heading, rad, shape (levels, children)
-    run: Floats  # length, mm, shape (levels, children)
-    gap: Floats  # before each child and after the last, rad, shape (levels, children + 1)
-    short: Floats  # of each level the length of the shortest child, mm
-    passage: Floats  # of the joint that each level sprouts from
-    heading: Floats  # of each branch, rad
-    riding: Floats  # film inside each branch, mm
-    factor: Floats  # on the store's tension, of each branch
-    drag: Floats  # of all segments before, of each branch
+    # as cut, of each row
+    angle: Floats  # from the heading of the row before, rad
+    run: Floats  # length, mm
+    before: Floats  # angle to the next body clockwise, rad
+    after: Floats  # and to the next one counter-clockwise
+    passage: Floats  # of the joint where it begins
+    away: Floats  # mean way from its end to the tips beyond, as planned, mm
+    above: Floats  # length of the shortest row that ends in a joint like its own, mm
+    begin: Floats  # where its sides begin to be straight, from its base, mm
+    twin: Ints  # first row with the same joint at its end
+    stop: Floats  # where its sides stop to be straight, before its end, mm
+    heading: Floats  # rad
+    riding: Floats  # lay-flat area of the film inside, mm2
+    factor: Floats  # on the store's tension
+    drag: Floats  # of all segments before
+    inside: Floats  # film that rides in it, mm across, by level; shape (k, levels)
+    worst: Floats  # worst violation of each kind on each level, shape (kinds, levels)
     # start x, start y, end x, end y, half the width at the start and at the end, mm, shape (k, 6)
     capsule: Floats
     box: Floats  # low x, low y, high x, high y, mm, shape (k, 4)
-    owner: Ints  # branch that each capsule belongs to, shape (k,)
+    owner: Ints  # row that each capsule belongs to, shape (k,)
     bare: Ints  # capsules before those of pouches, shape (1,)
     turn: Floats  # cosine and sine of the rotations tried, shape (2, t)
     low: Floats  # lowest place across each rotation, mm, shape (t,)
@@ -222,10 +312,10 @@ class CutScratch(NamedTuple):
     piece: Ints  # branch that its piece begins with
     wide: Floats  # lay-flat width at its sleeve, mm
     rise: Floats  # how far the socket's lumen lies outside the branch's, mm
-    # straight sides on each level, mm
-    begin: Floats  # of each child of a fan, shape (levels, children)
+    # where the cut's straight sides begin from each row's base, and stop before its end, mm
+    begin: Floats
     stop: Floats
-    # of tapered designs, known from their outlines, shape (m, levels, children); else no rows
+    # of tapered designs, known from their outlines, of all rows of all trees; else empty
     begins: Floats
     stops: Floats
     # of each set of cuts on the way to the one that is tried
@@ -323,6 +413,10 @@ class PenaltyRules:
             on_stub=size.socket_on_stub,
             lap_film_mm=material.film_mm / laps["packing"],
             lap_percent=laps["error"],
+            lumen=float(lumen_area_mm2(1.0)),
+            fitted_width_mm=fit.diameter_mm / float(inflated_diameter_mm(1.0)),
+            width_mm=check_least_width.limits_under(changed)["error"],
+            width_ratio=check_width_ratio.limits_under(changed)["error"],
         )
         return cls(profile=profile, changed=changed, limits=limits, grows=grows)
 
@@ -337,63 +431,72 @@ class PenaltyRules:
             Of each build, the numbers of children that the joints below each level may have, the
             trunk's at 0.
         """
-        tables = _tables(self, builds, fans)
-        return BatchPenalty(tables=tables, limits=self.limits)
+        return BatchPenalty(
+            tables=_tables(self, builds, fans),
+            levels=_level_tables(self, builds),
+            limits=self.limits,
+            builds=tuple(builds),
+            material=self.profile.material,
+        )
 
-    def of_space(self, space: Space) -> "BatchPenalty":
+    def of_space(self, space: DesignSpace) -> "BatchPenalty":
         """Return the penalty of a space's designs, one build for each depth."""
         deepest, fans = int(space.settings.levels.high), dict[int, range]()
         for place in range(deepest - 1):
             branches = space.settings.bounds(place + 2, "branches")
-            fans[place] = range(int(branches.low), min(int(branches.high), MOST_CHILDREN) + 1)
+            fewest = 1 if space.settings.tree == "free" else int(branches.low)
+            fans[place] = range(fewest, min(int(branches.high), MOST_CHILDREN) + 1)
         builds = [space.build_of(depth) for depth in range(1, deepest + 1)]
         return self.of_builds(builds, [fans] * deepest)
 
-    def _at_once(self, designs: Sequence[Design]) -> "BatchPenalty":
-        """Return the penalty of designs with a build each."""
-        fans = [
-            {place: (level.branches,) for place, level in enumerate(design.levels)}
-            for design in designs
-        ]
-        return self.of_builds([design.build for design in designs], fans)
+    def _at_once(self, designs: Sequence[Design]) -> tuple["BatchPenalty", TreeBatch]:
+        """Return the penalty of designs with a build each, and their trees."""
+        trees, fans = TreeBatch.of_designs(designs), list[Mapping[int, Collection[int]]]()
+        for design in designs:
+            tree, by_place = design.tree, dict[int, set[int]]()
+            children = np.bincount(tree.parent[1:], minlength=len(tree))
+            for level, count in zip(tree.level.tolist(), children.tolist(), strict=True):
+                if count:
+                    by_place.setdefault(level - 1, set()).add(count)
+            fans.append(by_place)
+        return self.of_builds([design.build for design in designs], fans), trees
 
     def penalties(self, designs: Sequence[Design]) -> Floats:
-        """Return the penalties of some designs with even fans, shape (m,)."""
+        """Return the penalties of some designs, shape (m,)."""
         return self.found(designs).penalty
 
     def found(self, designs: Sequence[Design]) -> "BatchFound":
-        """Return the penalties of some designs with even fans, and where the last one is cut."""
-        return self._at_once(designs).found(*_rows(designs), self._known_sides(designs))
+        """Return the penalties of some designs, and where the last one is cut."""
+        at_once, trees = self._at_once(designs)
+        return at_once.found(trees, np.arange(len(designs)), self._known_sides(designs))
 
     def with_path_excess(self, designs: Sequence[Design]) -> tuple[Floats, Floats]:
         """Return the penalties of some designs, and their distances from paths fit for the laser.
 
         That is the summed excess of straight sides and drawn fillets that are too small; (m,) each.
         """
-        at_once, rows = self._at_once(designs), _rows(designs)
-        found = at_once.found(*rows, self._known_sides(designs))
-        return found.penalty, at_once.path_excess(*rows)
+        at_once, trees = self._at_once(designs)
+        builds = np.arange(len(designs))
+        found = at_once.found(trees, builds, self._known_sides(designs))
+        return found.penalty, at_once.path_excess(trees, builds)
 
     def _known_sides(self, designs: Sequence[Design]) -> tuple[Floats, Floats] | None:
         """Return where sides of tapered branches are straight, from outlines; None without any.
 
-        Of each design, level and child where they begin and how far before the end they stop, mm.
+        Of each row of each design where they begin and how far before the end they stop, mm.
         """
-        if self.limits.most_cuts == 0 or not any(design.build.taper for design in designs):
+        tapered = any((one.tree.end_width_mm != one.tree.width_mm).any() for one in designs)
+        if self.limits.most_cuts == 0 or not tapered:
             return None
-        children = max((level.branches for design in designs for level in design.levels), default=1)
-        begins, stops = np.zeros((2, len(designs), MOST_LEVELS, children))
-        for number, design in enumerate(designs):
+        begins, stops = list[Floats](), list[Floats]()
+        for design in designs:
             flat = quick_pattern(design, self.profile.material).flat
             layout = flat_layout(flat)
             size = sleeve_size(design.build, self.profile)
-            sides, tree = sleeve_sides(flat, layout, size, self.limits.reach_mm), layout.tree
-            counts = np.array([1, *(level.branches for level in design.levels)])
-            first = np.searchsorted(tree.level, tree.level)
-            child = (np.arange(len(tree)) - first) % counts[tree.level - 1]
-            begins[number, tree.level - 1, child] = sides.start_mm
-            stops[number, tree.level - 1, child] = tree.length_mm - sides.end_mm
-        return begins, stops
+            sides = sleeve_sides(flat, layout, size, self.limits.reach_mm)
+            begins.append(sides.start_mm)
+            stops.append(layout.tree.length_mm - sides.end_mm)
+        return np.concatenate(begins), np.concatenate(stops)
 
 
 class BatchFound(NamedTuple):
@@ -409,14 +512,17 @@ class BatchFound(NamedTuple):
 class BatchPenalty:
     """The penalty of designs with the same few builds, many at once."""
 
-    tables: LevelTables
+    tables: BuildTables
+    levels: LevelTables
     limits: PenaltyLimits
+    builds: tuple[Build, ...]
+    material: Material
 
-    def __call__(self, designs: DesignBatch) -> Floats:
+    def __call__(self, designs: DesignBatch | TreeBatch) -> Floats:
         """Return the penalties of a space's designs, NaN for those with too many branches; (m,)."""
         return self.with_joints(designs)[0]
 
-    def with_joints(self, designs: DesignBatch) -> tuple[Floats, Ints]:
+    def with_joints(self, designs: DesignBatch | TreeBatch) -> tuple[Floats, Ints]:
         """Return the penalties of a space's designs, and how many sleeve joints they take.
 
         Joints are 0 for designs with too many branches, which have penalty NaN; shape (m,) each.
@@ -425,7 +531,10 @@ class BatchPenalty:
         return found.penalty, found.joints
 
     def found(
-        self, designs: DesignBatch, builds: Ints, sides: tuple[Floats, Floats] | None = None
+        self,
+        designs: DesignBatch | TreeBatch,
+        builds: Ints,
+        sides: tuple[Floats, Floats] | None = None,
     ) -> BatchFound:
         """Return the penalties of designs with some builds, by their rows in the tables.
 
@@ -433,77 +542,63 @@ class BatchPenalty:
         """
         rows = np.flatnonzero(designs.sizes <= MOST_BRANCHES)
         if len(rows) == len(designs):
-            return self._of_valid(designs, builds, sides)
+            return self._of_valid(self._rows(designs, builds), sides)
         penalty, joints = np.full(len(designs), np.nan), np.zeros(len(designs), dtype=np.int64)
         if not len(rows):
             return BatchFound(penalty, joints, np.empty(0, dtype=np.int64), math.inf)
-        known = None if sides is None else (sides[0][rows], sides[1][rows])
-        some = self._of_valid(designs.part(rows), builds[rows], known)
+        some = self._of_valid(self._rows(designs.part(rows), builds[rows]), sides)
         penalty[rows], joints[rows] = some.penalty, some.joints
         return some._replace(penalty=penalty, joints=joints)
 
-    def path_excess(self, designs: DesignBatch, builds: Ints) -> Floats:
+    def path_excess(self, designs: DesignBatch | TreeBatch, builds: Ints) -> Floats:
         """Return by how much sides and drawn fillets are too small to run, summed; shape (m,)."""
-        arrays, excess = _arrays(designs, builds), np.zeros(len(designs))
-        scratch = _scratch(1, 1, int(designs.branches.max(initial=1)))
-        penalty_kernel.add_path_excess(arrays, self.tables, self.limits, scratch, excess)
+        rows, excess = self._rows(designs, builds), np.zeros(len(designs))
+        scratch = _scratch(int(np.diff(rows.first).max()), 1)
+        penalty_kernel.add_path_excess(rows, self.tables, self.limits, scratch, excess)
         return excess
 
-    def _of_valid(
-        self, designs: DesignBatch, builds: Ints, sides: tuple[Floats, Floats] | None
-    ) -> BatchFound:
-        """Return the penalties and joints of designs of which none is too large."""
-        arrays, sizes = _arrays(designs, builds), designs.sizes
+    def _rows(self, designs: DesignBatch | TreeBatch, builds: Ints) -> TreeRows:
+        """Return designs for the kernel."""
+        if isinstance(designs, DesignBatch):
+            return TreeRows.of_levels(designs, builds, self.levels)
+        stretch = np.ones(len(designs.parent))
+        if self.limits.compensated:
+            build = np.repeat(builds, np.diff(designs.first))
+            pairs = np.column_stack([build, designs.width_mm])
+            known, place = np.unique(pairs, axis=0, return_inverse=True)
+            values = [
+                stretch_at(self.builds[int(build)], self.material, width_mm)
+                for build, width_mm in known.tolist()
+            ]
+            stretch = np.array(values)[place.ravel()]
+        return TreeRows.of(designs, builds, stretch)
+
+    def _of_valid(self, rows: TreeRows, sides: tuple[Floats, Floats] | None) -> BatchFound:
+        """Return the penalties and joints of trees of which none is too large."""
+        sizes = np.diff(rows.first)
         flat = np.where(sizes <= MOST_CHECKED_BRANCHES, sizes, 0)
-        pouches, tails = (
-            np.diff(first)[builds] for first in (self.tables.pouch_first, self.tables.tail_first)
-        )
+        pouches = self.tables.pouch_count[rows.build]
+        tails = np.diff(self.tables.tail_first)[rows.build]
         capsules, largest = int((flat * (1 + pouches) + tails).max()), int(sizes.max())
-        children = int(designs.branches.max(initial=1))
-        penalty, joints = np.empty(len(designs)), np.zeros(len(designs), dtype=np.int64)
+        count = len(rows.depth)
+        penalty, joints = np.empty(count), np.zeros(count, dtype=np.int64)
         if self.limits.most_cuts == 0:
-            scratch = _scratch(largest, capsules, children)
-            penalty_kernel.penalize(arrays, self.tables, self.limits, scratch, penalty)
+            scratch = _scratch(largest, capsules)
+            penalty_kernel.penalize(rows, self.tables, self.limits, scratch, penalty)
             return BatchFound(penalty, joints, joints[:0], math.inf)
         parts = min(int(flat.max()), MOST_PIECE_BRANCHES)
-        scratch = _scratch(largest, capsules + 3 * parts, children)
-        cutting = _cut_scratch(parts, capsules, children, sides)
+        scratch = _scratch(largest, capsules + 3 * parts)
+        cutting = _cut_scratch(parts, capsules, sides)
         penalty_kernel.penalize_pieces(
-            arrays, self.tables, self.limits, scratch, cutting, penalty, joints
+            rows, self.tables, self.limits, scratch, cutting, penalty, joints
         )
         return BatchFound(penalty, joints, np.flatnonzero(cutting.cut), float(cutting.left[0]))
 
 
-def _rows(designs: Sequence[Design]) -> tuple[DesignBatch, Ints]:
-    """Return designs with a build each as arrays, and the rows of their builds."""
-    return DesignBatch.of(*designs), np.arange(len(designs))
-
-
-def _arrays(designs: DesignBatch, builds: Ints) -> DesignArrays:
-    """Return designs and their trees for the kernel."""
-    tree = batch_branches(designs)
-    return DesignArrays(
-        depth=np.ascontiguousarray(designs.depth),
-        build=np.ascontiguousarray(builds),
-        trunk=np.ascontiguousarray(designs.trunk_mm),
-        branches=np.ascontiguousarray(designs.branches),
-        fan=np.ascontiguousarray(designs.fan_rad),
-        size=np.ascontiguousarray(designs.length_mm),
-        growth=np.ascontiguousarray(designs.growth),
-        first=tree.first,
-        parent=tree.parent,
-        level=tree.level,
-        offset=tree.offset_rad,
-        length=tree.length_mm,
-    )
-
-
-def _cut_scratch(
-    branches: int, capsules: int, children: int, sides: tuple[Floats, Floats] | None
-) -> CutScratch:
-    """Return memory for the pieces of a design, with at most so many children in a fan."""
+def _cut_scratch(branches: int, capsules: int, sides: tuple[Floats, Floats] | None) -> CutScratch:
+    """Return memory for the pieces of a tree with so many rows."""
     pairs = min(MOST_CONFLICTS, capsules * capsules // 2)
-    ways, unknown = 2 * MOST_LEVELS, np.zeros((0, MOST_LEVELS, children))
+    ways, unknown = 2 * MOST_LEVELS, np.empty(0)
     begins, stops = (unknown, unknown) if sides is None else sides
 
     def whole(*shape: int) -> Ints:
@@ -528,8 +623,8 @@ def _cut_scratch(
         piece=whole(branches),
         wide=np.empty(branches),
         rise=np.empty(branches),
-        begin=np.zeros((MOST_LEVELS, children)),
-        stop=np.zeros(MOST_LEVELS),
+        begin=np.zeros(branches),
+        stop=np.zeros(branches),
         begins=begins,
         stops=stops,
         option=whole(branches + 1, ways),
@@ -551,18 +646,25 @@ _TURN = np.stack(
 """Cosine and sine of the rotations on the sheet that are tried."""
 
 
-def _scratch(branches: int, capsules: int, children: int) -> Scratch:
-    """Return memory for the largest design, with at most so many children in a fan."""
+def _scratch(rows: int, capsules: int) -> Scratch:
+    """Return memory for the largest tree."""
     return Scratch(
-        angle=np.zeros((MOST_LEVELS, children)),
-        run=np.zeros((MOST_LEVELS, children)),
-        gap=np.zeros((MOST_LEVELS, children + 1)),
-        short=np.zeros(MOST_LEVELS),
-        passage=np.ones(MOST_LEVELS),
-        heading=np.empty(branches),
-        riding=np.empty(branches),
-        factor=np.empty(branches),
-        drag=np.empty(branches),
+        angle=np.zeros(rows),
+        run=np.zeros(rows),
+        before=np.zeros(rows),
+        after=np.zeros(rows),
+        passage=np.ones(rows),
+        away=np.zeros(rows),
+        above=np.zeros(rows),
+        begin=np.zeros(rows),
+        twin=np.zeros(rows, dtype=np.int64),
+        stop=np.zeros(rows),
+        heading=np.empty(rows),
+        riding=np.empty(rows),
+        factor=np.empty(rows),
+        drag=np.empty(rows),
+        inside=np.zeros((rows, MOST_LEVELS)),
+        worst=np.zeros((5, MOST_LEVELS)),
         capsule=np.empty((capsules, 6)),
         box=np.empty((capsules, 4)),
         owner=np.empty(capsules, dtype=np.int64),
@@ -586,7 +688,7 @@ def width_violations(build: Build, changed: LimitChanges) -> float:
 
 def _tables(
     rules: PenaltyRules, builds: Sequence[Build], fans: Sequence[Mapping[int, Collection[int]]]
-) -> LevelTables:
+) -> BuildTables:
     """Return the tables that depend on a build and a level alone."""
     profile, changed, limits = rules.profile, rules.changed, rules.limits
     material, window = profile.material, check_window.limits_under(changed)
@@ -597,49 +699,44 @@ def _tables(
     laws: dict[FanLaw, int] = {}
     for row, (build, by_place) in enumerate(zip(builds, fans, strict=True)):
         for place in range(len(build.widths_mm) - 1):
-            for count in (count for count in by_place[place] if count <= children):
+            for count in (count for count in by_place.get(place, ()) if count <= children):
                 pair_mm = build.end_widths_mm[place], build.widths_mm[place + 1]
                 law = joint_law(build, material, pair_mm, build.fillet_mm[place], count)
                 law_at[row, place, count] = laws.setdefault(law, len(laws))
     law_rows = [law.rows for law in laws if limits.compensated]
     drawn = [law.passages_as_drawn for law in laws if not limits.compensated]
-    fitted_mm = GrowthConstantsRange.of(profile, window).diameter_mm
-    widths_mm = _padded([build.widths_mm for build in builds])
+    leaves = [_leaves(build) for build in builds]
+    pouches = [[pouch_capsules(build.pouch, leaf) for leaf in row]
+               for build, row in zip(builds, leaves, strict=True)]  # fmt: skip
+    pouch_first, pouch = _capsule_rows([one for row in _filled(pouches) for one in row])
+    tail_first, tail = _capsule_rows(list(map(tail_capsules, builds)))
+    pouch_mm = np.array([[build.pouch.flat_width_mm if build.pouch else 0.0] for build in builds])
     ends_mm = _padded([build.end_widths_mm for build in builds])
-    leaves_mm = np.array([(build.widths_mm[-1], build.end_widths_mm[-1]) for build in builds]).T
-    pouch_mm = np.array([build.pouch.flat_width_mm if build.pouch else 0.0 for build in builds])
-    pouch_shares = pouch_mm * limits.film_mm / (lumen_area_mm2(1.0) * leaves_mm[1] ** 2)
-    pouches = [pouch_capsules(build.pouch, usual_leaf(build)) for build in builds]
-    tails = map(tail_capsules, builds)
-    pouch_first, pouch = _capsule_rows(pouches)
-    tail_first, tail = _capsule_rows(list(tails))
+    pouch_shares = pouch_mm * limits.film_mm / (limits.lumen * ends_mm**2)
     tails_mm = np.array([build.tail_mm for build in builds])
     collars_mm = np.array([build.collar.reach_mm if build.collar else 0.0 for build in builds])
-    return LevelTables(
-        half=widths_mm / 2.0,
-        end_half=ends_mm / 2.0,
-        fillet=_padded([level_fillets_mm(build) for build in builds]),
-        area=lumen_area_mm2(1.0) * ends_mm**2,
-        scale=fitted_mm / (inflated_diameter_mm(1.0) * widths_mm),
-        stretch=_padded(
-            [[stretch_at(build, material, mm) for mm in build.widths_mm] for build in builds]
+
+    def taken(offset_mm: float) -> Floats:
+        return _padded(
+            [
+                [pouch_takes_mm(leaf, build.pouch, offset_mm) for leaf in row]
+                for build, row in zip(builds, leaves, strict=True)
+            ]
         )
-        if limits.compensated
-        else np.ones_like(widths_mm),
-        widths=np.array([width_violations(build, changed) for build in builds]),
-        tip=np.array([pouch_takes_mm(usual_leaf(build), build.pouch) for build in builds]),
-        tip_cut=np.array(
-            [pouch_takes_mm(usual_leaf(build), build.pouch, limits.reach_mm) for build in builds]
-        ),
-        pouch_share=np.where(pouch_mm > leaves_mm[1], pouch_shares, 0.0),
-        leaf_width=np.maximum(leaves_mm[0], pouch_mm),
+
+    return BuildTables(
+        tip=taken(0.0),
+        tip_cut=taken(limits.reach_mm),
+        pouch_share=np.where(pouch_mm > ends_mm, pouch_shares, 0.0),
+        pouch_width=np.broadcast_to(pouch_mm, ends_mm.shape).copy(),
         tail_mm=tails_mm,
         even_mm=tails_mm - collars_mm,
         most_kpa=np.array(
             [most_growth_kpa(one, profile, window) if rules.grows else math.inf for one in builds]
         ),
         widest_mm=np.array([widest_cut_mm(build, profile, changed) for build in builds]),
-        pouch_first=pouch_first,
+        pouch_first=pouch_first[:-1].reshape(len(builds), -1),
+        pouch_count=np.array([len(row[0]) for row in pouches]),
         pouch=pouch,
         tail_first=tail_first,
         tail=tail,
@@ -650,6 +747,36 @@ def _tables(
         most_turn=MOST_TURN_RAD,
         least_length=LEAST_LENGTH,
     )
+
+
+def _level_tables(rules: PenaltyRules, builds: Sequence[Build]) -> LevelTables:
+    """Return the sizes of the branches of each level."""
+    material, widths_mm = rules.profile.material, _padded([build.widths_mm for build in builds])
+    stretch = np.ones_like(widths_mm)
+    if rules.limits.compensated:
+        stretch = _padded(
+            [[stretch_at(build, material, mm) for mm in build.widths_mm] for build in builds]
+        )
+    return LevelTables(
+        half=widths_mm / 2.0,
+        end_half=_padded([build.end_widths_mm for build in builds]) / 2.0,
+        fillet=_padded([level_fillets_mm(build) for build in builds]),
+        stretch=stretch,
+    )
+
+
+def _leaves(build: Build) -> list[Leaf]:
+    """Return the end of an even leaf of each level."""
+    return [
+        Leaf(half_mm=end_mm / 2.0, lean_rad=0.0, fillet_mm=fillet_mm)
+        for end_mm, fillet_mm in zip(build.end_widths_mm, level_fillets_mm(build), strict=True)
+    ]
+
+
+def _filled(rows: Sequence[Sequence[_Entry]]) -> list[list[_Entry]]:
+    """Return rows of different lengths as long as the longest, their last entry repeated."""
+    longest = max(map(len, rows))
+    return [[*row, *[row[-1]] * (longest - len(row))] for row in rows]
 
 
 def _padded(rows: Sequence[Sequence[float]]) -> Floats:

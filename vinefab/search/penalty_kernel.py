@@ -1,9 +1,13 @@
-"""The compiled penalty of designs that branch alike on each level.
+"""The compiled penalty of trees of any shape.
 
-It computes the penalty of many designs with even fans without building a tree or an array for any
-of them. The tests compare it with a readable twin (``tests/oracles/penalty.py``); the pattern of a
-compensated design is `vinefab.inflation.pattern.quick_pattern`. Like `vinefab.growth.kernel` it
-imports no module of vinefab but `core.compiling`.
+It computes the penalties of many trees without building an object for any of them. The tests
+compare it with a readable twin (``tests/oracles/penalty.py``); the pattern of a compensated design
+is `vinefab.inflation.pattern.quick_pattern`. Like `vinefab.growth.kernel` it imports no module of
+vinefab but `core.compiling`.
+
+Rows are straight parts of branches, parents first; the rows that begin at the end of another, its
+children, follow each other. Of alike rules the worst place of each level counts. Joints that are
+alike, as all of a level are where designs branch evenly, are worked out once.
 """
 
 import math
@@ -16,183 +20,276 @@ from vinefab.core.compiling import called, compiled, inlined, takes
 
 
 # Types of arguments, see `takes`.
-_DESIGNS = "vinefab.search.penalty_batch:DesignArrays(i1 i1 f1 i2 f2 f2 f2 i1 i1 i1 f1 f1)"
+_TREES = "vinefab.search.penalty_batch:TreeRows(i1 i1 i1 i1 i1 i1 i1 i1 i1 f1 f1 f1 f1 f1 f1)"
 _TABLES = (
-    "vinefab.search.penalty_batch:LevelTables("
-    "f2 f2 f2 f2 f2 f2 f1 f1 f1 f1 f1 f1 f1 f1 f1 i1 f2 i1 f2 i3 f3 f1 f3 f f)"
+    "vinefab.search.penalty_batch:BuildTables("
+    "f2 f2 f2 f2 f1 f1 f1 f1 i2 i1 f2 i1 f2 i3 f3 f1 f3 f f)"
 )
 _LIMITS = (
     "vinefab.search.penalty_batch:PenaltyLimits("
-    "f f f f f f f f f f f f f f b f f f f f f i f i i f f f f f f f f b f f)"
+    "f f f f f f f f f f f f f f b f f f f f f i f i i f f f f f f f f b f f f f f f)"
 )
-_SCRATCH = "vinefab.search.penalty_batch:Scratch(f2 f2 f2 f1 f1 f1 f1 f1 f1 f2 f2 i1 i1 f2 f1 f1)"
+_SCRATCH = (
+    "vinefab.search.penalty_batch:Scratch("
+    "f1 f1 f1 f1 f1 f1 f1 f1 i1 f1 f1 f1 f1 f1 f2 f2 f2 f2 i1 i1 f2 f1 f1)"
+)
 _CUTTING = (
     "vinefab.search.penalty_batch:CutScratch("
-    "i1 i1 f1 i1 i1 i2 i1 i1 i1 i1 i1 i1 i1 i1 f1 i1 f1 f1 f2 f1 f3 f3 i2 i1 i1 i1 i1 i1 f1 "
+    "i1 i1 f1 i1 i1 i2 i1 i1 i1 i1 i1 i1 i1 i1 f1 i1 f1 f1 f1 f1 f1 f1 i2 i1 i1 i1 i1 i1 f1 "
     "f2 i1 f1)"
 )
 
+BODIES, WIDTHS, JOINTS, SIDES, PACKING = range(5)
+"""Kinds of rules of which the worst place of each level counts."""
+
 
 @compiled
-@takes(f"{_DESIGNS} {_TABLES} {_LIMITS} {_SCRATCH} f1", seconds=7.4)
-def penalize(designs, tables, limits, scratch, penalty):
-    """Write the penalty of every design: of growth and of the cheap geometric rules.
+@takes(f"{_TREES} {_TABLES} {_LIMITS} {_SCRATCH} f1", seconds=7.4)
+def penalize(trees, tables, limits, scratch, penalty):
+    """Write the penalty of every tree: of growth and of the cheap geometric rules.
 
     Parameters
     ----------
-    designs, tables, limits, scratch
-        As `DesignArrays`, `LevelTables`, `PenaltyLimits` and `Scratch` of the batch.
+    trees, tables, limits, scratch
+        As `TreeRows`, `BuildTables`, `PenaltyLimits` and `Scratch` of the batch.
     penalty
         Where the penalties go, shape (m,).
     """
-    for d in range(len(designs.depth)):
-        count = designs.first[d + 1] - designs.first[d]
-        beyond = _cut_fans(designs, d, tables, limits, scratch)
-        penalty[d] = _of_levels(designs, d, beyond, tables, limits, scratch)
-        if count > limits.most_branches:
-            penalty[d] += math.log1p(float(count) ** 2)
+    for d in range(len(trees.depth)):
+        rows = trees.first[d + 1] - trees.first[d]
+        penalty[d] = _of_branches(trees, d, tables, limits, scratch)
+        if rows > limits.most_branches:
+            penalty[d] += math.log1p(float(rows) ** 2)
         else:
-            capsules = _lay_out(designs, d, tables, limits, scratch)
+            capsules = _lay_out(trees, d, tables, limits, scratch)
             near, bare = 0.0, scratch.bare[0]
             for one in range(capsules):
                 for two in range(one + 1, capsules):
-                    if _may_conflict(designs, d, one, two, bare, scratch):
+                    if _may_conflict(trees, d, one, two, bare, scratch):
                         near += _pair_depth(scratch.capsule, one, two, limits.clearance_mm)
-            penalty[d] += math.log1p(near + _over_sheet(designs, d, capsules, limits, scratch))
+            penalty[d] += math.log1p(near + _over_sheet(trees, d, capsules, limits, scratch))
 
 
 @compiled
-@takes(f"{_DESIGNS} {_TABLES} {_LIMITS} {_SCRATCH} {_CUTTING} f1 i1", seconds=23.3)
-def penalize_pieces(designs, tables, limits, scratch, cutting, penalty, joints):
-    """Write the penalty of every design that may be cut in pieces, and how often it is cut."""
-    for d in range(len(designs.depth)):
-        count, joints[d] = designs.first[d + 1] - designs.first[d], 0
-        beyond = _cut_fans(designs, d, tables, limits, scratch)
-        penalty[d] = _of_levels(designs, d, beyond, tables, limits, scratch)
-        if count > limits.most_branches:
-            penalty[d] += math.log1p(float(count) ** 2)
+@takes(f"{_TREES} {_TABLES} {_LIMITS} {_SCRATCH} {_CUTTING} f1 i1", seconds=23.3)
+def penalize_pieces(trees, tables, limits, scratch, cutting, penalty, joints):
+    """Write the penalty of every tree that may be cut in pieces, and how often it is cut."""
+    for d in range(len(trees.depth)):
+        rows, joints[d] = trees.first[d + 1] - trees.first[d], 0
+        penalty[d] = _of_branches(trees, d, tables, limits, scratch)
+        if rows > limits.most_branches:
+            penalty[d] += math.log1p(float(rows) ** 2)
             continue
-        capsules = _lay_out(designs, d, tables, limits, scratch)
-        near, pairs = _near_pairs(designs, d, capsules, limits, scratch, cutting)
-        if count > len(cutting.cut) or pairs > len(cutting.one):
-            penalty[d] += math.log1p(near + _over_sheet(designs, d, capsules, limits, scratch))
+        capsules = _lay_out(trees, d, tables, limits, scratch)
+        near, pairs = _near_pairs(trees, d, capsules, limits, scratch, cutting)
+        if rows > len(cutting.cut) or pairs > len(cutting.one):
+            penalty[d] += math.log1p(near + _over_sheet(trees, d, capsules, limits, scratch))
         else:
-            _place_joints(designs, d, capsules, tables, limits, scratch, cutting)
-            _prepare_pairs(designs, d, capsules, pairs, limits, scratch, cutting)
+            _place_joints(trees, d, capsules, tables, limits, scratch, cutting)
+            _prepare_pairs(trees, d, capsules, pairs, limits, scratch, cutting)
             left, joints[d] = _in_pieces(
-                designs, d, capsules, pairs, tables, limits, scratch, cutting
+                trees, d, capsules, pairs, tables, limits, scratch, cutting
             )
             cutting.left[0] = left
             penalty[d] += math.log1p(left)
 
 
 @compiled
-@takes(f"{_DESIGNS} {_TABLES} {_LIMITS} {_SCRATCH} f1", seconds=1.0)
-def add_path_excess(designs, tables, limits, scratch, excess):
-    """Add every design's distance from paths fit for the laser: side lengths and drawn fillets."""
-    for d in range(len(designs.depth)):
-        _cut_fans(designs, d, tables, limits, scratch)
-        excess[d] += _drawn_fillets(designs, d, tables, limits, scratch)
-        excess[d] += _short_sides(designs, d, limits.side_mm, tables, limits, scratch)
+@takes(f"{_TREES} {_TABLES} {_LIMITS} {_SCRATCH} f1", seconds=1.0)
+def add_path_excess(trees, tables, limits, scratch, excess):
+    """Add every tree's distance from paths fit for the laser: side lengths and drawn fillets."""
+    for d in range(len(trees.depth)):
+        _clear_worst(trees, d, scratch)
+        _cut_joints(trees, d, tables, limits, scratch)
+        _joints(trees, d, limits, scratch)
+        _clear_worst(trees, d, scratch)
+        _drawn_fillets(trees, d, limits, scratch)
+        _short_sides(trees, d, limits.side_mm, tables, limits, scratch)
+        excess[d] += _worst(trees, d, JOINTS, scratch) + _worst(trees, d, SIDES, scratch)
 
 
 @inlined
-def _of_levels(designs, d, beyond, tables, limits, scratch):
-    """Return the penalty of the rules that need no flat layout.
+def _of_branches(trees, d, tables, limits, scratch):
+    """Return the penalty of the rules that need no flat layout."""
+    _clear_worst(trees, d, scratch)
+    _cut_joints(trees, d, tables, limits, scratch)
+    _joints(trees, d, limits, scratch)
+    _short_sides(trees, d, limits.segment_mm, tables, limits, scratch)
+    _widths(trees, d, limits, scratch)
+    _packing(trees, d, tables, limits, scratch)
+    penalty = math.log1p(_growth_excess(trees, d, tables, limits, scratch))
+    penalty += math.log1p(_worst(trees, d, WIDTHS, scratch))
+    joints = _worst(trees, d, JOINTS, scratch) + _worst(trees, d, SIDES, scratch)
+    penalty += math.log1p(joints + _worst(trees, d, BODIES, scratch))
+    return penalty + math.log1p(_worst(trees, d, PACKING, scratch))
 
-    ``beyond`` is how far fans are from any that was simulated, and inflated siblings from apart.
-    """
-    penalty = math.log1p(_growth_excess(designs, d, tables, limits, scratch))
-    penalty += math.log1p(tables.widths[designs.build[d]])
-    joints = _joints(designs, d, tables, limits, scratch)
-    joints += _short_sides(designs, d, limits.segment_mm, tables, limits, scratch)
-    penalty += math.log1p(joints + beyond)
-    return penalty + math.log1p(_packing(designs, d, tables, limits, scratch))
+
+@inlined
+def _clear_worst(trees, d, scratch):
+    for kind in range(scratch.worst.shape[0]):
+        for level in range(trees.depth[d]):
+            scratch.worst[kind, level] = 0.0
+
+
+@inlined
+def _note(kind, level, depth, scratch):
+    """Note how deep a place on a level violates rules of a kind."""
+    scratch.worst[kind, level] = max(scratch.worst[kind, level], depth)
+
+
+@inlined
+def _worst(trees, d, kind, scratch):
+    """Return the worst violations of a kind on each level, added up."""
+    found = 0.0
+    for level in range(trees.depth[d]):
+        found += scratch.worst[kind, level]
+    return found
 
 
 # --- The pattern --------------------------------------------------------------------------------
 
 
 @inlined
-def _cut_fans(designs, d, tables, limits, scratch):
-    """Write the flat angles and lengths of each level's children, gaps and passages.
+def _cut_joints(trees, d, tables, limits, scratch):
+    """Write the flat angles and lengths of all rows, the gaps between them and their passages.
 
     They are the planned ones where nothing is compensated, else those of
-    `vinefab.inflation.pattern.quick_pattern`. Returns by how much fans are narrower than any that
-    was simulated, and by how much too far inflated siblings lie on each other.
+    `vinefab.inflation.pattern.quick_pattern`. Noted are fans narrower than any that was simulated,
+    and inflated siblings that lie on each other too far.
     """
-    row, build, beyond = designs.first[d], designs.build[d], 0.0
-    scratch.passage[0] = 1.0
-    scratch.run[0, 0] = scratch.short[0] = designs.trunk[d] / tables.stretch[build, 0]
-    children, count = 1, 1
-    row += 1
-    for below in range(designs.depth[d] - 1):
-        children = designs.branches[d, below]
-        fan = designs.fan[d, below] if children > 1 else 0.0
-        law = tables.law_at[build, below, children] if children < tables.law_at.shape[2] else -1
+    base, rows, build = trees.first[d], trees.first[d + 1] - trees.first[d], trees.build[d]
+    stretch, away, twin = trees.stretch, scratch.away, scratch.twin
+    scratch.passage[0], scratch.angle[0] = 1.0, 0.0
+    scratch.run[0] = trees.length[base] / stretch[base]
+    for k in range(rows - 1, -1, -1):
+        away[k] = 0.0
+        for c in range(trees.kid[base + k], trees.kid[base + k] + trees.kids[base + k]):
+            away[k] += trees.length[base + c] + away[c]
+        away[k] /= max(1, trees.kids[base + k])
+    last = -1  # the joint before
+    for k in range(rows):
+        children, first = trees.kids[base + k], trees.kid[base + k]
+        twin[k] = k
+        if children == 0:
+            continue
+        level = trees.level[base + first] - 1  # of the children, from 0
+        if last >= 0 and _is_twin(trees, base, k, last, scratch):
+            twin[k] = last
+            for n in range(children):
+                _copy_row(first + n, trees.kid[base + last] + n, scratch)
+            continue
+        last = k
+        fan = _even_fan(trees, base, k)
+        law = -1
+        if fan >= 0.0 and children < tables.law_at.shape[2]:
+            law = tables.law_at[build, level - 1, children]
         if limits.compensated and children > 1:
-            beyond += _touching(designs, d, below, fan / (children - 1), tables, limits)
+            _note(BODIES, level, _touching(trees, base, k, limits), scratch)
         if limits.compensated and law >= 0:
-            beyond += _compensate(designs, d, row, below, children, fan, law, tables, scratch)
+            beyond = _compensate(trees, base, k, fan, law, tables, scratch)
+            scratch.worst[BODIES, level] += beyond
         else:
-            _keep(designs, d, row, below, children, fan, law, tables, scratch)
-        count *= children
-        row += count
-    return beyond
+            passage = _at(tables.drawn[law], fan, 0) if law >= 0 else 1.0
+            for c in range(first, first + children):
+                scratch.angle[c], scratch.run[c] = trees.offset[base + c], trees.length[base + c]
+                scratch.passage[c] = passage
+        _measure_gaps(first, children, scratch)
 
 
 @inlined
-def _touching(designs, d, below, gap, tables, limits):
+def _measure_gaps(first, children, scratch):
+    """Write the gaps before and after each child of a joint."""
+    before = -math.pi
+    for c in range(first, first + children):
+        scratch.before[c] = scratch.angle[c] - before
+        scratch.after[c] = math.pi - scratch.angle[c]
+        if c > first:
+            scratch.after[c - 1] = scratch.before[c]
+        before = scratch.angle[c]
+
+
+@inlined
+def _is_twin(trees, base, k, other, scratch):
+    """Return whether two joints are alike, and their children."""
+    one, two = base + trees.kid[base + k], base + trees.kid[base + other]
+    same = trees.kids[base + k] == trees.kids[base + other]
+    same &= trees.level[base + k] == trees.level[base + other]
+    same &= trees.half[base + k] == trees.half[base + other]
+    same &= trees.end_half[base + k] == trees.end_half[base + other]
+    same &= scratch.away[k] == scratch.away[other]
+    if not same:
+        return False
+    for n in range(trees.kids[base + k]):
+        a, b = one + n, two + n
+        same &= (trees.offset[a] == trees.offset[b]) & (trees.length[a] == trees.length[b])
+        same &= (trees.half[a] == trees.half[b]) & (trees.end_half[a] == trees.end_half[b])
+        same &= (trees.fillet[a] == trees.fillet[b]) & (trees.bend[a] == trees.bend[b])
+    return same
+
+
+@inlined
+def _copy_row(to, row, scratch):
+    """Write what is known of a row to another one."""
+    scratch.angle[to], scratch.run[to] = scratch.angle[row], scratch.run[row]
+    scratch.before[to], scratch.after[to] = scratch.before[row], scratch.after[row]
+    scratch.passage[to] = scratch.passage[row]
+
+
+@inlined
+def _even_fan(trees, base, k):
+    """Return the fan of a joint whose children are alike and evenly apart; -1 of any other."""
+    children, first = trees.kids[base + k], base + trees.kid[base + k]
+    fan, close = trees.offset[first + children - 1] - trees.offset[first], 1e-9
+    if trees.bend[first] or fan < 0.0:
+        return -1.0
+    for n in range(children):
+        even = fan * (n / (children - 1.0) - 0.5) if children > 1 else 0.0
+        c = first + n
+        alike = trees.half[c] == trees.half[first] and trees.fillet[c] == trees.fillet[first]
+        if not alike or abs(trees.offset[c] - even) > close:
+            return -1.0
+    return fan
+
+
+@inlined
+def _touching(trees, base, k, limits):
     """Return by how much too far siblings of a deployed fan lie on each other, as VF-I04."""
-    if gap >= math.pi:
-        return 0.0
-    contact_mm = math.inf
-    if gap > 0.0:
-        contact_mm = 2.0 * tables.half[designs.build[d], below + 1] / math.pi / math.sin(gap / 2.0)
-    shortest_mm = designs.size[d, below] * min(1.0, designs.growth[d, below])
-    return _excess(contact_mm / shortest_mm, limits.sibling_share, limits.most)
+    worst, first = 0.0, base + trees.kid[base + k]
+    for c in range(first + 1, first + trees.kids[base + k]):
+        gap, contact_mm = trees.offset[c] - trees.offset[c - 1], math.inf
+        if gap >= math.pi:
+            continue
+        one, two = trees.half[c - 1], trees.half[c]
+        if gap > 0.0 and one == two:
+            contact_mm = 2.0 * one / math.pi / math.sin(gap / 2.0)
+        elif gap > 0.0:
+            cos = math.cos(gap)
+            contact_mm = math.sqrt(one * one + two * two + 2.0 * one * two * cos) / math.sin(gap)
+            contact_mm *= 2.0 / math.pi
+        shortest_mm = min(trees.length[c], trees.length[c - 1])
+        worst = max(worst, _excess(contact_mm / shortest_mm, limits.sibling_share, limits.most))
+    return worst
 
 
 @inlined
-def _keep(designs, d, row, below, children, fan, law, tables, scratch):
-    """Write the children of a level as they are designed."""
-    level = below + 1
-    for child in range(children):
-        scratch.angle[level, child] = designs.offset[row + child]
-        scratch.run[level, child] = designs.length[row + child]
-        scratch.gap[level, child] = fan / max(children - 1, 1)
-    scratch.gap[level, 0] = scratch.gap[level, children] = math.pi - fan / 2.0
-    scratch.passage[level] = _at(tables.drawn[law], fan, 0) if law >= 0 else 1.0
-    last = designs.growth[d, below] if children > 1 else 1.0
-    scratch.short[level] = designs.size[d, below] * min(1.0, last)
-
-
-@inlined
-def _compensate(designs, d, row, below, children, fan, place, tables, scratch):
-    """Write the children of a level as the law cuts them."""
-    level, law, most = below + 1, tables.law[place], (tables.law.shape[2] - 2) // 2
-    build, least, away_mm = designs.build[d], tables.least[place], 0.0
-    width = 2.0 * tables.end_half[build, below]
-    for further in range(below, designs.depth[d] - 1):
-        # Lengths of one fan are even: their mean is that of the first and the last.
-        last = designs.growth[d, further] if designs.branches[d, further] > 1 else 1.0
-        away_mm += designs.size[d, further] * (1.0 + last) / 2.0
+def _compensate(trees, base, k, fan, place, tables, scratch):
+    """Write the children of a joint as the law cuts them."""
+    law, most = tables.law[place], (tables.law.shape[2] - 2) // 2
+    least, children, first = tables.least[place], trees.kids[base + k], trees.kid[base + k]
+    width = 2.0 * trees.end_half[base + k]
     # Children stand off their designed axes: turned a little, their tips come nearer.
     offset_mm = width * _at(law, fan, 2 * most)
     most_rad = min(tables.most_turn, fan / 10.0)
-    cut = fan - 2.0 * min(max(offset_mm / away_mm, -most_rad), most_rad)
-    shortest_mm = math.inf
+    cut = fan - 2.0 * min(max(offset_mm / scratch.away[k], -most_rad), most_rad)
+    passage = _at(law, cut, 2 * most + 1)
     for child in range(children):
-        scratch.angle[level, child] = _at(law, cut, child)
+        c = first + child
+        scratch.angle[c] = _at(law, cut, child)
         back_mm = width * _at(law, cut, most + child)
-        run_mm = designs.length[row + child]
-        run_mm = max(run_mm + back_mm, tables.least_length * run_mm) / tables.stretch[build, level]
-        scratch.run[level, child] = run_mm
-        shortest_mm = min(shortest_mm, run_mm)
-        before = scratch.angle[level, child - 1] if child > 0 else -math.pi
-        scratch.gap[level, child] = scratch.angle[level, child] - before
-    scratch.gap[level, children] = math.pi - scratch.angle[level, children - 1]
-    scratch.passage[level], scratch.short[level] = _at(law, cut, 2 * most + 1), shortest_mm
+        run_mm = trees.length[base + c]
+        run_mm = max(run_mm + back_mm, tables.least_length * run_mm)
+        scratch.run[c] = run_mm / trees.stretch[base + c]
+        scratch.passage[c] = passage
     return (least - fan) / least if fan < least else 0.0
 
 
@@ -208,144 +305,194 @@ def _at(law, fan, column):
 
 
 @inlined
-def _growth_excess(designs, d, tables, limits, scratch):
+def _growth_excess(trees, d, tables, limits, scratch):
     """Return the relative excess of the pressure that growth to the worst tip takes.
 
-    As `vinefab.physics.growth_pressure.planned_growth_kpa`, branch by branch.
+    As `vinefab.physics.growth_pressure.planned_growth_kpa`, row by row.
     """
-    base, until = designs.first[d], designs.first[d + 1]
+    base, rows = trees.first[d], trees.first[d + 1] - trees.first[d]
     riding, factor, drag = scratch.riding, scratch.factor, scratch.drag
-    half, scale = tables.half[designs.build[d]], tables.scale[designs.build[d]]
-    for k in range(until - base):
+    for k in range(rows):
         riding[k] = 0.0
-    for k in range(until - base - 1, 0, -1):
-        width = 2.0 * half[designs.level[base + k] - 1]
-        riding[designs.parent[base + k]] += riding[k] + designs.length[base + k] * width
+    for k in range(rows - 1, 0, -1):
+        own_mm2 = 0.0 if trees.bend[base + k] else _film_mm2(trees, base, k)
+        riding[trees.parent[base + k]] += riding[k] + own_mm2
     worst = 0.0
-    for k in range(until - base):
-        level, parent = designs.level[base + k] - 1, designs.parent[base + k]
+    for k in range(rows):
+        parent, width = trees.parent[base + k], 2.0 * trees.half[base + k]
         factor[k], drag[k] = 1.0, 0.0
         if parent >= 0:
-            bend = math.exp(limits.friction * abs(designs.offset[base + k]))
+            bend = math.exp(limits.friction * abs(trees.offset[base + k]))
             factor[k] = factor[parent] * bend
-            above_kpa = limits.drag_kpa_mm * designs.length[base + parent]
+            above_kpa = limits.drag_kpa_mm * trees.length[base + parent]
             drag[k] = (drag[parent] + above_kpa) * bend
-        own_kpa = limits.drag_kpa_mm * designs.length[base + k]
-        store_kpa = limits.storage_kpa + limits.drag_kpa_mm * riding[k] / (2.0 * half[level])
+        own_kpa = limits.drag_kpa_mm * trees.length[base + k]
+        store_kpa = limits.storage_kpa + limits.drag_kpa_mm * riding[k] / width
         takes_kpa = limits.yield_kpa + store_kpa * factor[k] + drag[k] + own_kpa
-        worst = max(worst, takes_kpa * scale[level])
-    return min(limits.most, max(0.0, worst / tables.most_kpa[designs.build[d]] - 1.0))
-
-
-# --- Joints, level by level ---------------------------------------------------------------------
+        worst = max(worst, takes_kpa * limits.fitted_width_mm / width)
+    return min(limits.most, max(0.0, worst / tables.most_kpa[trees.build[d]] - 1.0))
 
 
 @inlined
-def _joints(designs, d, tables, limits, scratch):
-    """Return the summed violations by angles, crotches, fillets and the arcs between them."""
-    found, above_mm, build = 0.0, scratch.short[0], designs.build[d]
-    for below in range(designs.depth[d] - 1):
-        wide, narrow = tables.end_half[build, below], tables.half[build, below + 1]
-        branches, shortest_mm = designs.branches[d, below], scratch.short[below + 1]
-        gap, run, disc = scratch.gap[below + 1], scratch.run[below + 1], max(wide, narrow)
-        lean = _least_lean(designs, d, below + 1, tables, limits, scratch)
-        beside = _beside(designs, d, below, lean, tables, limits, scratch)
-        reach_mm = _bare_reach(beside, wide, narrow, disc)
-        within_mm = shortest_mm if reach_mm <= disc else min(shortest_mm, above_mm)
-        found += _narrow(beside, limits) + _excess(reach_mm / within_mm, limits.crotch, limits.most)
-        if branches > 1:
-            between, share = math.inf, 0.0
-            # Fans are their own mirror images.
-            for child in range(1, branches // 2 + 1):
-                angle = gap[child] + 2.0 * lean
-                between = min(between, angle)
-                shorter_mm = _shorter(run, branches, child)
-                share = max(share, _bare_reach(angle, narrow, narrow, disc) / shorter_mm)
-            found += _narrow(between, limits) + _excess(share, limits.crotch, limits.most)
-        fillet = tables.fillet[build, below + 1]
-        found += _small_arcs(gap, run, branches, wide, narrow, above_mm, fillet, limits)
-        above_mm = shortest_mm
-    return found
+def _film_mm2(trees, base, k):
+    """Return the lay-flat area of the branch that begins with a row."""
+    area_mm2 = 0.0
+    while True:
+        area_mm2 += trees.length[base + k] * 2.0 * trees.half[base + k]
+        if trees.kids[base + k] == 0 or not trees.bend[base + trees.kid[base + k]]:
+            return area_mm2
+        k = trees.kid[base + k]
+
+
+# --- Joints -------------------------------------------------------------------------------------
 
 
 @inlined
-def _short_sides(designs, d, least_mm, tables, limits, scratch):
-    """Return the missing amount, over all levels, for straight sides of a least length.
+def _joints(trees, d, limits, scratch):
+    """Note the violations by angles, crotches, fillets and arcs, and write where sides begin.
 
-    The shortest branch of each level counts. The side of an even trunk continues along the tail.
+    Joints that are alike are judged once, with the shortest of their parents.
     """
-    found, build, base_mm = 0.0, designs.build[d], 0.0
-    length_mm = scratch.short[0]
-    lean = _lean(tables.half[build, 0], tables.end_half[build, 0], length_mm, limits)
-    length_mm = length_mm * math.cos(lean) if lean != 0.0 else length_mm + tables.even_mm[build]
-    for below in range(designs.depth[d] - 1):
-        wide, narrow = tables.end_half[build, below], tables.half[build, below + 1]
-        fillet = tables.fillet[build, below + 1]
-        lean = _least_lean(designs, d, below + 1, tables, limits, scratch)
-        beside = _beside(designs, d, below, lean, tables, limits, scratch)
-        parent_mm, child_mm = _straight_begins(beside, wide, narrow, fillet, 0.0)
-        if designs.branches[d, below] > 1:
-            between = _between(designs, d, below, lean, scratch)
-            sibling_mm, _ = _straight_begins(between, narrow, narrow, fillet, wide)
-            child_mm = max(child_mm, sibling_mm)
-        found += _crowded(length_mm - base_mm - parent_mm, length_mm, least_mm, limits)
-        base_mm, length_mm = child_mm, scratch.short[below + 1]
-        lean = _lean(narrow, tables.end_half[build, below + 1], length_mm, limits)
-        length_mm *= math.cos(lean)
-    return found + _crowded(length_mm - base_mm - tables.tip[build], length_mm, least_mm, limits)
+    base, rows = trees.first[d], trees.first[d + 1] - trees.first[d]
+    twin, above = scratch.twin, scratch.above
+    scratch.begin[0] = 0.0
+    for k in range(rows):
+        above[k] = scratch.run[k]
+        above[twin[k]] = min(above[twin[k]], scratch.run[k])
+    for k in range(rows):
+        children, first, other = trees.kids[base + k], trees.kid[base + k], twin[k]
+        if children == 0:
+            continue
+        if other != k:
+            scratch.stop[k] = scratch.stop[other]
+            for n in range(children):
+                scratch.begin[first + n] = scratch.begin[trees.kid[base + other] + n]
+            continue
+        level = trees.level[base + first] - 1
+        _note(JOINTS, level, _joint_depth(trees, base, k, above[k], limits, scratch), scratch)
 
 
 @inlined
-def _drawn_fillets(designs, d, tables, limits, scratch):
-    """Return by how much the fillets of each level's two tightest gaps fall short of the least.
+def _joint_depth(trees, base, k, above_mm, limits, scratch):
+    """Return the summed violations at a joint; write where its sides begin to be straight."""
+    children, first = trees.kids[base + k], trees.kid[base + k]
+    wide, disc = trees.end_half[base + k], _disc(trees, base, k)
+    lean = _least_lean(trees, base, k, limits, scratch)
+    tilt = lean - _lean(trees.half[base + k], wide, above_mm, limits)
+    beside, between, share = 0.0, math.inf, 0.0
+    scratch.stop[k] = 0.0
+    for gap in range(children + 1):
+        left, right = first + gap - 1, first + gap
+        after, before = gap > 0, gap < children
+        one = trees.half[base + left] if after else wide
+        two = trees.half[base + right] if before else wide
+        angle = scratch.before[right] if before else scratch.after[left]
+        fillet = _designed_fillet(trees, base, left, right, after, before)
+        if after and before:
+            angle += 2.0 * lean
+            between = min(between, angle)
+            shorter_mm = min(scratch.run[left], scratch.run[right])
+            reach_mm = _bare_reach(angle, one, two, disc)
+            share = max(share, reach_mm / shorter_mm)
+        else:
+            angle += tilt
+            child_mm = scratch.run[right] if before else scratch.run[left]
+            reach_mm = _bare_reach(angle, one, two, disc)
+            within_mm = child_mm if reach_mm <= disc else min(child_mm, above_mm)
+            deep = _excess(reach_mm / within_mm, limits.crotch, limits.most)
+            beside = max(beside, _narrow(angle, limits) + deep)
+        a, b = _straight_begins(angle, one, two, fillet, disc)
+        if after:
+            scratch.begin[left] = max(scratch.begin[left], a)
+        else:
+            scratch.stop[k] = max(scratch.stop[k], a)
+        if before:
+            scratch.begin[right] = b
+        else:
+            scratch.stop[k] = max(scratch.stop[k], b)
+    found = beside
+    if children > 1:
+        found += _narrow(between, limits) + _excess(share, limits.crotch, limits.most)
+    return found + _small_arcs(trees, base, k, above_mm, limits, scratch)
 
-    These are the gap next to the parent and the one between the two shortest children.
+
+@inlined
+def _least_lean(trees, base, k, limits, scratch):
+    """Return by how much the sides of all children at a joint lean at least."""
+    lean, first = math.inf, trees.kid[base + k]
+    for c in range(first, first + trees.kids[base + k]):
+        one, end = trees.half[base + c], trees.end_half[base + c]
+        lean = min(lean, _lean(one, end, scratch.run[c], limits))
+    return lean
+
+
+@inlined
+def _disc(trees, base, k):
+    """Return the radius of the disc at a joint: half the widest of its bodies."""
+    disc, first = trees.end_half[base + k], base + trees.kid[base + k]
+    for c in range(first, first + trees.kids[base + k]):
+        disc = max(disc, trees.half[c])
+    return disc
+
+
+@inlined
+def _designed_fillet(trees, base, left, right, after, before):
+    """Return the fillet of a gap: between two children the smaller one, else the child's own."""
+    if after and before:
+        return min(trees.fillet[base + left], trees.fillet[base + right])
+    return trees.fillet[base + left] if after else trees.fillet[base + right]
+
+
+@inlined
+def _short_sides(trees, d, least_mm, tables, limits, scratch):
+    """Note what is missing for straight sides of a least length.
+
+    The side of an even trunk continues along the tail.
     """
-    found, above_mm, build = 0.0, scratch.short[0], designs.build[d]
-    for below in range(designs.depth[d] - 1):
-        wide, narrow = tables.end_half[build, below], tables.half[build, below + 1]
-        child_mm, disc = scratch.short[below + 1], max(wide, narrow)
-        fillet = tables.fillet[build, below + 1]
-        lean = _least_lean(designs, d, below + 1, tables, limits, scratch)
-        beside = _beside(designs, d, below, lean, tables, limits, scratch)
-        most = _largest_fillet(beside, wide, narrow, max(0.5 * min(child_mm, above_mm), disc))
-        found += _excess(limits.drawn_mm, max(0.0, min(fillet, most)), limits.most)
-        if designs.branches[d, below] > 1:
-            between = _between(designs, d, below, lean, scratch)
-            most = _largest_fillet(between, narrow, narrow, max(0.5 * child_mm, disc))
-            found += _excess(limits.drawn_mm, max(0.0, min(fillet, most)), limits.most)
-        above_mm = child_mm
-    return found
+    base, rows, build = trees.first[d], trees.first[d + 1] - trees.first[d], trees.build[d]
+    for k in range(rows):
+        half, end, length_mm = trees.half[base + k], trees.end_half[base + k], scratch.run[k]
+        level, lean = trees.level[base + k] - 1, 0.0
+        if half != end:
+            lean = _lean(half, end, length_mm, limits)
+        if k == 0 and lean == 0.0:
+            length_mm += tables.even_mm[build]
+        elif lean != 0.0:
+            length_mm *= math.cos(lean)
+        stop_mm = scratch.stop[k] if trees.kids[base + k] else tables.tip[build, level]
+        room_mm = length_mm - scratch.begin[k] - stop_mm
+        _note(SIDES, level, _crowded(room_mm, length_mm, least_mm, limits), scratch)
 
 
 @inlined
-def _beside(designs, d, below, lean, tables, limits, scratch):
-    """Return the least angle at a parent: the shortest leans most, its children least."""
-    build, gap = designs.build[d], scratch.gap[below + 1]
-    half, end = tables.half[build, below], tables.end_half[build, below]
-    bare = min(gap[0], gap[designs.branches[d, below]])
-    return bare - _lean(half, end, scratch.short[below], limits) + lean
-
-
-@inlined
-def _between(designs, d, below, lean, scratch):
-    """Return the least angle between siblings whose sides lean."""
-    least = math.inf
-    for child in range(1, designs.branches[d, below]):
-        least = min(least, scratch.gap[below + 1, child])
-    return least + 2.0 * lean
-
-
-@inlined
-def _least_lean(designs, d, level, tables, limits, scratch):
-    """Return by how much the sides of the longest branch of a level, and so of all, lean."""
-    half, end = tables.half[designs.build[d], level], tables.end_half[designs.build[d], level]
-    if half == end:
-        return 0.0
-    longest_mm = 0.0
-    for child in range(designs.branches[d, level - 1]):
-        longest_mm = max(longest_mm, scratch.run[level, child])
-    return _lean(half, end, longest_mm, limits)
+def _drawn_fillets(trees, d, limits, scratch):
+    """Note by how much the fillets of the tightest gaps fall short of the least."""
+    base, rows = trees.first[d], trees.first[d + 1] - trees.first[d]
+    for k in range(rows):
+        children, first = trees.kids[base + k], trees.kid[base + k]
+        if children == 0 or scratch.twin[k] != k:
+            continue
+        wide, disc, above_mm = trees.end_half[base + k], _disc(trees, base, k), scratch.above[k]
+        lean = _least_lean(trees, base, k, limits, scratch)
+        tilt = lean - _lean(trees.half[base + k], wide, above_mm, limits)
+        beside, between = 0.0, 0.0
+        for gap in range(children + 1):
+            left, right = first + gap - 1, first + gap
+            after, before = gap > 0, gap < children
+            one = trees.half[base + left] if after else wide
+            two = trees.half[base + right] if before else wide
+            one_mm = scratch.run[left] if after else above_mm
+            two_mm = scratch.run[right] if before else above_mm
+            angle = scratch.before[right] if before else scratch.after[left]
+            angle += 2.0 * lean if after and before else tilt
+            fillet = _designed_fillet(trees, base, left, right, after, before)
+            most = _largest_fillet(angle, one, two, max(0.5 * min(one_mm, two_mm), disc))
+            lack = _excess(limits.drawn_mm, max(0.0, min(fillet, most)), limits.most)
+            if after and before:
+                between = max(between, lack)
+            else:
+                beside = max(beside, lack)
+        _note(JOINTS, trees.level[base + first] - 1, beside + between, scratch)
 
 
 @inlined
@@ -357,29 +504,44 @@ def _lean(half, end, length, limits):
 
 
 @inlined
-def _small_arcs(gap, run, branches, wide, narrow, above_mm, fillet, limits):
+def _small_arcs(trees, base, k, above_mm, limits, scratch):
     """Return by how much fillets, and the arcs between them, fall short of rules and laser.
 
-    Fans are their own mirror images: of two gaps alike the one next to the shorter branch counts.
+    An even fan is its own mirror image: of two like gaps the one next to the shorter branch counts.
     """
-    found, disc = 0.0, max(wide, narrow)
-    for place in range((branches + 2) // 2):
-        one, shorter_mm = narrow, above_mm
-        if place == 0:
-            one = wide
-            shorter_mm = min(above_mm, run[0], run[branches - 1])
-        else:
-            shorter_mm = _shorter(run, branches, place)
-        most = _largest_fillet(gap[place], one, narrow, max(0.5 * shorter_mm, disc))
+    found, children, first = 0.0, trees.kids[base + k], trees.kid[base + k]
+    wide, disc, even = trees.end_half[base + k], _disc(trees, base, k), _even_fan(trees, base, k)
+    gaps = (children + 2) // 2 if even >= 0.0 else children + 1
+    for gap in range(gaps):
+        left, right = first + gap - 1, first + gap
+        after, before = gap > 0, gap < children
+        one = trees.half[base + left] if after else wide
+        two = trees.half[base + right] if before else wide
+        angle = scratch.before[right] if before else scratch.after[left]
+        shorter_mm = _shorter(first, children, gap, above_mm, scratch)
+        if even >= 0.0:
+            mirrored_mm = _shorter(first, children, children - gap, above_mm, scratch)
+            shorter_mm = min(shorter_mm, mirrored_mm)
+        fillet = _designed_fillet(trees, base, left, right, after, before)
+        most = _largest_fillet(angle, one, two, max(0.5 * shorter_mm, disc))
         radius, least = max(0.0, min(fillet, most)), limits.fillet_mm
-        arc = (radius - limits.seal_mm) * _largest_turn(gap[place], one, narrow, radius, disc)
+        arc = (radius - limits.seal_mm) * _largest_turn(angle, one, two, radius, disc)
         if radius < limits.run_mm and arc >= limits.segment_mm:
             least = max(least, limits.run_mm)
-        found += _excess(least, radius, limits.most)
-        end = (disc + limits.seal_mm) * _end_shown(gap[place], one, narrow, radius, disc)
+        if angle < math.pi or not trees.bend[base + first]:
+            found += _excess(least, radius, limits.most)
+        end = (disc + limits.seal_mm) * _end_shown(angle, one, two, radius, disc)
         if end >= limits.segment_mm:
             found += max(0.0, (limits.end_mm - end) / limits.end_mm)
     return found
+
+
+@inlined
+def _shorter(first, children, gap, above_mm, scratch):
+    """Return the length of the shorter body at a gap."""
+    one_mm = scratch.run[first + gap - 1] if gap > 0 else above_mm
+    two_mm = scratch.run[first + gap] if gap < children else above_mm
+    return min(one_mm, two_mm)
 
 
 @inlined
@@ -394,13 +556,6 @@ def _largest_turn(angle, one, two, radius, disc):
     """Return the largest angle that a fillet between two neighbours turns through."""
     a, b = math.asin((one + radius) / (disc + radius)), math.asin((two + radius) / (disc + radius))
     return math.pi / 2.0 - min(a, b) if a + b <= angle else math.pi - angle
-
-
-@inlined
-def _shorter(run, branches, place):
-    """Return the length of the shortest child at a gap between children or its mirror image."""
-    other = branches - place
-    return min(run[place - 1], run[place], run[other - 1], run[other])
 
 
 @inlined
@@ -448,24 +603,57 @@ def _straight_begins(angle, one, two, fillet, least_disc):
 
 
 @inlined
-def _packing(designs, d, tables, limits, scratch):
-    """Return the summed excesses of folded film in the lumens that it rides in.
+def _widths(trees, d, limits, scratch):
+    """Note branches that are too narrow, or too wide for their parents."""
+    base, rows = trees.first[d], trees.first[d + 1] - trees.first[d]
+    for k in range(rows):
+        end_mm, wide_mm, lack = 2.0 * trees.end_half[base + k], 2.0 * trees.half[base + k], 0.0
+        if end_mm < limits.width_mm:
+            lack += (limits.width_mm - end_mm) / limits.width_mm
+        if k > 0 and not trees.bend[base + k]:
+            ratio = 2.0 * trees.end_half[base + trees.parent[base + k]] / wide_mm
+            if ratio < limits.width_ratio:
+                lack += (limits.width_ratio - ratio) / limits.width_ratio
+        _note(WIDTHS, trees.level[base + k] - 1, lack, scratch)
+
+
+@inlined
+def _packing(trees, d, tables, limits, scratch):
+    """Note by how much folded film overfills the lumens that it rides in.
 
     What rides in a child comes through its joint's passage.
     """
-    levels, build, found = designs.depth[d] - 1, designs.build[d], 0.0
-    for above in range(levels):
-        count, most_mm = 1.0, 0.0
-        for below in range(above, levels):
-            count *= designs.branches[d, below]
-            leaf = below == levels - 1
-            wide = tables.leaf_width[build] if leaf else 2.0 * tables.half[build, below + 1]
-            most_mm = max(most_mm, count * wide)
-        percent = 100.0 * most_mm * limits.film_mm / tables.area[build, above]
-        percent /= scratch.passage[above]
-        found += _excess(percent, limits.packing_percent, limits.most)
-    own_percent = 100.0 * tables.pouch_share[build] / scratch.passage[levels]
-    return found + _excess(own_percent, limits.packing_percent, limits.most)
+    base, rows, build = trees.first[d], trees.first[d + 1] - trees.first[d], trees.build[d]
+    inside, depth = scratch.inside, trees.depth[d]
+    for k in range(rows):
+        for level in range(depth):
+            inside[k, level] = 0.0
+    for k in range(rows - 1, -1, -1):
+        level, parent = trees.level[base + k] - 1, trees.parent[base + k]
+        own = 2.0 * trees.end_half[base + k]
+        room_mm2, most_mm = limits.lumen * own * own * scratch.passage[k], 0.0
+        for at in range(level + 1, depth):
+            most_mm = max(most_mm, inside[k, at])
+        percent = 100.0 * most_mm * limits.film_mm / room_mm2
+        found = _excess(percent, limits.packing_percent, limits.most)
+        if trees.leaf[base + k] and trees.kids[base + k] == 0:
+            own_percent = 100.0 * tables.pouch_share[build, level] / scratch.passage[k]
+            found += _excess(own_percent, limits.packing_percent, limits.most)
+        _note(PACKING, level, found, scratch)
+        if parent >= 0:
+            for at in range(level + 1, depth):
+                inside[parent, at] += inside[k, at]
+            if not trees.bend[base + k]:
+                inside[parent, level] += _across(trees, base, k, tables, build)
+
+
+@inlined
+def _across(trees, base, k, tables, build):
+    """Return the lay-flat width of the branch that begins with a row, with its pouch."""
+    wide_mm = 2.0 * trees.half[base + k]
+    if trees.leaf[base + k]:
+        wide_mm = max(wide_mm, tables.pouch_width[build, trees.level[base + k] - 1])
+    return wide_mm
 
 
 _SURELY_MM = 1e-6
@@ -475,38 +663,34 @@ _SURELY_MM = 1e-6
 
 
 @inlined
-def _lay_out(designs, d, tables, limits, scratch):
+def _lay_out(trees, d, tables, limits, scratch):
     """Write the capsules of a flat robot, pouches last, and their boxes; return their number."""
-    build = designs.build[d]
-    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
-    depth, capsule, heading = designs.depth[d], scratch.capsule, scratch.heading
-    above, child = -2, 0
-    for k in range(branches):
-        parent, level = designs.parent[base + k], designs.level[base + k] - 1
-        # The children of a branch follow each other.
-        child, above = child + 1 if parent == above else 0, parent
-        length = scratch.run[level, child]
+    base, rows, build = trees.first[d], trees.first[d + 1] - trees.first[d], trees.build[d]
+    capsule, heading = scratch.capsule, scratch.heading
+    for k in range(rows):
+        parent, length = trees.parent[base + k], scratch.run[k]
         heading[k], x, y = 0.0, 0.0, 0.0
         if parent >= 0:
-            heading[k] = heading[parent] + scratch.angle[level, child]
+            heading[k] = heading[parent] + scratch.angle[k]
             x, y = capsule[parent, 2], capsule[parent, 3]
         capsule[k, 0], capsule[k, 1] = x, y
         capsule[k, 2] = x + length * math.cos(heading[k])
         capsule[k, 3] = y + length * math.sin(heading[k])
-        capsule[k, 4], capsule[k, 5] = tables.half[build, level], tables.end_half[build, level]
+        capsule[k, 4], capsule[k, 5] = trees.half[base + k], trees.end_half[base + k]
         scratch.owner[k] = k
     capsule[0, 0] -= tables.tail_mm[build]
-    count = branches
+    count = rows
     for row in range(tables.tail_first[build], tables.tail_first[build + 1]):
         for column in range(6):
             capsule[count, column] = tables.tail[row, column]
         scratch.owner[count] = 0
         count += 1
     scratch.bare[0] = count
-    for pouch in range(tables.pouch_first[build], tables.pouch_first[build + 1]):
-        for k in range(branches):
-            if designs.level[base + k] == depth:
-                _add_pouch(capsule, count, k, tables.pouch, pouch, heading[k])
+    for piece in range(tables.pouch_count[build]):
+        for k in range(rows):
+            if trees.kids[base + k] == 0:
+                row = tables.pouch_first[build, trees.level[base + k] - 1] + piece
+                _add_pouch(capsule, count, k, tables.pouch, row, heading[k])
                 scratch.owner[count] = k
                 count += 1
     for k in range(count):
@@ -536,12 +720,12 @@ def _add_pouch(capsule, row, leaf, pouch, piece, heading):
 
 
 @inlined
-def _near_pairs(designs, d, capsules, limits, scratch, cutting):
+def _near_pairs(trees, d, capsules, limits, scratch, cutting):
     """Write down as many of these pairs as there is room for; return their depths and number."""
     found, pairs, bare = 0.0, 0, scratch.bare[0]
     for one in range(capsules):
         for two in range(one + 1, capsules):
-            if not _may_conflict(designs, d, one, two, bare, scratch):
+            if not _may_conflict(trees, d, one, two, bare, scratch):
                 continue
             depth = _pair_depth(scratch.capsule, one, two, limits.clearance_mm)
             found += depth
@@ -554,17 +738,17 @@ def _near_pairs(designs, d, capsules, limits, scratch, cutting):
 
 
 @inlined
-def _may_conflict(designs, d, one, two, bare, scratch):
+def _may_conflict(trees, d, one, two, bare, scratch):
     """Return whether the boxes of two capsules meet, and their branches not by design.
 
     Capsules from ``bare`` on are those of pouches, which meet no branch by design.
     """
-    box, base = scratch.box, designs.first[d]
+    box, base = scratch.box, trees.first[d]
     beside = (box[two, 0] > box[one, 2]) | (box[two, 2] < box[one, 0])
     if beside | (box[two, 1] > box[one, 3]) | (box[two, 3] < box[one, 1]):
         return False
     a, b = scratch.owner[one], scratch.owner[two]
-    up_a, up_b = designs.parent[base + a], designs.parent[base + b]
+    up_a, up_b = trees.parent[base + a], trees.parent[base + b]
     joined = (up_a == up_b) | (up_a == b) | (up_b == a)
     return a != b and not (joined and two < bare)
 
@@ -640,7 +824,7 @@ def _disc_gap(capsule, one, along, two):
 
 
 @inlined
-def _over_sheet(designs, d, capsules, limits, scratch):
+def _over_sheet(trees, d, capsules, limits, scratch):
     """Return by how much a flat robot exceeds the sheet, over the sheet's shorter side.
 
     The trunk begins with the two corners of the tail.
@@ -650,7 +834,7 @@ def _over_sheet(designs, d, capsules, limits, scratch):
     _span_of_mouth(scratch)
     for k in range(capsules):
         _widen_span(scratch, k, 2)
-        _widen_to_begin(designs, d, k, scratch)
+        _widen_to_begin(trees, d, k, scratch)
     return _excess_of_span(limits, scratch)
 
 
@@ -668,11 +852,11 @@ def _fits_as_laid(capsules, limits, scratch):
 
 
 @inlined
-def _widen_to_begin(designs, d, k, scratch):
+def _widen_to_begin(trees, d, k, scratch):
     """Widen the span to where a capsule begins; mostly that is within the wider end before it."""
-    capsule, branches = scratch.capsule, designs.first[d + 1] - designs.first[d]
+    capsule, branches = scratch.capsule, trees.first[d + 1] - trees.first[d]
     if 0 < k < branches:
-        if capsule[k, 4] > capsule[designs.parent[designs.first[d] + k], 5]:
+        if capsule[k, 4] > capsule[trees.parent[trees.first[d] + k], 5]:
             _widen_span(scratch, k, 0)
     elif branches <= k < scratch.bare[0]:
         _widen_span(scratch, k, 0)
@@ -730,23 +914,18 @@ TOO_MANY = 1_000_000
 
 
 @inlined
-def _place_joints(designs, d, capsules, tables, limits, scratch, cutting):
-    """Write which branches have room for a sleeve, and the capsules of their parts."""
-    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
-    capsule, build = scratch.capsule, designs.build[d]
-    known = d < len(cutting.begins)
+def _place_joints(trees, d, capsules, tables, limits, scratch, cutting):
+    """Write which rows have room for a sleeve, and the capsules of their parts."""
+    base, rows, build = trees.first[d], trees.first[d + 1] - trees.first[d], trees.build[d]
+    capsule, known = scratch.capsule, base < len(cutting.begins)
     if not known:
-        _find_straight_sides(designs, d, tables, limits, scratch, cutting)
-    cutting.stop[designs.depth[d] - 1] = tables.tip_cut[build]
-    first, children = 0, 1
-    for k in range(branches):
-        level = designs.level[base + k] - 1
-        if k > 0 and level > designs.level[base + k - 1] - 1:
-            first, children = k, designs.branches[d, level - 1]
-        child = (k - first) % children
-        length = scratch.run[level, child]
-        begin = cutting.begins[d, level, child] if known else cutting.begin[level, child]
-        stop = cutting.stops[d, level, child] if known else cutting.stop[level]
+        _find_straight_sides(trees, d, limits, scratch, cutting)
+    for k in range(rows):
+        length = scratch.run[k]
+        begin = cutting.begins[base + k] if known else cutting.begin[k]
+        stop = cutting.stops[base + k] if known else cutting.stop[k]
+        if trees.kids[base + k] == 0:
+            stop = tables.tip_cut[build, trees.level[base + k] - 1]
         begin += limits.before_mm
         rise = limits.rise_mm
         if limits.on_stub:
@@ -770,46 +949,57 @@ def _place_joints(designs, d, capsules, tables, limits, scratch, cutting):
 
 
 @inlined
-def _find_straight_sides(designs, d, tables, limits, scratch, cutting):
-    """Write where even sides of each child of each level begin to be straight, and where they stop.
+def _find_straight_sides(trees, d, limits, scratch, cutting):
+    """Write where even sides of each row begin to be straight, and where they stop.
 
     Corners in place of small fillets lie farther from the joint where the cut runs.
     """
-    begin, stop, above_mm = cutting.begin, cutting.stop, scratch.run[0, 0]
-    half, fillets = tables.half[designs.build[d]], tables.fillet[designs.build[d]]
-    begin[0, 0] = 0.0
-    for below in range(designs.depth[d] - 1):
-        wide, narrow = half[below], half[below + 1]
-        children, disc = designs.branches[d, below], max(wide, narrow)
-        run = scratch.run[below + 1]
-        stop[below], shortest_mm = 0.0, math.inf
-        for child in range(children):
-            begin[below + 1, child] = 0.0
-        for gap in range(children + 1):
-            after, before = gap > 0, gap < children
-            angle = scratch.gap[below + 1, gap]
-            one, two = narrow if after else wide, narrow if before else wide
-            one_mm = run[gap - 1] if after else above_mm
-            two_mm = run[gap] if before else above_mm
-            reach_mm = max(0.5 * min(one_mm, two_mm), disc)
-            fillet = min(fillets[below + 1], _largest_fillet(angle, one, two, reach_mm))
-            for place in range(3):
-                # Sockets next to each other lie on children alone, beyond the straight and a blend.
-                out = (0.0, limits.reach_mm, limits.beside_mm)[place]
-                less = (0.0, 0.0, limits.before_mm + limits.blend_ratio * limits.rise_mm)[place]
-                none = (0.0, 0.0, math.inf)[place]
-                radius = max(0.0, max(0.0, fillet) - out)
-                a, b = _straight_begins(angle, one + out, two + out, radius, disc + out)
-                if after:
-                    begin[below + 1, gap - 1] = max(begin[below + 1, gap - 1], a - less)
-                    shortest_mm = min(shortest_mm, one_mm)
-                else:
-                    stop[below] = max(stop[below], a - none)
-                if before:
-                    begin[below + 1, gap] = max(begin[below + 1, gap], b - less)
-                else:
-                    stop[below] = max(stop[below], b - none)
-        above_mm = shortest_mm
+    base, rows = trees.first[d], trees.first[d + 1] - trees.first[d]
+    begin, stop = cutting.begin, cutting.stop
+    begin[0] = stop[0] = 0.0
+    for k in range(rows):
+        children, first, other = trees.kids[base + k], trees.kid[base + k], scratch.twin[k]
+        stop[k] = 0.0
+        if children and other != k:
+            stop[k] = stop[other]
+            for n in range(children):
+                begin[first + n] = begin[trees.kid[base + other] + n]
+        elif children:
+            _find_sides_at(trees, base, k, limits, scratch, cutting)
+
+
+@inlined
+def _find_sides_at(trees, base, k, limits, scratch, cutting):
+    """Write where the sides at a joint begin to be straight, and where those of its parent stop."""
+    children, first, begin = trees.kids[base + k], trees.kid[base + k], cutting.begin
+    wide, disc, stop = trees.end_half[base + k], _disc(trees, base, k), 0.0
+    for c in range(first, first + children):
+        begin[c] = 0.0
+    for gap in range(children + 1):
+        left, right = first + gap - 1, first + gap
+        after, before = gap > 0, gap < children
+        one = trees.half[base + left] if after else wide
+        two = trees.half[base + right] if before else wide
+        angle = scratch.before[right] if before else scratch.after[left]
+        shorter_mm = _shorter(first, children, gap, scratch.above[k], scratch)
+        most = _largest_fillet(angle, one, two, max(0.5 * shorter_mm, disc))
+        fillet = min(_designed_fillet(trees, base, left, right, after, before), most)
+        for place in range(3):
+            # Sockets next to each other lie on children alone, beyond the straight and a blend.
+            out = (0.0, limits.reach_mm, limits.beside_mm)[place]
+            less = (0.0, 0.0, limits.before_mm + limits.blend_ratio * limits.rise_mm)[place]
+            none = (0.0, 0.0, math.inf)[place]
+            radius = max(0.0, max(0.0, fillet) - out)
+            a, b = _straight_begins(angle, one + out, two + out, radius, disc + out)
+            if after:
+                begin[left] = max(begin[left], a - less)
+            else:
+                stop = max(stop, a - none)
+            if before:
+                begin[right] = max(begin[right], b - less)
+            else:
+                stop = max(stop, b - none)
+    cutting.stop[k] = stop
 
 
 @inlined
@@ -848,9 +1038,9 @@ def _part(scratch, row, k, low, high, rise, limits):
 
 
 @inlined
-def _prepare_pairs(designs, d, capsules, pairs, limits, scratch, cutting):
+def _prepare_pairs(trees, d, capsules, pairs, limits, scratch, cutting):
     """Write which cuts part each pair, how many pairs each part, and the order of pairs."""
-    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    base, branches = trees.first[d], trees.first[d + 1] - trees.first[d]
     owner, weight = scratch.owner, cutting.weight
     for k in range(branches):
         cutting.cut[k] = cutting.banned[k] = cutting.used[k] = weight[k] = 0
@@ -858,23 +1048,23 @@ def _prepare_pairs(designs, d, capsules, pairs, limits, scratch, cutting):
         one, two = cutting.one[p], cutting.two[p]
         meet, other, also = owner[one], owner[two], -1
         while meet != other:  # the lowest branch that both are, or lie beyond
-            if designs.level[base + meet] >= designs.level[base + other]:
-                meet = designs.parent[base + meet]
+            if meet > other:  # parents stand before their children
+                meet = trees.parent[base + meet]
             else:
-                other = designs.parent[base + other]
+                other = trees.parent[base + other]
         if meet == owner[one] and _outer_clears(meet, capsules, two, limits, scratch, cutting):
             also = meet
         if meet == owner[two] and _outer_clears(meet, capsules, one, limits, scratch, cutting):
             also = meet
         cutting.also[p] = also
-        cutting.top[p] = designs.level[base + meet] - (1 if also >= 0 else 0)
-        ways = _ways(designs, base, owner[one], owner[two], also, cutting)
+        cutting.top[p] = trees.level[base + meet] - (1 if also >= 0 else 0)
+        ways = _ways(trees, base, owner[one], owner[two], also, cutting)
         cutting.ways[p] = ways
         for way in range(ways):
             cutting.between[p, way] = cutting.path[way]
             weight[cutting.path[way]] += 1
     placed = 0  # those that meet farthest from the base first
-    for level in range(designs.depth[d], -1, -1):
+    for level in range(trees.depth[d], -1, -1):
         for p in range(pairs):
             if cutting.top[p] == level:
                 cutting.order[placed] = p
@@ -894,19 +1084,19 @@ def _outer_clears(k, capsules, row, limits, scratch, cutting):
 
 
 @called
-def _ways(designs, base, a, b, also, cutting):
+def _ways(trees, base, a, b, also, cutting):
     """Write the branches between two whose cut may part them; return their number.
 
     ``also`` is the branch where they meet, if a cut there parts them too.
     """
     ways = 0
     while a != b:
-        if designs.level[base + a] >= designs.level[base + b]:
+        if a > b:
             ways = _add_way(cutting, a, ways)
-            a = designs.parent[base + a]
+            a = trees.parent[base + a]
         else:
             ways = _add_way(cutting, b, ways)
-            b = designs.parent[base + b]
+            b = trees.parent[base + b]
     if also == a:
         ways = _add_way(cutting, a, ways)
     return ways
@@ -915,23 +1105,24 @@ def _ways(designs, base, a, b, also, cutting):
 @inlined
 def _add_way(cutting, k, ways):
     """Write down a branch if it may be cut; return the number of those written."""
-    if cutting.can[k] == 1 and cutting.banned[k] == 0 and cutting.cut[k] == 0:
+    free = cutting.can[k] == 1 and cutting.banned[k] == 0 and cutting.cut[k] == 0
+    if free and ways < len(cutting.path):
         cutting.path[ways] = k
         return ways + 1
     return ways
 
 
 @inlined
-def _in_pieces(designs, d, capsules, pairs, tables, limits, scratch, cutting):
+def _in_pieces(trees, d, capsules, pairs, tables, limits, scratch, cutting):
     """Cut a design; return what is left of conflicts and excess, and the number of cuts."""
-    made = _fewest_cuts(designs, d, capsules, pairs, tables, limits, scratch, cutting)
+    made = _fewest_cuts(trees, d, capsules, pairs, tables, limits, scratch, cutting)
     searched = made >= 0
     if not searched:
-        made = _deepest_cuts(designs, d, pairs, limits, scratch, cutting)
-    left = _left(designs, d, capsules, pairs, tables, limits, scratch, cutting)
+        made = _deepest_cuts(trees, d, pairs, limits, scratch, cutting)
+    left = _left(trees, d, capsules, pairs, tables, limits, scratch, cutting)
     # Further cuts, for pieces that are larger than the sheet.
     while searched and left > 0.0 and made < limits.most_cuts:
-        chosen, least = _further_cut(designs, d, capsules, pairs, tables, limits, scratch, cutting)
+        chosen, least = _further_cut(trees, d, capsules, pairs, tables, limits, scratch, cutting)
         if least >= left * _PARTED:
             break
         cutting.cut[chosen] = 1
@@ -940,13 +1131,13 @@ def _in_pieces(designs, d, capsules, pairs, tables, limits, scratch, cutting):
 
 
 @inlined
-def _further_cut(designs, d, capsules, pairs, tables, limits, scratch, cutting):
+def _further_cut(trees, d, capsules, pairs, tables, limits, scratch, cutting):
     """Return the further cut that leaves least, and its remainder."""
     chosen, least = -1, math.inf
-    for k in range(designs.first[d + 1] - designs.first[d]):
+    for k in range(trees.first[d + 1] - trees.first[d]):
         if cutting.can[k] == 1 and cutting.cut[k] == 0:
             cutting.cut[k] = 1
-            left = _left(designs, d, capsules, pairs, tables, limits, scratch, cutting)
+            left = _left(trees, d, capsules, pairs, tables, limits, scratch, cutting)
             cutting.cut[k] = 0
             if left < least * _PARTED:
                 chosen, least = k, left
@@ -954,58 +1145,57 @@ def _further_cut(designs, d, capsules, pairs, tables, limits, scratch, cutting):
 
 
 @called
-def _left(designs, d, capsules, pairs, tables, limits, scratch, cutting):
+def _left(trees, d, capsules, pairs, tables, limits, scratch, cutting):
     """Return the rest after the cuts: conflicts in a piece, excess over the sheet and of laps."""
-    _label(designs, d, cutting)
-    left = _stubs_left(designs, d, capsules, pairs, limits, scratch, cutting)
-    left += _sockets_left(designs, d, capsules, limits, scratch, cutting)
+    _label(trees, d, cutting)
+    left = _stubs_left(trees, d, capsules, pairs, limits, scratch, cutting)
+    left += _sockets_left(trees, d, capsules, limits, scratch, cutting)
     for p in range(pairs):
         if _together(p, scratch, cutting):
             left += cutting.depth[p]
     over = 0.0  # of all pieces over the sheet, relative to its shorter side
-    for root in range(designs.first[d + 1] - designs.first[d]):
+    for root in range(trees.first[d + 1] - trees.first[d]):
         if cutting.piece[root] == root:
-            _span_of_piece(designs, d, capsules, root, limits, scratch, cutting)
+            _span_of_piece(trees, d, capsules, root, limits, scratch, cutting)
             over += _excess_of_span(limits, scratch)
     left += over
-    return left + _overfull(designs, d, tables, limits, scratch, cutting)
+    return left + _overfull(trees, d, tables, limits, scratch, cutting)
 
 
 @called
-def _overfull(designs, d, tables, limits, scratch, cutting):
+def _overfull(trees, d, tables, limits, scratch, cutting):
     """Return by how much film with the laps of the cuts overfills lumens, as VF-J04.
 
     As `vinefab.fabrication.rules.tree_rules.lap_occupancies`, the fullest branch of each level.
     """
-    base, depth, below = designs.first[d], designs.depth[d], cutting.below
-    build = designs.build[d]
-    branches, found = designs.first[d + 1] - base, 0.0
+    base, depth, below = trees.first[d], trees.depth[d], cutting.below
+    build = trees.build[d]
+    rows, found = trees.first[d + 1] - base, 0.0
     for level in range(depth):
         cutting.fullest[level] = 0.0
-    for k in range(branches):
+    for k in range(rows):
         cutting.laps[k] = 0
         for level in range(depth):
             below[k, level] = 0.0
-    for k in range(branches - 1, -1, -1):
-        level, parent = designs.level[base + k] - 1, designs.parent[base + k]
-        wide, most_mm = 2.0 * tables.half[build, level], 0.0
+    for k in range(rows - 1, -1, -1):
+        level, parent = trees.level[base + k] - 1, trees.parent[base + k]
+        own, most_mm = 2.0 * trees.end_half[base + k], 0.0
         for at in range(level + 1, depth):
             most_mm = max(most_mm, below[k, at])
         if cutting.laps[k]:
-            share = (
-                most_mm * limits.lap_film_mm / tables.area[build, level] / scratch.passage[level]
-            )
+            share = most_mm * limits.lap_film_mm / (limits.lumen * own * own) / scratch.passage[k]
             cutting.fullest[level] = max(cutting.fullest[level], share)
-        if parent >= 0:
-            across = tables.leaf_width[build] if level == depth - 1 else wide
+        if parent < 0:
+            continue
+        if not trees.bend[base + k]:
+            across = _across(trees, base, k, tables, build)
             if cutting.cut[k]:
                 across = max(across, 2.0 * (cutting.wide[k] + cutting.rise[k]))
-                cutting.laps[parent] = 1
             below[parent, level] += across
-            for at in range(level + 1, depth):
-                below[parent, at] += below[k, at]
-            if cutting.laps[k]:
-                cutting.laps[parent] = 1
+        for at in range(level + 1, depth):
+            below[parent, at] += below[k, at]
+        if cutting.cut[k] or cutting.laps[k]:
+            cutting.laps[parent] = 1
     for level in range(depth):
         percent = 100.0 * cutting.fullest[level]
         found += _excess(percent, limits.lap_percent, limits.most)
@@ -1013,12 +1203,12 @@ def _overfull(designs, d, tables, limits, scratch, cutting):
 
 
 @inlined
-def _label(designs, d, cutting):
+def _label(trees, d, cutting):
     """Write the piece that each branch ends on, named by the branch that the piece begins with."""
-    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    base, branches = trees.first[d], trees.first[d + 1] - trees.first[d]
     cutting.piece[0] = 0
     for k in range(1, branches):
-        cutting.piece[k] = k if cutting.cut[k] else cutting.piece[designs.parent[base + k]]
+        cutting.piece[k] = k if cutting.cut[k] else cutting.piece[trees.parent[base + k]]
 
 
 @inlined
@@ -1030,7 +1220,7 @@ def _together(p, scratch, cutting):
 
 
 @called
-def _stubs_left(designs, d, capsules, pairs, limits, scratch, cutting):
+def _stubs_left(trees, d, capsules, pairs, limits, scratch, cutting):
     """Return the summed depths of stubs that conflict with something on their piece.
 
     The first conflict is written to ``cutting.hit``: two branches that end on the pieces of the
@@ -1042,22 +1232,22 @@ def _stubs_left(designs, d, capsules, pairs, limits, scratch, cutting):
         p = cutting.order[place]
         if not _together(p, scratch, cutting):
             one, two = cutting.one[p], cutting.two[p]
-            left += _stub_left(designs, d, capsules, one, two, 1, limits, scratch, cutting)
-            left += _stub_left(designs, d, capsules, two, one, 0, limits, scratch, cutting)
+            left += _stub_left(trees, d, capsules, one, two, 1, limits, scratch, cutting)
+            left += _stub_left(trees, d, capsules, two, one, 0, limits, scratch, cutting)
     return left
 
 
 @inlined
-def _stub_left(designs, d, capsules, one, two, stubs, limits, scratch, cutting):
+def _stub_left(trees, d, capsules, one, two, stubs, limits, scratch, cutting):
     """Return the depth of the stub of a capsule's branch in another capsule, or what is left of it.
 
     ``stubs`` is 1 if the other's stub counts too.
     """
-    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    base, branches = trees.first[d], trees.first[d + 1] - trees.first[d]
     a, b = scratch.owner[one], scratch.owner[two]
     if one >= branches or cutting.cut[a] == 0:
         return 0.0
-    stub, up = capsules + 3 * a + STUB, designs.parent[base + a]
+    stub, up = capsules + 3 * a + STUB, trees.parent[base + a]
     if two >= branches:
         return _depth_in_piece(up, stub, b, two, -1, limits, scratch, cutting)
     if cutting.cut[b] == 0:
@@ -1066,35 +1256,35 @@ def _stub_left(designs, d, capsules, one, two, stubs, limits, scratch, cutting):
     other = capsules + 3 * b
     left = _depth_in_piece(up, stub, b, other + OUTER, -1, limits, scratch, cutting)
     if stubs:
-        up_b = designs.parent[base + b]
+        up_b = trees.parent[base + b]
         left += _depth_in_piece(up, stub, up_b, other + STUB, -1, limits, scratch, cutting)
     return left
 
 
 @called
-def _sockets_left(designs, d, capsules, limits, scratch, cutting):
+def _sockets_left(trees, d, capsules, limits, scratch, cutting):
     """Return the summed depths of sockets that conflict with something on their piece."""
-    branches, left = designs.first[d + 1] - designs.first[d], 0.0
+    branches, left = trees.first[d + 1] - trees.first[d], 0.0
     for a in range(1, branches):
         if cutting.cut[a]:
-            left += _socket_left(designs, d, capsules, a, limits, scratch, cutting)
+            left += _socket_left(trees, d, capsules, a, limits, scratch, cutting)
     return left
 
 
 @inlined
-def _socket_left(designs, d, capsules, a, limits, scratch, cutting):
+def _socket_left(trees, d, capsules, a, limits, scratch, cutting):
     """Return the summed depths of a branch's socket in everything that is not joined to it."""
-    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
-    socket, left, above = capsules + 3 * a + SOCKET, 0.0, designs.parent[base + a]
+    base, branches = trees.first[d], trees.first[d + 1] - trees.first[d]
+    socket, left, above = capsules + 3 * a + SOCKET, 0.0, trees.parent[base + a]
     home = above if limits.on_stub else a
     for row in range(capsules):
         b = scratch.owner[row]
-        up = designs.parent[base + b]
+        up = trees.parent[base + b]
         joined = up == a or (limits.on_stub and above in (up, b))
         if a != b and not (row < scratch.bare[0] and joined):
             left += _depth_in_piece(home, socket, b, row, -1, limits, scratch, cutting)
     for b in range(1 if limits.on_stub else a + 1, branches):
-        up = designs.parent[base + b]
+        up = trees.parent[base + b]
         if a == b or not cutting.cut[b] or up == a or (limits.on_stub and up == above):
             continue
         stub, other = capsules + 3 * b + STUB, capsules + 3 * b + SOCKET
@@ -1122,9 +1312,9 @@ def _depth_in_piece(a, one, b, two, also, limits, scratch, cutting):
 
 
 @inlined
-def _span_of_piece(designs, d, capsules, root, limits, scratch, cutting):
+def _span_of_piece(trees, d, capsules, root, limits, scratch, cutting):
     """Write how far a piece reaches across each rotation."""
-    base, branches, piece = designs.first[d], designs.first[d + 1] - designs.first[d], cutting.piece
+    base, branches, piece = trees.first[d], trees.first[d + 1] - trees.first[d], cutting.piece
     if root == 0:
         _span_of_mouth(scratch)
     else:
@@ -1137,28 +1327,28 @@ def _span_of_piece(designs, d, capsules, root, limits, scratch, cutting):
         if piece[scratch.owner[k]] == root:
             _widen_span(scratch, k, 2)
             if k != root:
-                _widen_to_begin(designs, d, k, scratch)
+                _widen_to_begin(trees, d, k, scratch)
     for k in range(root + 1, branches):
-        if cutting.cut[k] and piece[designs.parent[base + k]] == root:
+        if cutting.cut[k] and piece[trees.parent[base + k]] == root:
             part, end = (SOCKET, 0) if limits.on_stub else (STUB, 2)
             _widen_span(scratch, capsules + 3 * k + part, end)
 
 
 @inlined
-def _fewest_cuts(designs, d, capsules, pairs, tables, limits, scratch, cutting):
+def _fewest_cuts(trees, d, capsules, pairs, tables, limits, scratch, cutting):
     """Make the fewest cuts that were found to part all conflicts; return their number, or -1.
 
     Depth first: the first pair that is still on one piece is parted by one branch after another.
     """
-    branches = designs.first[d + 1] - designs.first[d]
+    branches = trees.first[d + 1] - trees.first[d]
     made, most, found, least, overfull = 0, limits.most_cuts, -1, 0, math.inf
     for step in range(limits.most_steps):
-        more = _expand(designs, d, capsules, pairs, made, most, step, limits, scratch, cutting)
+        more = _expand(trees, d, capsules, pairs, made, most, step, limits, scratch, cutting)
         if step == 0:
             least = cutting.needed[0]
         if more == 0:
             # Further cuts only add laps: those that overfill a lumen are kept for want of better.
-            over = _overfull(designs, d, tables, limits, scratch, cutting)
+            over = _overfull(trees, d, tables, limits, scratch, cutting)
             if over < overfull or over <= 0.0:
                 found, overfull = made, over
                 for k in range(branches):
@@ -1197,16 +1387,16 @@ def _go_back(made, most, cutting):
 
 
 @called
-def _expand(designs, d, capsules, pairs, made, most, step, limits, scratch, cutting):
+def _expand(trees, d, capsules, pairs, made, most, step, limits, scratch, cutting):
     """Write the branches that may part the first conflict; return 0 if there is none, else 1.
 
     There are no such branches if more cuts than ``most`` are needed for certain: each of some pairs
     needs its own cut (Garg, Vazirani and Yannakakis 1997: pairs are taken in the order in which
     they meet farthest from the base). That number is written to ``cutting.needed``.
     """
-    base, first, needed = designs.first[d], -1, 0
+    base, first, needed = trees.first[d], -1, 0
     cutting.options[made] = 0
-    _label(designs, d, cutting)
+    _label(trees, d, cutting)
     for place in range(pairs):
         p = cutting.order[place]
         if needed <= most - made and _together(p, scratch, cutting):
@@ -1220,11 +1410,11 @@ def _expand(designs, d, capsules, pairs, made, most, step, limits, scratch, cutt
         for way in range(cutting.ways[first]):
             ways = _add_way(cutting, cutting.between[first, way], ways)
     else:
-        left = _stubs_left(designs, d, capsules, pairs, limits, scratch, cutting)
-        left += _sockets_left(designs, d, capsules, limits, scratch, cutting)
+        left = _stubs_left(trees, d, capsules, pairs, limits, scratch, cutting)
+        left += _sockets_left(trees, d, capsules, limits, scratch, cutting)
         if left <= 0.0:
             return 0
-        ways = _ways(designs, base, cutting.hit[0], cutting.hit[1], cutting.hit[2], cutting)
+        ways = _ways(trees, base, cutting.hit[0], cutting.hit[1], cutting.hit[2], cutting)
     _sort_ways(ways, made, cutting)
     return 1
 
@@ -1262,19 +1452,19 @@ def _sort_ways(ways, made, cutting):
 
 
 @inlined
-def _deepest_cuts(designs, d, pairs, limits, scratch, cutting):
+def _deepest_cuts(trees, d, pairs, limits, scratch, cutting):
     """Cut, one after the other, where pairs of the most depth are parted; return how often."""
     share, made = cutting.share, 0
     while made < limits.most_cuts:
-        _label(designs, d, cutting)
-        for k in range(designs.first[d + 1] - designs.first[d]):
+        _label(trees, d, cutting)
+        for k in range(trees.first[d + 1] - trees.first[d]):
             share[k] = 0.0
         for p in range(pairs):  # summed depths of the pairs that a cut in each branch parts
             if _together(p, scratch, cutting):
                 for way in range(cutting.ways[p]):
                     share[cutting.between[p, way]] += cutting.depth[p]
         chosen = 0
-        for k in range(designs.first[d + 1] - designs.first[d]):
+        for k in range(trees.first[d + 1] - trees.first[d]):
             if share[k] > share[chosen] + limits.least_depth:
                 chosen = k
         if share[chosen] <= 0.0:

@@ -19,6 +19,7 @@ from vinefab.core.front_door import imported_later
 from vinefab.core.progress import Progress, announce, each, phase
 from vinefab.core.registry import parameter_names, parameter_values
 from vinefab.core.rng import child
+from vinefab.core.validation import Floats
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.files.run_context import RunRecipe
@@ -37,6 +38,8 @@ from vinefab.search.evaluator import (
     ThreadEvaluator,
 )
 from vinefab.search.finalists import choose_finalists, minimized, reevaluated, settled
+from vinefab.search.free_search import FreeSearch
+from vinefab.search.free_space import FreeSpace, space_of
 from vinefab.search.manufacturability import (
     BestCheck,
     ManufacturabilityPenalty,
@@ -52,6 +55,7 @@ from vinefab.search.optimizers.optimizer import (
     FrontOptimizer,
     Optimizer,
     OptimizerConfig,
+    RecommendingOptimizer,
     ScreeningOptimizer,
     StartingOptimizer,
     make_optimizer_config,
@@ -79,7 +83,6 @@ from vinefab.search.settings import (
     limit_option,
     with_limits,
 )
-from vinefab.search.space import Space
 from vinefab.tasks.evaluate import Conditions
 from vinefab.tasks.reach import task_targets
 from vinefab.tasks.task import Task
@@ -184,8 +187,15 @@ class Search:
             settings.optimizer.name, settings.optimizer.parameters
         )
         seed, population = settings.search.seed, settings.search.population
-        asked = started(config, settings.optimizer.name, evaluator.space.axes, population, seed)
+        asked = started(
+            config, settings.optimizer.name, evaluator.space.axes_of_levels, population, seed
+        )
         check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
+        if isinstance(evaluator.space, FreeSpace):
+            if settings.objectives:
+                problem = "is 'free', and task.objectives names several"
+                raise UnfitInputError("space.tree", problem, "name one objective, or leave it out")
+            asked = FreeSearch.of(evaluator.space, asked, settings.search)
         if settings.start_from and not isinstance(asked, StartingOptimizer):
             problem = f"optimizer {settings.optimizer.name!r} cannot begin at designs"
             remedy = "leave it out, or use the optimizer islands"
@@ -196,6 +206,8 @@ class Search:
             # A user's own penalty may take longer than growth: screening asks for many.
             if evaluator.screens and isinstance(asked, ScreeningOptimizer):
                 asked.screen_by(evaluator.penalties)
+            if evaluator.screens and isinstance(asked, FreeSearch):
+                asked.screen_levels_by(evaluator.penalties_of_levels)
             if settings.start_from and isinstance(asked, StartingOptimizer):
                 asked.start_from([np.array(point) for point in settings.start_from])
         search = cls(
@@ -209,7 +221,7 @@ class Search:
         conditions = evaluator.training_conditions(seed, 0)
         evaluator.launches(conditions)
         space = evaluator.space
-        if int(space.batch(np.zeros((1, len(space)))).sizes[0]) > MOST_BRANCHES:
+        if int(space.smallest.sizes[0]) > MOST_BRANCHES:
             problem = f"its smallest design has more than {MOST_BRANCHES} branches"
             raise UnfitInputError("space", problem, "allow fewer levels or branches")
         space.refuse_limits_without_designs()
@@ -381,10 +393,16 @@ class Search:
         if store is not None and (recorded := store.finalists(evaluator.space)):
             return recorded, store.repair
         count, further = settings.evaluation.finalists, settings.further_objectives
+        held = list[Floats]()
+        if isinstance(self.optimizer, RecommendingOptimizer):
+            with self._asking():
+                held = self.optimizer.recommended()
         conditions = evaluator.final_conditions(settings.search.seed)
         for by_table in (True, False):
             recorder.report()
-            choice = choose_finalists(history, evaluator, count, further, by_table=by_table)
+            choice = choose_finalists(
+                history, evaluator, count, further, held=held, by_table=by_table
+            )
             with ledger.spending("evaluating"):
                 finalists = reevaluated(choice, begin, conditions, evaluator, self.fresh_maps)
             if not (choice.checked and by_table):
@@ -444,7 +462,7 @@ def training_maps(settings: RunSettings) -> tuple[Map, ...]:
             files = each("maps", settings.maps.files)
             worlds = [Map.read(path) for path in files]
         return _started(worlds, settings.maps)
-    return generated_maps(settings.maps)
+    return generated_maps(settings.maps.changed(count=settings.map_count))
 
 
 FRESH_MAPS, _STREAM = 20, 1417
@@ -513,7 +531,7 @@ def violations_of(
     if result.checked:
         penalty = ManufacturabilityPenalty(profile=profile or run_profile(settings.evaluation))
         rules = penalty.violations(result.best)
-    limits = Space(settings.space, settings.build).exceeded_limits(result.best)
+    limits = space_of(settings.space, settings.build).exceeded_limits(result.best)
     return ", ".join([*([rules] if rules else []), *limits])
 
 

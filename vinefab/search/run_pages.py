@@ -57,6 +57,7 @@ from vinefab.pages.panel import (
 )
 from vinefab.pages.plan import deployment_plan, map_plan
 from vinefab.search.evaluator import INVALID_FITNESS
+from vinefab.search.free_space import space_of
 from vinefab.search.manufacturability import ManufacturabilityPenalty, run_profile
 from vinefab.search.record.generations import Generation, SearchProgress, curve_of
 from vinefab.search.record.result import (
@@ -70,7 +71,6 @@ from vinefab.search.record.result import (
 )
 from vinefab.search.run import first_map
 from vinefab.search.settings import RunSettings, run_task
-from vinefab.search.space import Space
 from vinefab.tasks.reach import task_targets, touched_targets
 
 
@@ -450,7 +450,7 @@ class _BestSoFar:
 
     def __init__(self, settings: RunSettings) -> None:
         self._settings, self._world = settings, first_map(settings)
-        self._space = Space(settings.space, settings.build)
+        self._space = space_of(settings.space, settings.build)
         self._seen, self._fitness = 0, INVALID_FITNESS
         self._at = 0
         self._design: Design | None = None

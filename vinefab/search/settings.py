@@ -36,12 +36,18 @@ from vinefab.model.start import (
     start_of_record,
     start_record,
 )
+from vinefab.search.free_space import space_of
 from vinefab.search.optimizers.optimizer import make_optimizer_config
-from vinefab.search.space import COSTS, SYMMETRIC_PERCENT, BuildSettings, Space, SpaceSettings
+from vinefab.search.space import COSTS, SYMMETRIC_PERCENT, BuildSettings, SpaceSettings
 from vinefab.tasks import TASKS, make_task
 from vinefab.tasks.task import Task
 
 MOST_SECONDS = 1e8
+
+MOST_MAPS = 1000
+
+MAP_SETS = 20
+"""Times as many maps as a generation is trained on that a search of free trees draws from."""
 
 
 def _start(given: Any) -> Any:  # noqa: ANN401  what pydantic hands on
@@ -57,7 +63,7 @@ class MapSettings(Table):
     """Table ``[maps]``: the training maps, generated or from files."""
 
     environment: Annotated[str, Doc("a generator; see `vinefab map --help`")] = "grid"
-    count: Annotated[int, Ge(1), Le(1000), Doc("of maps")] = 4
+    count: Annotated[int, Ge(1), Le(MOST_MAPS), Doc("of maps")] = 4
     seed: Annotated[
         int, Ge(0), Le(MOST_FIRST_SEED), Doc("of the first map; the next have the next seeds")
     ] = 1
@@ -246,6 +252,26 @@ class RunSettings(RunTables):
         'coverage'
         """
         return read_run(name_or_path)
+
+    @property
+    def takes_fresh_maps(self) -> bool:
+        """Whether each generation trains on other maps: free trees fit few maps too well."""
+        maps = self.maps
+        places = maps.start is not None or has_own_targets(self)
+        return self.space.tree == "free" and not maps.files and not places
+
+    @property
+    def map_count(self) -> int:
+        """Number of training maps, all generations together."""
+        return min(MOST_MAPS, self.maps.count * (MAP_SETS if self.takes_fresh_maps else 1))
+
+    @property
+    def maps_per_generation(self) -> int:
+        """Number of maps that a generation is trained on; 0: all."""
+        asked = self.evaluation.maps_per_generation
+        if self.evaluation.composite == "single":
+            return 1
+        return asked or (self.maps.count if self.takes_fresh_maps else 0)
 
     @property
     def further_objectives(self) -> tuple[str, ...]:
@@ -497,7 +523,7 @@ def _points(
     given: Sequence[str], settings: RunSettings, path: Path
 ) -> tuple[tuple[float, ...], ...]:
     """Return the points of the designs to begin at: the nearest within the space's bounds."""
-    space, points = Space(settings.space, settings.build), []
+    space, points = space_of(settings.space, settings.build), []
     low, high = int(settings.space.levels.low), int(settings.space.levels.high)
     for place, name in enumerate(given, start=1):
         file, key = path.parent / name, f"optimizer.start_from[{place}]"
@@ -506,8 +532,9 @@ def _points(
             raise UnfitInputError(key, problem, "name a design or its file")
         with values_hidden():
             design = Design.read(file if file.is_file() else name)
-        with located(path):
-            check_levels(design, "a search begins at levels")
+        if settings.space.tree == "levels":
+            with located(path):
+                check_levels(design, 'a search begins at levels; tree = "free" in [space] does not')
         if not low <= design.depth <= high:
             found = f"{name}, a design with {counted(design.depth, 'level')}"
             allowed = f"designs with {low} to {counted(high, 'level')}, as in space.levels"

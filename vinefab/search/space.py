@@ -7,9 +7,11 @@ designs, to the last bit.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, overload
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, overload
 
 import numpy as np
 from annotated_types import Ge, Le, Unit
@@ -52,6 +54,7 @@ from vinefab.model.design import (
 from vinefab.model.tree import BranchTree
 from vinefab.outline.ends import Leaf, corner_radii_mm
 from vinefab.search.optimizers.optimizer import SearchAxes
+from vinefab.search.tree_batch import TreeBatch
 
 if TYPE_CHECKING:
     from vinefab.growth import batch_kernel
@@ -143,24 +146,28 @@ BuildOf = Callable[[int], Build]
 class Cost:
     """A cost of designs."""
 
-    of: Callable[[DesignBatch, BuildOf], Floats]  # one value per design, shape (m,)
+    of: Callable[[DesignBatch | TreeBatch, BuildOf], Floats]  # one per design, shape (m,)
     unit: str
     limit_key: str  # key of its limit in ``[space]`` of a run file
 
 
-def film_lengths_mm(designs: DesignBatch, _: BuildOf) -> Floats:
+def film_lengths_mm(designs: DesignBatch | TreeBatch, _: BuildOf) -> Floats:
     """Return the planned length of all branches together, the trunk included."""
+    if isinstance(designs, TreeBatch):
+        return designs.sums(designs.length_mm)
     return np.asarray(_level_lengths_mm(designs).sum(axis=1))
 
 
-def film_areas_mm2(designs: DesignBatch, build_of: BuildOf) -> Floats:
+def film_areas_mm2(designs: DesignBatch | TreeBatch, build_of: BuildOf) -> Floats:
     """Return the lay-flat area of all branches together: length times width."""
+    if isinstance(designs, TreeBatch):
+        return designs.sums(designs.length_mm * (designs.width_mm + designs.end_width_mm) / 2.0)
     lengths_mm = _level_lengths_mm(designs)
     width_mm = np.array(build_of(lengths_mm.shape[1]).widths_mm)
     return np.asarray(lengths_mm @ width_mm)
 
 
-def branch_numbers(designs: DesignBatch, _: BuildOf) -> Floats:
+def branch_numbers(designs: DesignBatch | TreeBatch, _: BuildOf) -> Floats:
     """Return the number of branches, the trunk included."""
     return np.array(designs.sizes, dtype=np.float64)
 
@@ -173,11 +180,14 @@ def _level_lengths_mm(designs: DesignBatch) -> Floats:
     return designs.counts.astype(np.float64) * np.column_stack([designs.trunk_mm, middle_mm])
 
 
-def sheet_areas_mm2(designs: DesignBatch, build_of: BuildOf) -> Floats:
+def sheet_areas_mm2(designs: DesignBatch | TreeBatch, build_of: BuildOf) -> Floats:
     """Return the area of the rectangle along the trunk that holds the flat robot.
 
     With tail, widths and pouches; without seam, kerf and the machine's free margin.
     """
+    if isinstance(designs, TreeBatch):
+        corners = [_sheet_box_mm(tree, build_of) for tree in designs.trees]
+        return np.array([float((high - low).prod()) for low, high in corners])
     # Some at a time, because large trees take much memory.
     ends = np.flatnonzero(np.diff(np.cumsum(designs.sizes) // BRANCHES_AT_ONCE)) + 1
     parts = np.split(np.arange(len(designs)), ends)
@@ -224,6 +234,19 @@ def _children(
     length_mm = designs.length_mm[row, level - 1] * (1.0 + along * (last - 1.0))
     way = np.column_stack([np.cos(heading), np.sin(heading)])
     return row, heading, end_mm[parent] + length_mm[:, None] * way
+
+
+def _sheet_box_mm(tree: BranchTree, build_of: BuildOf) -> tuple[Floats, Floats]:
+    """Return the corners of a flat robot's box, as `_sheet_boxes_mm`."""
+    parts, build = tree.straight, build_of(int(tree.level.max()))
+    reach_mm = np.repeat(np.maximum(parts.width_mm, parts.end_width_mm)[:, None] / 2.0, 2, axis=1)
+    heading, end_mm = parts.laid_out()
+    tips = parts.is_leaf
+    reach_mm[tips] = np.maximum(reach_mm[tips], _tip_reach_mm(heading[tips], build))
+    half_mm = parts.width_mm[0] / 2.0
+    low = np.minimum((end_mm - reach_mm).min(axis=0), [-build.tail_mm, -half_mm])
+    high = np.maximum((end_mm + reach_mm).max(axis=0), [0.0, half_mm])
+    return low, high
 
 
 def _tip_reach_mm(heading: Floats, build: Build) -> Floats:
@@ -367,6 +390,13 @@ class SpaceSettings(Table):
     most_branches: Annotated[_Limit, WrapValidator(_as_given), Doc("trunk included")] = None
     symmetric: Annotated[bool, Doc("left mirrors right: the children of a fan are all as long")] = (
         False
+    )
+    tree: Annotated[
+        Literal["levels", "free"],
+        Doc("free: after a search of levels, every branch has its own angle and length"),
+    ] = "levels"
+    bends: Annotated[Range, Doc("preformed bends of a branch of a free tree; the most is 8")] = (
+        Bounds(low=0, high=0)
     )
     level: Annotated[
         tuple[LevelRanges, ...], Field(strict=False), Doc("other ranges, by level")
@@ -557,8 +587,135 @@ class SearchVariable:
         return min(1.0, max(0.0, offset / span))
 
 
-class Space:
-    """The map between vectors with entries from 0 to 1 and designs.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpaceValue:
+    """The value of one variable of a design, within its range."""
+
+    name: str  # for people: ``angle_deg, level 2``
+    value: float
+    low: float
+    high: float
+    is_whole: bool = False
+
+
+class DesignSpace(ABC):
+    """The map between vectors with entries from 0 to 1 and designs, with costs and limits."""
+
+    def __init__(self, settings: SpaceSettings, build: BuildSettings) -> None:
+        self.settings = settings
+        self.most = settings.most
+        self.build = build
+        self._builds: dict[int, Build] = {}
+
+    @abstractmethod
+    def __len__(self) -> int:
+        """Return the number of coordinates."""
+
+    @property
+    @abstractmethod
+    def axes(self) -> SearchAxes:
+        """The coordinates as optimizers see them."""
+
+    @property
+    def axes_of_levels(self) -> SearchAxes:
+        """The coordinates that the run's optimizer searches: of designs of levels."""
+        return self.axes
+
+    @property
+    @abstractmethod
+    def smallest(self) -> DesignBatch | TreeBatch:
+        """The smallest design of the space, alone in a batch."""
+
+    @abstractmethod
+    def design(self, x: Floats, name: str = "candidate") -> Design:
+        """Return the design at a point."""
+
+    @abstractmethod
+    def vector(self, design: Design) -> Floats:
+        """Return the point for a design, or the nearest within the bounds."""
+
+    @abstractmethod
+    def batch(self, x: Floats) -> DesignBatch | TreeBatch:
+        """Return the designs at many points, shape (m, len(self)), equal to those of `design`."""
+
+    @abstractmethod
+    def batch_of(self, design: Design) -> DesignBatch | TreeBatch:
+        """Return a design alone in a batch."""
+
+    @abstractmethod
+    def planned(
+        self,
+        designs: Any,  # noqa: ANN401  every space has its own batches
+        radii_mm: tuple[float, ...],
+        options: GrowthOptions,
+    ) -> Plans:
+        """Return the plans of some of its designs, as `batch` gives them.
+
+        Parameters
+        ----------
+        radii_mm
+            Body radius per level of the deepest designs; one 0 for bare centrelines.
+        """
+
+    @abstractmethod
+    def values(self, x: Floats) -> list[SpaceValue]:
+        """Return the values of the variables that the design at a point has."""
+
+    def limit_excess(self, designs: DesignBatch | TreeBatch) -> Floats:
+        """Return by how much designs exceed the limits, relative to each and added up, shape (m,).
+
+        A design within all of them has an excess of 0.
+        """
+        excess = np.zeros(len(designs))
+        for name, limit in self.most.items():
+            value = COSTS[name].of(designs, self.build_of)
+            excess += np.maximum(0.0, value / limit - 1.0)
+        return excess
+
+    def exceeded_limits(self, design: Design) -> list[str]:
+        """Return a phrase for each of the space's limits that a design exceeds."""
+        batch, found = self.batch_of(design), list[str]()
+        for name, limit in self.most.items():
+            cost, value = COSTS[name], float(COSTS[name].of(batch, self.build_of)[0])
+            if value > limit:
+                words = f"{cost_text(name, value)}, limit {limit:g}"
+                found.append(f"space.{cost.limit_key} ({words})")
+        return found
+
+    def limits_text(self, design: Design) -> str:
+        """Return a design's use of the limits of the space; empty without limits."""
+        batch, most = self.batch_of(design), self.most
+        return ", ".join(
+            f"{cost_text(name, float(COSTS[name].of(batch, self.build_of)[0]))} of {limit:g}"
+            for name, limit in most.items()
+        )
+
+    def refuse_limits_without_designs(self) -> None:
+        """Raise `BadInputError` for a limit that no design of the space keeps."""
+        if not self.most:
+            return
+        # All but the area of sheet rise with every bound; of that the trunk with tail is certain.
+        smallest, build = self.smallest, self.build_of(1)
+        least = {name: float(cost.of(smallest, self.build_of)[0]) for name, cost in COSTS.items()}
+        trunk_mm = self.settings.bounds(1, "length_mm").low
+        least["sheet_area"] = (trunk_mm + build.tail_mm) * build.widths_mm[0]
+        for name, limit in self.most.items():
+            if least[name] > limit:
+                unit = f" {COSTS[name].unit}" if COSTS[name].unit else ""
+                allowed = (
+                    f"at least {least[name]:.10g}{unit}, which every design of the space takes"
+                )
+                raise BadInputError(f"space.{COSTS[name].limit_key}", limit, allowed)
+
+    def build_of(self, depth: int) -> Build:
+        """Return the cached build of designs with so many levels."""
+        if depth not in self._builds:
+            self._builds[depth] = self.build.build(depth)
+        return self._builds[depth]
+
+
+class Space(DesignSpace):
+    """The map between vectors with entries from 0 to 1 and designs of levels.
 
     Variables with equal bounds are not part of the vector. Variables of levels that a design does
     not have are, without effect: the same design then has many vectors (`SearchAxes.canonical`
@@ -574,9 +731,7 @@ class Space:
     """
 
     def __init__(self, settings: SpaceSettings, build: BuildSettings) -> None:
-        self.settings = settings
-        self.most = settings.most
-        self.build = build
+        super().__init__(settings, build)
         every = [SearchVariable(name="levels", level=0, bounds=settings.levels)]
         for level in range(1, int(settings.levels.high) + 1):
             names = LIMITS if level > 1 else ("length_mm",)
@@ -590,7 +745,6 @@ class Space:
             for variable in every
             if variable.is_fixed
         }
-        self._builds: dict[int, Build] = {}
         self._row = np.array([variable.bounds.low for variable in every], dtype=np.float64)
         self._free = np.array([index for index, v in enumerate(every) if not v.is_fixed], dtype=int)
         self._low = self._row[self._free]
@@ -657,56 +811,55 @@ class Space:
             counts=branch_counts(depth, branches),
         )
 
-    def limit_excess(self, designs: DesignBatch) -> Floats:
-        """Return by how much designs exceed the limits, relative to each and added up, shape (m,).
-
-        A design within all of them has an excess of 0.
-        """
-        excess = np.zeros(len(designs))
-        for name, limit in self.most.items():
-            value = COSTS[name].of(designs, self.build_of)
-            excess += np.maximum(0.0, value / limit - 1.0)
-        return excess
-
-    def exceeded_limits(self, design: Design) -> list[str]:
-        """Return a phrase for each of the space's limits that a design exceeds."""
-        batch, found = DesignBatch.of(design), list[str]()
-        for name, limit in self.most.items():
-            cost, value = COSTS[name], float(COSTS[name].of(batch, self.build_of)[0])
-            if value > limit:
-                words = f"{cost_text(name, value)}, limit {limit:g}"
-                found.append(f"space.{cost.limit_key} ({words})")
+    def values(self, x: Floats) -> list[SpaceValue]:
+        """Return the values of the variables that the design at a point has."""
+        depth, found = self.design(x).depth, list[SpaceValue]()
+        for variable, share in zip(self.variables, x.tolist(), strict=True):
+            if variable.level <= depth:
+                of = "" if variable.level == 0 else f", level {variable.level}"
+                found.append(
+                    SpaceValue(
+                        name=f"{variable.name}{of}",
+                        value=variable.value(share),
+                        low=variable.bounds.low,
+                        high=variable.bounds.high,
+                        is_whole=variable.choices > 0,
+                    )
+                )
         return found
 
-    def limits_text(self, design: Design) -> str:
-        """Return a design's use of the limits of the space; empty without limits."""
-        batch, most = DesignBatch.of(design), self.most
-        return ", ".join(
-            f"{cost_text(name, float(COSTS[name].of(batch, self.build_of)[0]))} of {limit:g}"
-            for name, limit in most.items()
-        )
+    @property
+    def smallest(self) -> DesignBatch:
+        """The design with everything at its lower bound, alone in a batch."""
+        return self.batch(np.zeros((1, len(self))))
 
-    def refuse_limits_without_designs(self) -> None:
-        """Raise `BadInputError` for a limit that no design of the space keeps."""
-        if not self.most:
-            return
-        # All but the area of sheet rise with every bound; of that the trunk with tail is certain.
-        smallest, build = self.batch(np.zeros((1, len(self)))), self.build_of(1)
-        least = {name: float(cost.of(smallest, self.build_of)[0]) for name, cost in COSTS.items()}
-        least["sheet_area"] = (float(smallest.trunk_mm[0]) + build.tail_mm) * build.widths_mm[0]
-        for name, limit in self.most.items():
-            if least[name] > limit:
-                unit = f" {COSTS[name].unit}" if COSTS[name].unit else ""
-                allowed = (
-                    f"at least {least[name]:.10g}{unit}, which every design of the space takes"
+    def batch_of(self, design: Design) -> DesignBatch:
+        """Return a design of levels alone in a batch."""
+        return DesignBatch.of(design)
+
+    def trees(self, x: Floats) -> list[BranchTree]:
+        """Return the trees of designs of levels at many points."""
+        designs = self.batch(x)
+        rows = batch_branches(designs)
+        found = list[BranchTree]()
+        for place, (one, two) in enumerate(pairwise(rows.first.tolist())):
+            found.append(
+                BranchTree.of(
+                    parent=rows.parent[one:two],
+                    level=rows.level[one:two],
+                    offset_rad=rows.offset_rad[one:two],
+                    length_mm=rows.length_mm[one:two],
+                    build=self.build_of(int(designs.depth[place])),
                 )
-                raise BadInputError(f"space.{COSTS[name].limit_key}", limit, allowed)
+            )
+        return found
 
-    def build_of(self, depth: int) -> Build:
-        """Return the cached build of designs with so many levels."""
-        if depth not in self._builds:
-            self._builds[depth] = self.build.build(depth)
-        return self._builds[depth]
+    def planned(
+        self, designs: DesignBatch, radii_mm: tuple[float, ...], options: GrowthOptions
+    ) -> Plans:
+        """Return the plans of some of its designs, as `DesignSpace.planned`."""
+        builds = {depth: self.build_of(depth) for depth in set(designs.depth.tolist())}
+        return planned_batch(designs, builds, radii_mm, options)
 
     def vector(self, design: Design) -> Floats:
         """Return the point for a design, or the nearest within the bounds.

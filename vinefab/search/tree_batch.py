@@ -1,7 +1,8 @@
 """Many trees of any shape as arrays: what growth and the penalty of a search take."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,28 @@ from numpy.typing import NDArray
 from vinefab.core.validation import Floats, Ints
 from vinefab.model.design import Design
 from vinefab.model.tree import BranchTree
+
+
+class SomeOf(Sequence[BranchTree]):
+    """Some of many trees, which are made on access."""
+
+    def __init__(self, make: Callable[[int], BranchTree], rows: Ints) -> None:
+        self._make, self._rows = make, rows
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @overload
+    def __getitem__(self, index: int) -> BranchTree: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> "SomeOf": ...
+
+    def __getitem__(self, index: int | slice) -> "BranchTree | SomeOf":
+        """Return one tree, or some."""
+        if isinstance(index, slice):
+            return SomeOf(self._make, self._rows[index])
+        return self._make(int(self._rows[index]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -20,7 +43,7 @@ class TreeBatch:
     first.
     """
 
-    trees: tuple[BranchTree, ...]  # the planned trees, with their bends
+    trees: Sequence[BranchTree]  # the planned trees, with their bends
     first: Ints  # where the rows of each tree begin, with the total at the end, shape (m + 1,)
     parent: Ints  # row within its tree, -1 for trunks
     level: Ints  # 1 for trunks
@@ -38,18 +61,8 @@ class TreeBatch:
     def of(cls, trees: Sequence[BranchTree]) -> "TreeBatch":
         """Return some trees, at least one, together."""
         parts = [tree.straight for tree in trees]
-        return cls(
-            trees=tuple(trees),
-            first=np.cumsum([0, *map(len, parts)]),
-            parent=np.concatenate([one.parent for one in parts]),
-            level=np.concatenate([one.level for one in parts]),
-            branch=np.concatenate([one.branch for one in parts]),
-            offset_rad=np.concatenate([one.offset_rad for one in parts]),
-            length_mm=np.concatenate([one.length_mm for one in parts]),
-            width_mm=np.concatenate([one.width_mm for one in parts]),
-            end_width_mm=np.concatenate([one.end_width_mm for one in parts]),
-            fillet_mm=np.concatenate([one.fillet_mm for one in parts]),
-        )
+        rows = {name: np.concatenate([getattr(one, name) for one in parts]) for name in _ROWS}
+        return cls(trees=tuple(trees), first=np.cumsum([0, *map(len, parts)]), **rows)
 
     @classmethod
     def of_designs(cls, designs: Sequence[Design]) -> "TreeBatch":
@@ -59,12 +72,12 @@ class TreeBatch:
     @property
     def sizes(self) -> Ints:
         """Number of branches of each tree, shape (m,)."""
-        return np.array([len(tree) for tree in self.trees])
+        return np.add.reduceat((~self.is_bent).astype(np.int64), self.first[:-1])
 
     @property
     def depth(self) -> Ints:
         """Number of levels of each tree, the trunk included, shape (m,)."""
-        return np.array([int(tree.level.max()) for tree in self.trees])
+        return np.maximum.reduceat(self.level, self.first[:-1])
 
     @property
     def is_bent(self) -> NDArray[np.bool_]:
@@ -74,6 +87,27 @@ class TreeBatch:
         bent: NDArray[np.bool_] = (self.parent >= 0) & (self.branch == self.branch[start + before])
         return bent
 
+    def sums(self, values: Floats) -> Floats:
+        """Return the sum of one value of each row over the rows of each tree, shape (m,)."""
+        return np.asarray(np.add.reduceat(values, self.first[:-1]))
+
     def part(self, rows: Ints) -> "TreeBatch":
         """Return some of the trees, at least one."""
-        return TreeBatch.of([self.trees[row] for row in rows.tolist()])
+        count = np.diff(self.first)[rows]
+        first = np.concatenate([[0], np.cumsum(count)])
+        place = np.arange(first[-1]) + np.repeat(self.first[rows] - first[:-1], count)
+        some = {name: getattr(self, name)[place] for name in _ROWS}
+        return TreeBatch(trees=SomeOf(self.trees.__getitem__, rows), first=first, **some)
+
+
+_ROWS = (
+    "parent",
+    "level",
+    "branch",
+    "offset_rad",
+    "length_mm",
+    "width_mm",
+    "end_width_mm",
+    "fillet_mm",
+)
+"""Fields of a batch that have an entry for each row."""

@@ -31,7 +31,7 @@ from vinefab.model.files.run_context import package_versions
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import Ink, Page, Panel, ends_of, jitter, page_of_rows, series_colour
 from vinefab.search.record.generations import RunIdentity
-from vinefab.search.run import Search, fresh_maps, generated_maps, penalty_of
+from vinefab.search.run import Search, fresh_maps, penalty_of, training_maps
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
@@ -222,7 +222,7 @@ def contest_rows(
 
 
 def _search(settings: RunSettings) -> Search:
-    maps, fresh = generated_maps(settings.maps), fresh_maps(settings)
+    maps, fresh = training_maps(settings), fresh_maps(settings)
     return Search.of(settings, maps, penalty_of(settings), fresh_maps=fresh)
 
 

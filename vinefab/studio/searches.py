@@ -39,13 +39,14 @@ from vinefab.model.files.shipped import path_inside
 from vinefab.model.score import Score
 from vinefab.search.evaluator import INVALID_FITNESS, EvaluatorSpec
 from vinefab.search.finalists import minimized, non_dominated, spread_out
+from vinefab.search.free_space import space_of
 from vinefab.search.front import FRONT_FILE, FrontFile, FrontObjective
 from vinefab.search.manufacturability import with_build_for_film
 from vinefab.search.record.generations import Generation, first_difference, touched_text
 from vinefab.search.record.result import RECORD_FILE, RecordTail, RunArchive, records_below
 from vinefab.search.run import refuse_distant_targets, training_maps
 from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings, read_run
-from vinefab.search.space import COSTS, Space
+from vinefab.search.space import COSTS
 from vinefab.studio.file_store import Broadcast
 from vinefab.studio.run_request import RUN_FILE, run_files, run_proposal
 from vinefab.studio.state import PAGE, StudioState
@@ -122,7 +123,7 @@ class FollowedRecord:
         """Return the best design so far; None before there is one."""
         if self.settings is None or self.best_at is None:
             return None
-        space = Space(self.settings.space, self.settings.build)
+        space = space_of(self.settings.space, self.settings.build)
         return design_content(space.design(self.best_x, self.settings.name))
 
     def curve_points(self) -> list[list[float]]:
@@ -167,7 +168,7 @@ class LiveFront:
 
     def __init__(self, settings: RunSettings) -> None:
         self._settings = settings
-        self._space = Space(settings.space, settings.build)
+        self._space = space_of(settings.space, settings.build)
         self._at: list[tuple[int, int]] = []  # generation and row of each
         self._fitness, self._costs = np.empty(0), np.empty((0, len(settings.further_objectives)))
 
@@ -448,7 +449,7 @@ class SearchManager:
             if tail is None or not found or int(row) >= len(found[0].x):
                 allowed = "G:R, a row of a generation of the run"
                 raise BadInputError("point", point, allowed, folder)
-            design = Space(tail.settings.space, tail.settings.build).design(found[0].x[int(row)])
+            design = space_of(tail.settings.space, tail.settings.build).design(found[0].x[int(row)])
             name = f"{tail.settings.name}_{wanted}_{row}"[:100]
             content = design_content(design.changed(name=name))
             fitness = found[0].fitness[int(row)]

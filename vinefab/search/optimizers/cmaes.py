@@ -148,6 +148,12 @@ class Distribution:
             self._C = np.multiply(self._B, self._D**2, order="C").dot(self._B.T)
         return self._B, self._D
 
+    @property
+    def middle(self) -> Floats:
+        """The mean, shape (d,)."""
+        middle: Floats = self._mean.copy()
+        return middle
+
     def packed(self) -> Floats:
         """Return everything that changes between generations, without integers, as one vector."""
         sigma, history = [self._sigma, self._g], self._ranges_of_ranks

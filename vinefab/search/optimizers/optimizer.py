@@ -134,6 +134,15 @@ class StartingOptimizer(Protocol):
 
 
 @runtime_checkable
+class RecommendingOptimizer(Protocol):
+    """An optimizer that knows better than single evaluations which points are good."""
+
+    def recommended(self) -> list[Floats]:
+        """Return the points that it holds for the best, best first; none where it knows none."""
+        ...
+
+
+@runtime_checkable
 class FrontOptimizer(Protocol):
     """An optimizer for fitness and costs."""
 

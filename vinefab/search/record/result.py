@@ -50,6 +50,7 @@ from vinefab.model.score import Score, composite_fact, composite_text
 from vinefab.model.start import start_of_record, start_record, start_text
 from vinefab.model.target import TargetsResult
 from vinefab.search.evaluator import TimeSplit, final_seed
+from vinefab.search.free_space import space_of
 from vinefab.search.record.generations import Extension, Finalist, Generation, RunIdentity
 from vinefab.search.record.winner import WinnerPrediction, mean_number
 from vinefab.search.settings import (
@@ -57,7 +58,7 @@ from vinefab.search.settings import (
     plain_settings,
     settings_from_plain,
 )
-from vinefab.search.space import Space
+from vinefab.search.space import DesignSpace
 
 
 def design_of_finalist(
@@ -71,7 +72,7 @@ def design_of_finalist(
 
     The origin holds no times: the same run gives the same bytes.
     """
-    space = Space(settings.space, settings.build)
+    space = space_of(settings.space, settings.build)
     parameters = cast("dict[str, Any]", plain_settings(settings.task.parameters))
     asked = {world.targets for world in worlds}
     context = RunContext(  # the recipe comes with the result
@@ -407,23 +408,27 @@ def from_blob(data: bytes, rows: int | None = None) -> Floats:
 
 def state_to_text(state: Mapping[str, object]) -> str:
     """Return an optimizer's state as JSON, arrays of floats as their bits."""
-    plain = {
-        name: {"shape": value.shape, "bits": base64.b64encode(to_blob(value)).decode()}
-        if isinstance(value, np.ndarray)
-        else value
-        for name, value in state.items()
-    }
-    return json.dumps(plain, allow_nan=False)
+    return json.dumps(state, allow_nan=False, default=_bits)
+
+
+def _bits(value: object) -> dict[str, object]:
+    """Return an array as JSON."""
+    if not isinstance(value, np.ndarray):
+        raise TypeError(f"Object of type {type(value).__name__} is not JSON serializable")
+    return {"shape": value.shape, "bits": base64.b64encode(to_blob(value)).decode()}
 
 
 def state_from_text(text: str) -> dict[str, Any]:
     """Return the state of `state_to_text`; all arrays are arrays of floats."""
-    return {
-        name: from_blob(base64.b64decode(value["bits"])).reshape(value["shape"])
-        if isinstance(value, dict) and value.keys() == {"shape", "bits"}
-        else value
-        for name, value in json.loads(text).items()
-    }
+    state: dict[str, Any] = json.loads(text, object_hook=_array_of)
+    return state
+
+
+def _array_of(value: dict[str, Any]) -> object:
+    """Return the array that a JSON object stands for; other objects as they are."""
+    if value.keys() != {"shape", "bits"}:
+        return value
+    return from_blob(base64.b64decode(value["bits"])).reshape(value["shape"])
 
 
 def map_to_text(world: Map) -> str:
@@ -602,7 +607,7 @@ def _scores(blob: bytes) -> Floats:
     return values
 
 
-def read_finalists(connection: sqlite3.Connection, space: Space) -> tuple[Finalist, ...]:
+def read_finalists(connection: sqlite3.Connection, space: DesignSpace) -> tuple[Finalist, ...]:
     """Return the finalists of a run that has ended, best first; none before."""
     rows = connection.execute(
         "SELECT place, x, penalty, fitness, score FROM finalist ORDER BY place"
@@ -768,7 +773,7 @@ class RunArchive:
             settings = settings_from_plain(identity.settings)
             maps = connection.execute("SELECT content FROM map ORDER BY place").fetchall()
             sessions = connection.execute("SELECT began_utc, seconds FROM session ORDER BY number")
-            space = Space(settings.space, settings.build)
+            space = space_of(settings.space, settings.build)
             return cls(
                 path=path,
                 identity=identity,

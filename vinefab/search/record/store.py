@@ -56,7 +56,7 @@ from vinefab.search.record.result import (
     to_blob,
 )
 from vinefab.search.settings import SearchSettings
-from vinefab.search.space import Space
+from vinefab.search.space import DesignSpace
 
 # SQLite stores these texts in the first page of the file, where the mark identifies it as ours.
 _TABLES = (
@@ -214,7 +214,7 @@ class RunStore:
             connection.executemany("INSERT OR REPLACE INTO run VALUES (?, ?)", entries)
             self._record_times(times)
 
-    def finalists(self, space: Space) -> tuple[Finalist, ...]:
+    def finalists(self, space: DesignSpace) -> tuple[Finalist, ...]:
         """Return the finalists of a run that has ended, best first; none before."""
         with damage_errors(self.path):
             return read_finalists(self._connection, space)

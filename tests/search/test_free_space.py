@@ -1,0 +1,153 @@
+"""Free trees as points: the same trees as designs, as batches, and with single branches changed."""
+
+import numpy as np
+import pytest
+
+from vinefab.core.errors import BadInputError
+from vinefab.model.design import Design
+from vinefab.search.free_space import EMPTY, FreeSpace, space_of
+from vinefab.search.space import COSTS, Bounds, BuildSettings, Space, SpaceSettings
+from vinefab.search.tree_batch import TreeBatch
+
+SETTINGS = SpaceSettings(
+    levels=Bounds(low=2, high=4),
+    length_mm=Bounds(low=40, high=205),
+    angle_deg=Bounds(low=30, high=160),
+    growth_percent=Bounds(low=50, high=160),
+    tree="free",
+)
+BUILD = BuildSettings(trunk_width_mm=24.0, width_ratio=0.65)
+SPACE = FreeSpace(SETTINGS, BUILD)
+BENT = FreeSpace(SETTINGS.changed(bends=Bounds(low=0, high=2)), BUILD)
+
+
+def level_designs(count):
+    """Designs of levels that have room in the free space."""
+    levels, rng = SPACE.levels, np.random.default_rng(4)
+    found = [levels.design(rng.random(len(levels))) for _ in range(3 * count)]
+    return [one for one in found if one.branch_count <= SPACE.slots][:count]
+
+
+def design_at(space, x):
+    """The design at a point; None where bends are closer than the tube is wide, and the like."""
+    try:
+        return space.design(x)
+    except BadInputError:
+        return None
+
+
+def moved(space, x, rng):
+    """A point with other angles, lengths and bends of the same tree, siblings apart."""
+    cells = x.reshape(space.slots, space.columns).copy()
+    cells[:, 1:] = np.clip(cells[:, 1:] + rng.normal(0.0, 0.2, cells[:, 1:].shape), 0.01, 0.99)
+    return cells.ravel()
+
+
+def test_the_space_of_a_run_is_of_levels_or_free():
+    assert isinstance(space_of(SETTINGS, BUILD), FreeSpace)
+    assert isinstance(space_of(SETTINGS.changed(tree="levels"), BUILD), Space)
+
+
+@pytest.mark.parametrize("space", [SPACE, BENT], ids=["straight", "bends"])
+def test_level_designs_are_points_within_a_hundredth(space):
+    for design in level_designs(30):
+        tree = space.tree(space.point(design.tree))
+        assert tree.parent.tolist() == design.tree.parent.tolist()
+        assert np.abs(tree.length_mm - design.tree.length_mm).max() < 0.0051
+        assert np.degrees(np.abs(tree.offset_rad - design.tree.offset_rad)).max() < 0.0051
+        assert not len(tree.bend_mm)
+
+
+@pytest.mark.parametrize("space", [SPACE, BENT], ids=["straight", "bends"])
+def test_a_point_is_one_tree_as_design_and_in_every_batch(space):
+    rng, bends, compared = np.random.default_rng(8), 0, 0
+    for design in level_designs(12):
+        x = np.array([moved(space, space.point(design.tree), rng) for _ in range(4)])
+        batch = space.batch(x)
+        alone = TreeBatch.of([space.tree(row) for row in x])
+        for name in TreeBatch.__slots__:
+            if name != "trees":
+                assert np.array_equal(getattr(batch, name), getattr(alone, name)), name
+        assert batch.sizes.tolist() == [len(tree) for tree in batch.trees]
+        part = batch.part(np.array([2, 0]))
+        assert part.length_mm.tolist() == space.batch(x[[2, 0]]).length_mm.tolist()
+        for row, tree in zip(x, batch.trees, strict=True):
+            bends += len(tree.bend_mm)
+            if (made := design_at(space, row)) is None:
+                continue
+            assert made.tree.key == tree.key
+            compared += 1
+            again = space.tree(space.vector(made))
+            assert again.parent.tolist() == tree.parent.tolist()
+            assert np.abs(again.length_mm - tree.length_mm).max() < 1e-9
+            assert np.abs(again.offset_rad - tree.offset_rad).max() < 1e-9
+    assert (bends > 100) == (space is BENT)
+    assert compared >= 10
+
+
+def test_costs_of_trees_are_those_of_the_same_designs_of_levels():
+    designs = level_designs(20)
+    for design in designs:
+        for cost in COSTS.values():
+            found = cost.of(TreeBatch.of_designs([design]), SPACE.build_of)
+            wanted = cost.of(SPACE.levels.batch_of(design), SPACE.build_of)
+            assert found == pytest.approx(wanted, rel=1e-12)
+
+
+def test_ranges_are_those_that_branches_of_levels_may_have():
+    corners = np.array([np.zeros(len(SPACE)), np.ones(len(SPACE))])
+    for corner in corners:
+        tree = SPACE.tree(corner)
+        assert (tree.length_mm[1:] >= 20.0).all()
+        assert (tree.length_mm[1:] <= 328.0).all()
+        assert np.degrees(np.abs(tree.offset_rad)).max() <= 80.0
+        assert int(tree.level.max()) <= 4
+    values = SPACE.values(SPACE.vector(level_designs(1)[0]))
+    assert values[0].name == "length_mm of 0"
+    assert all(one.low <= one.value <= one.high for one in values)
+
+
+def test_single_branches_come_and_go():
+    design = Design.read("grid_explorer")
+    x = SPACE.vector(design)
+    slots = SPACE.slots_that_may_branch(x)
+    assert slots  # three children of four that are allowed
+    slot = SPACE.free_slot(x, slots[0])
+    longer = SPACE.with_child(x, slots[0], slot, 0.9, 0.3)
+    assert len(SPACE.tree(longer)) == len(SPACE.tree(x)) + 1
+    assert SPACE.changed_slot(x, longer) == slot
+    assert (SPACE.without(longer, slot) == x).all()
+    assert SPACE.with_slot_of(x, longer, slot).tolist() == longer.tolist()
+    assert SPACE.with_slot_of(longer, x, slot).tolist() == x.tolist()
+    leaf = SPACE.leaves(x)[0]
+    shorter = SPACE.without(x, leaf)
+    assert len(SPACE.tree(shorter)) == len(SPACE.tree(x)) - 1
+    assert SPACE.parents(shorter)[leaf] == EMPTY
+    # What hangs on a branch that has gone does not fit; nor does a parent go before its children.
+    parent = int(SPACE.parents(x)[leaf])
+    bare = x
+    for slot in np.flatnonzero(SPACE.parents(x) == parent).tolist():
+        bare = SPACE.without(bare, slot)
+    gone = SPACE.without(bare, parent)
+    assert SPACE.with_slot_of(gone, x, leaf) is None
+    assert SPACE.with_slot_of(x, gone, parent) is None
+
+
+def test_active_coordinates_are_those_of_the_branches_that_there_are():
+    x = SPACE.vector(Design.read("grid_explorer"))
+    active, tree = SPACE.active(x), SPACE.tree(x)
+    assert len(active) == 31 + 30
+    for slot in range(SPACE.slots):
+        for column in range(1, SPACE.columns):
+            other = x.copy()
+            place = slot * SPACE.columns + column
+            other[place] = 0.37
+            same = SPACE.tree(other).key == tree.key
+            assert same == (place not in active)
+
+
+def test_a_design_with_more_branches_than_slots_is_refused():
+    small = FreeSpace(SETTINGS.changed(most_branches=20), BUILD)
+    assert small.slots == 20
+    with pytest.raises(BadInputError, match="at most 20 branches"):
+        small.vector(Design.read("grid_explorer"))

@@ -1,0 +1,443 @@
+"""The space of free trees: every branch has its own parent, angle, length and bends.
+
+A point has the same coordinates for each of a number of slots: the parent (or none: the slot is
+empty), the angle, the length, and turn and place of each bend that a branch may have. Slot 0 is
+the trunk; parents stand before their children.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.limits import rad
+from vinefab.core.plain_text import counted
+from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plan, Plans
+from vinefab.model.design import TRUNK, Branch, Design, Trunk
+from vinefab.model.tree import Bend, BranchTree
+from vinefab.search.optimizers.optimizer import SearchAxes
+from vinefab.search.space import (
+    SPACE_DECIMALS,
+    BuildSettings,
+    DesignSpace,
+    Space,
+    SpaceSettings,
+    SpaceValue,
+)
+from vinefab.search.tree_batch import SomeOf, TreeBatch
+
+SLOTS = 64
+"""Most branches of a free tree, where the space sets no smaller limit."""
+
+LEAST_TURN_DEG = 2.0
+"""Smaller turns of a bend are none."""
+
+END_SHARE = 0.02
+"""Share of a branch at each end that holds no bend."""
+
+PARENT, ANGLE, LENGTH, BENDS = range(4)
+"""Columns of a slot; of each bend, two from the last on: its turn and its place."""
+
+EMPTY = -1
+"""In place of the parent of a slot without a branch."""
+
+
+def space_of(settings: SpaceSettings, build: BuildSettings) -> DesignSpace:
+    """Return the space of some settings: of levels, or of free trees."""
+    kind = FreeSpace if settings.tree == "free" else Space
+    return kind(settings, build)
+
+
+class FreeSpace(DesignSpace):
+    """The map between vectors with entries from 0 to 1 and free trees.
+
+    Angles and lengths are those that the same settings allow branches of levels: a branch lies
+    within half of the widest fan, and is as long as any child of its level.
+    """
+
+    def __init__(self, settings: SpaceSettings, build: BuildSettings) -> None:
+        super().__init__(settings, build)
+        self.levels = Space(settings, build)
+        self.deepest = int(settings.levels.high)
+        children = [int(settings.bounds(n, "branches").high) for n in range(2, self.deepest + 1)]
+        whole = sum(math.prod(children[:n]) for n in range(self.deepest))
+        self.slots = min(whole, int(min(SLOTS, self.most.get("branches", SLOTS))))
+        self.bends = int(settings.bends.high)
+        self.columns = 3 + 2 * self.bends
+        ranges = [self._ranges(level) for level in range(1, self.deepest + 1)]
+        # by level, the trunk first: smallest and largest length, mm, and angle, deg
+        self._low_mm, self._high_mm, self._most_deg = np.array(ranges).T
+        self._shapes: dict[bytes, _Shape] = {}
+
+    def _ranges(self, level: int) -> tuple[float, float, float]:
+        length = self.settings.bounds(level, "length_mm")
+        if level == 1:
+            return length.low, length.high, 0.0
+        growth = self.settings.bounds(level, "growth_percent")
+        low_mm = length.low * min(1.0, growth.low / 100.0)
+        high_mm = length.high * max(1.0, growth.high / 100.0)
+        most_deg = min(180.0, self.settings.bounds(level, "angle_deg").high / 2.0)
+        return low_mm, high_mm, most_deg
+
+    def __len__(self) -> int:
+        return self.slots * self.columns
+
+    @property
+    def axes(self) -> SearchAxes:
+        """The coordinates as optimizers see them."""
+        choices = np.zeros((self.slots, self.columns), dtype=np.int64)
+        choices[1:, PARENT] = np.arange(2, self.slots + 1)
+        return SearchAxes(choices=tuple(choices.ravel().tolist()), levels=(0,) * len(self))
+
+    @property
+    def axes_of_levels(self) -> SearchAxes:
+        """The coordinates of the space of levels, which is searched first."""
+        return self.levels.axes
+
+    @property
+    def smallest(self) -> TreeBatch:
+        """The shortest trunk with the fewest children, alone in a batch."""
+        levels = self.levels.smallest
+        design = self.levels.design(np.zeros(len(self.levels)))
+        return TreeBatch.of([design.tree]) if len(levels) else self.batch_of(design)
+
+    # --- Trees to points, and back ----------------------------------------------------------------
+
+    def point(self, tree: BranchTree) -> Floats:
+        """Return the point of a tree, or the nearest within the bounds, shape (len(self),).
+
+        Raises
+        ------
+        BadInputError
+            If it has more branches than there are slots, or more levels.
+        """
+        if len(tree) > self.slots or int(tree.level.max()) > self.deepest:
+            allowed = f"at most {counted(self.slots, 'branch')} on {counted(self.deepest, 'level')}"
+            raise BadInputError("space", f"a design with {counted(len(tree), 'branch')}", allowed)
+        x = np.full((self.slots, self.columns), 0.5)
+        x[1:, PARENT] = 0.5 / np.arange(2, self.slots + 1)
+        low_mm, high_mm, most_deg = self._ranges_at(tree.level)
+        angle = np.degrees(tree.offset_rad)
+        x[: len(tree), LENGTH] = _share(tree.length_mm, low_mm, high_mm)
+        x[: len(tree), ANGLE] = _share(angle, -most_deg, most_deg)
+        for row, above in enumerate(tree.parent.tolist()):
+            if above >= 0:
+                x[row, PARENT] = (above + 1.5) / (row + 1)
+        widest_deg = float(self._most_deg.max())
+        for branch, at_mm, turn in zip(
+            tree.bend_branch.tolist(), tree.bend_mm.tolist(), tree.bend_rad.tolist(), strict=True
+        ):
+            if not self.bends:
+                break  # the nearest tree is straight
+            along = (at_mm / float(tree.length_mm[branch]) - END_SHARE) / (1.0 - 2.0 * END_SHARE)
+            along = min(max(along, 0.0), 1.0) * self.bends
+            # At the border of two stretches it is in the one before.
+            number = max(0, math.ceil(along) - 1)
+            column = BENDS + 2 * number
+            share = (math.degrees(turn) / widest_deg + 1.0) / 2.0
+            x[branch, column] = min(1.0, max(0.0, share))
+            x[branch, column + 1] = along - number
+        return x.ravel()
+
+    def _ranges_at(self, level: Ints) -> tuple[Floats, Floats, Floats]:
+        """Return smallest and largest lengths, mm, and largest angles, deg, of branches."""
+        place = level - 1
+        return self._low_mm[place], self._high_mm[place], self._most_deg[place]
+
+    def vector(self, design: Design) -> Floats:
+        """Return the point for a design, or the nearest within the bounds."""
+        return self.point(design.tree)
+
+    def batch(self, x: Floats) -> TreeBatch:
+        """Return the trees at many points, equal to those of `design`.
+
+        Points around one tree, without bends, are taken together: twenty times as fast.
+        """
+        cells = x.reshape(-1, self.slots, self.columns)
+        alike = not self.bends and bool((cells[:, :, PARENT] == cells[0, :, PARENT]).all())
+        if not alike:
+            return TreeBatch.of([self.tree(row) for row in x])
+        shape = self._shape(cells[0, :, PARENT])
+        low_mm, high_mm, most_deg = self._ranges_at(shape.slot_level)
+        length_mm = _values(cells[:, :, LENGTH], low_mm, high_mm)
+        angle_deg = _values(cells[:, :, ANGLE], -most_deg, most_deg)
+        angle_deg[:, 0] = 0.0
+        shapes = [shape.sorted_by(row) for row in angle_deg]
+        slots = np.stack([one.slots for one in shapes])
+        count, size = slots.shape
+        parent = np.concatenate([one.parent for one in shapes])
+        level = np.concatenate([one.level for one in shapes])
+        build = self.build_of(int(shape.level[-1]))
+        width_mm = np.array(build.widths_mm)
+        return TreeBatch(
+            trees=SomeOf(lambda row: self.tree(x[row]), np.arange(count)),
+            first=np.arange(count + 1) * size,
+            parent=parent,
+            level=level,
+            branch=np.tile(np.arange(size), count),
+            offset_rad=np.radians(np.take_along_axis(angle_deg, slots, axis=1)).ravel(),
+            length_mm=np.take_along_axis(length_mm, slots, axis=1).ravel(),
+            width_mm=width_mm[level - 1],
+            end_width_mm=np.array(build.end_widths_mm)[level - 1],
+            fillet_mm=np.array([0.0, *build.fillet_mm])[level - 1],
+        )
+
+    def batch_of(self, design: Design) -> TreeBatch:
+        """Return a design alone in a batch."""
+        return TreeBatch.of([design.tree])
+
+    def tree(self, x: Floats) -> BranchTree:
+        """Return the tree at a point."""
+        cells = x.reshape(self.slots, self.columns)
+        shape = self._shape(cells[:, PARENT])
+        low_mm, high_mm, most_deg = self._ranges_at(shape.slot_level)
+        length_mm = _values(cells[:, LENGTH], low_mm, high_mm)
+        angle_deg = _values(cells[:, ANGLE], -most_deg, most_deg)
+        shape = shape.sorted_by(angle_deg)
+        rows = shape.slots
+        length_mm, angle_deg = length_mm[rows], angle_deg[rows]
+        bends: Sequence[Sequence[Bend]] = ()
+        if self.bends:
+            bends = [self._bends(cells[row], mm) for row, mm in zip(rows, length_mm, strict=True)]
+        return BranchTree.of(
+            parent=shape.parent,
+            level=shape.level,
+            offset_rad=frozen_floats("angle", [rad(one) for one in angle_deg.tolist()]),
+            length_mm=frozen_floats("length", length_mm),
+            build=self.build_of(int(shape.level[-1])),
+            bends=bends,
+        )
+
+    def _bends(self, cells: Floats, length_mm: float) -> list[Bend]:
+        """Return the bends of a slot's branch."""
+        most, found = float(self._most_deg.max()), list[Bend]()
+        for number in range(self.bends):
+            turn, place = cells[BENDS + 2 * number : BENDS + 2 * number + 2].tolist()
+            turn_deg = round(most * (2.0 * turn - 1.0), SPACE_DECIMALS)
+            if abs(turn_deg) >= LEAST_TURN_DEG:
+                along = END_SHARE + (1.0 - 2.0 * END_SHARE) * (number + place) / self.bends
+                at_mm = round(along * length_mm, SPACE_DECIMALS)
+                found.append((at_mm, turn_deg))
+        return found
+
+    def design(self, x: Floats, name: str = "candidate") -> Design:
+        """Return the design at a point."""
+        tree = self.tree(x)
+        bends: list[list[Bend]] = [[] for _ in range(len(tree))]
+        for branch, at_mm, turn in zip(
+            tree.bend_branch.tolist(), tree.bend_mm.tolist(), tree.bend_rad.tolist(), strict=True
+        ):
+            bends[branch].append((at_mm, round(math.degrees(turn), SPACE_DECIMALS)))
+        names = (TRUNK, *(one[2:].replace(".", "-") for one in tree.ids[1:]))
+        branches = [
+            Branch(
+                name=names[row],
+                of=names[int(tree.parent[row])],
+                angle_deg=round(math.degrees(tree.offset_rad[row]), SPACE_DECIMALS),
+                length_mm=float(tree.length_mm[row]),
+                bends=tuple(bends[row]) or None,
+            )
+            for row in range(1, len(tree))
+        ]
+        trunk = Trunk(length_mm=float(tree.length_mm[0]), bends=tuple(bends[0]) or None)
+        return Design(
+            name=name,
+            trunk=trunk,
+            branches=tuple(branches),
+            build=self.build_of(int(tree.level.max())),
+        )
+
+    def values(self, x: Floats) -> list[SpaceValue]:
+        """Return lengths and angles of the branches of the tree at a point, by their ids."""
+        tree, found = self.tree(x), list[SpaceValue]()
+        low_mm, high_mm, most_deg = (one.tolist() for one in self._ranges_at(tree.level))
+        for row, name in enumerate(tree.ids):
+            found.append(
+                SpaceValue(
+                    name=f"length_mm of {name}",
+                    value=float(tree.length_mm[row]),
+                    low=low_mm[row],
+                    high=high_mm[row],
+                )
+            )
+            if row:
+                angle_deg = round(math.degrees(tree.offset_rad[row]), SPACE_DECIMALS)
+                found.append(
+                    SpaceValue(
+                        name=f"angle_deg of {name}",
+                        value=angle_deg,
+                        low=-most_deg[row],
+                        high=most_deg[row],
+                    )
+                )
+        return found
+
+    def planned(
+        self, designs: TreeBatch, radii_mm: tuple[float, ...], options: GrowthOptions
+    ) -> Plans:
+        """Return the plans of some trees; their own widths decide their radii."""
+        del radii_mm
+        builds = map(self.build_of, designs.depth.tolist())
+        return Plans.joined(
+            [
+                Plan.of_tree(tree, options, build)
+                for tree, build in zip(designs.trees, builds, strict=True)
+            ]
+        )
+
+    # --- Single slots -----------------------------------------------------------------------------
+
+    def cells(self, x: Floats) -> Floats:
+        """Return a point as a table of slots by columns."""
+        return x.reshape(self.slots, self.columns)
+
+    def parents(self, x: Floats) -> Ints:
+        """Return the parent slot of each slot: `EMPTY` for the trunk, and where there is none."""
+        return self._shape(self.cells(x)[:, PARENT]).index
+
+    def leaves(self, x: Floats) -> list[int]:
+        """Return the slots of branches without children, without the trunk."""
+        shape = self._shape(self.cells(x)[:, PARENT])
+        return [int(slot) for slot in shape.slots[1:] if not (shape.index == slot).any()]
+
+    def active(self, x: Floats) -> Ints:
+        """Return the coordinates that the tree at a point has, without those of its structure."""
+        shape = self._shape(self.cells(x)[:, PARENT])
+        has = np.zeros((self.slots, self.columns), dtype=np.bool_)
+        has[shape.slots] = True
+        has[:, PARENT] = False
+        has[0, ANGLE] = False
+        low_mm, high_mm, most_deg = self._ranges_at(shape.slot_level)
+        has[low_mm == high_mm, LENGTH] = False
+        has[most_deg == 0.0, ANGLE] = False
+        return np.flatnonzero(has)
+
+    def slots_that_may_branch(self, x: Floats) -> list[int]:
+        """Return the slots of branches that may have another child."""
+        shape = self._shape(self.cells(x)[:, PARENT])
+        found = []
+        for slot, level in zip(shape.slots.tolist(), shape.level.tolist(), strict=True):
+            if level < self.deepest:
+                most = self.settings.bounds(level + 1, "branches").high
+                if (shape.index == slot).sum() < most:
+                    found.append(slot)
+        return found
+
+    def free_slot(self, x: Floats, parent: int, taken: Sequence[int] = ()) -> int | None:
+        """Return the first empty slot that may hold a child of a slot; None without one.
+
+        Slots that are ``taken`` are left out.
+        """
+        empty = np.flatnonzero(self.parents(x) == EMPTY).tolist()
+        free = [slot for slot in empty if slot > parent and slot not in taken]
+        return free[0] if free else None
+
+    def with_child(self, x: Floats, parent: int, slot: int, angle: float, length: float) -> Floats:
+        """Return a tree with one more branch in an empty slot; angle and length are shares."""
+        longer = x.copy()
+        cells = self.cells(longer)
+        cells[slot] = 0.5
+        cells[slot, :BENDS] = (parent + 1.5) / (slot + 1), angle, length
+        return longer
+
+    def without(self, x: Floats, slot: int) -> Floats:
+        """Return a tree without a leaf."""
+        shorter = x.copy()
+        self.cells(shorter)[slot] = 0.5
+        self.cells(shorter)[slot, PARENT] = 0.5 / (slot + 1)
+        return shorter
+
+    def changed_slot(self, x: Floats, other: Floats) -> int | None:
+        """Return the slot in which another tree has one branch more or less; None without any."""
+        slots = np.flatnonzero(self.parents(x) != self.parents(other))
+        return int(slots[0]) if len(slots) else None
+
+    def with_slot_of(self, x: Floats, other: Floats, slot: int) -> Floats | None:
+        """Return a tree with a slot as another has it; None where that does not fit it."""
+        parents, above = self.parents(x), int(self.parents(other)[slot])
+        if above == EMPTY:
+            return None if (parents == slot).any() else self.without(x, slot)
+        if parents[slot] != EMPTY or (above > 0 and parents[above] == EMPTY):
+            return None
+        changed = x.copy()
+        self.cells(changed)[slot] = self.cells(other)[slot]
+        return changed
+
+    def _shape(self, parents: Floats) -> "_Shape":
+        """Return the structure that the parents of a point stand for."""
+        index = (parents * np.arange(1, self.slots + 1)).astype(np.int64)
+        index = np.minimum(index, np.arange(self.slots)) - 1
+        index[0] = -1
+        key = index.tobytes()
+        if key not in self._shapes:
+            if len(self._shapes) > 1000:
+                self._shapes.clear()
+            self._shapes[key] = _Shape.of(index, self.deepest)
+        return self._shapes[key]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Shape:
+    """Which slots a tree has, in its order, and how they hang together."""
+
+    index: Ints  # parent slot of each slot, -1 for the trunk and empty slots
+    slot_level: Ints  # level of each slot, 1 for the trunk and empty slots
+    slots: Ints  # of each branch, shape (n,)
+    parent: Ints  # branch before each branch, shape (n,)
+    level: Ints  # of each branch, shape (n,)
+
+    @classmethod
+    def of(cls, index: Ints, deepest: int) -> "_Shape":
+        """Return the shape for the parent slot of each slot, -1 for none and for the trunk.
+
+        Branches beyond the deepest level are left out.
+        """
+        level = np.zeros(len(index), dtype=np.int64)
+        level[0] = 1
+        for slot, above in enumerate(index.tolist()):
+            if slot and above >= 0 and 0 < level[above] < deepest:
+                level[slot] = level[above] + 1
+        return cls._ordered(index, level, np.zeros(len(index)))
+
+    @classmethod
+    def _ordered(cls, index: Ints, level: Ints, angle: Floats) -> "_Shape":
+        """Return the shape with each level by its parents' order, then by angle."""
+        place, found = np.full(len(index), -1), list[int]()
+        for one in range(1, int(level.max()) + 1):
+            rows = np.flatnonzero(level == one)
+            rows = rows[np.lexsort((angle[rows], place[index[rows]]))] if one > 1 else rows
+            place[rows] = np.arange(len(found), len(found) + len(rows))
+            found += rows.tolist()
+        slots = np.array(found)
+        parent = np.where(index[slots] < 0, -1, place[index[slots]])
+        return cls(
+            index=index,
+            slot_level=np.maximum(level, 1),
+            slots=slots,
+            parent=frozen_ints(parent),
+            level=frozen_ints(level[slots]),
+        )
+
+    def sorted_by(self, angle: Floats) -> "_Shape":
+        """Return the shape with siblings in the order of their slots' angles."""
+        along = angle[self.slots]
+        if not ((self.parent[1:] == self.parent[:-1]) & (along[1:] < along[:-1])).any():
+            return self
+        level = np.zeros(len(self.index), dtype=np.int64)
+        level[self.slots] = self.level
+        return self._ordered(self.index, level, angle)
+
+
+def _share(values: Floats, low: Floats, high: Floats) -> Floats:
+    """Return the share of each range; the nearest end for values outside."""
+    span = np.where(high > low, high - low, 1.0)
+    return np.clip(np.where(high > low, (values - low) / span, 0.5), 0.0, 1.0)
+
+
+def _values(shares: Floats, low: Floats, high: Floats) -> Floats:
+    """Return the values at shares of ranges, in hundredths."""
+    return np.clip(np.round(low + shares * (high - low), SPACE_DECIMALS), low, high)

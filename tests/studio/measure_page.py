@@ -15,7 +15,7 @@ import shutil
 import sys
 import tempfile
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -34,10 +34,13 @@ OBSTACLES = {36: (6, 6, 500.0), 506: (23, 22, 2000.0)}
 BRANCHES = {10: (3, 2), 40: (3, 3, 3), 149: (4, 4, 8)}
 SLIDER = 'input[type=range][data-key="level.0.length"]'
 HANDLE = ".pose-layer .base"
+TIP = '.robot-layer .mark[data-branch="0.0.0"]'
+"""Of one branch of the design written branch by branch; others may hang on it."""
 
 WATCH = """() => {
   const key = (state) => JSON.stringify([state.pose, state.design, state.map]);
   const moves = [];
+  const made = []; // which state was made by which move
   const shown = [];
   const painted = (fn) => requestAnimationFrame(() => {
     const channel = new MessageChannel();
@@ -47,8 +50,24 @@ WATCH = """() => {
   // On the window: after the page's own listeners have changed the state.
   for (const name of ["pointermove", "input"]) addEventListener(name, (event) => {
     if (studio.watchedEvent !== name) return;
-    moves.push({at: event.timeStamp, key: key(studio.store.get())});
+    moves.push(event.timeStamp);
+    const entry = {key: key(studio.store.get()), at: event.timeStamp, move: moves.length - 1};
+    if (!isTip) made.push(entry);
   });
+  // A tip changes the state once the server has said how: by the newest move when it was asked.
+  const {ask} = studio;
+  let isTip = false;
+  let answered = -1;
+  studio.ask = async (panel, ...more) => {
+    const move = moves.length - 1;
+    const found = await ask(panel, ...more);
+    if (panel === "tip") answered = move;
+    return found;
+  };
+  studio.store.subscribe((state) => {
+    if (isTip) made.push({key: key(state), at: performance.now(), move: answered});
+  });
+  globalThis.watch = (event, ofTip) => { [studio.watchedEvent, isTip] = [event, ofTip]; };
   // Registered last: the panels have drawn the answer when this is called.
   studio.onAnswer("live", (answer, state) => {
     const entry = {key: key(state), grew: answer.facts.deployed > 0};
@@ -67,13 +86,15 @@ WATCH = """() => {
   globalThis.latencies = () => {
     // A hand that comes back shows a state again: the picture is of the last time before it.
     const arrivals = shown.map(({key, at, grew}) =>
-      ({shows: moves.findLastIndex((move) => move.key === key && move.at <= at), when: at, grew}));
-    const found = moves.map(({at}, index) => {
+      ({shows: made.findLast((one) => one.key === key && one.at <= at)?.move ?? -1,
+        when: at, grew}));
+    const found = moves.map((at, index) => {
       const seen = arrivals.filter(({shows}) => shows >= index);
       const first = seen.reduce((one, other) => (other.when < one.when ? other : one), seen[0]);
       return first && {ms: first.when - at, grew: first.grew};
     }).filter(Boolean);
-    moves.length = shown.length = 0;
+    moves.length = made.length = shown.length = 0;
+    answered = -1;
     return found;
   };
 }"""
@@ -176,7 +197,7 @@ def thumb(page):
 def latencies_ms(page, selector):
     """Return a latency per pointer move of a drag there and back."""
     event = "input" if selector == SLIDER else "pointermove"
-    page.evaluate("(event) => { studio.watchedEvent = event; }", event)
+    page.evaluate("([event, ofTip]) => watch(event, ofTip)", [event, selector == TIP])
     turns = np.linspace(0.0, 4.0 * np.pi, MOVES)
     reach = 18.0 if selector == SLIDER else 6.0 if selector == HANDLE else 25.0
     # Up, and not far: elsewhere a start has no room for a robot.
@@ -184,7 +205,7 @@ def latencies_ms(page, selector):
     drag(page, thumb(page) if selector == SLIDER else middle(page, selector), path)
     page.wait_for_timeout(1500)
     found = page.evaluate("latencies()")
-    page.evaluate("studio.watchedEvent = ''")
+    page.evaluate("watch('', false)")
     return np.array([one["ms"] for one in found if one["grew"]]), len(found)
 
 
@@ -253,7 +274,7 @@ def measure_starts(browser, folder, runs):
 def measure_drags(browser, folder):
     """Drag values and the robot, then an obstacle next to it, with few and many on the map."""
     for count, branches in BRANCHES.items():
-        dragged = {"slider": SLIDER, "start of the robot": HANDLE}
+        dragged = {"slider": SLIDER, "start of the robot": HANDLE, "tip of a branch": TIP}
         measure_scene(browser, folder, f"{count} branches", branches, dragged)
     for count, (columns, rows, size_mm) in OBSTACLES.items():
         world = vf.maps.grid(3, columns=columns, rows=rows, size_mm=size_mm)
@@ -273,9 +294,20 @@ def measure_scene(browser, folder, title, branches, dragged, *arguments):
         wait_until_compiled(page)
         page.wait_for_timeout(3000)
         for name, selector in [*dragged.items()] * TIMES:  # in turns: the load changes
-            say(f"{title}: {name}", summary(*latencies_ms(page, selector)))
+            with freed(page) if selector == TIP else nullcontext():
+                say(f"{title}: {name}", summary(*latencies_ms(page, selector)))
         if SLIDER in dragged.values():
             say(f"{title}: release to full rules", summary(rules_ms(page)))
+
+
+@contextmanager
+def freed(page):
+    """Write the design branch by branch for a while."""
+    page.evaluate("studio.edits.edit('free')")
+    page.wait_for_timeout(3000)
+    yield
+    page.evaluate("while (studio.store.get().design.branch) studio.store.undo()")
+    page.wait_for_timeout(3000)
 
 
 def measure_memory(browser, folder, drags):

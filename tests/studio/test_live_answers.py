@@ -12,13 +12,13 @@ from vinefab.growth.batch import grow_on
 from vinefab.model.design import Build, Design, Level, design_content, design_of
 from vinefab.prediction.deploy import deploy
 from vinefab.studio import live_answers
+from vinefab.studio.branch_edits import tip_answer
 from vinefab.studio.live_answers import (
     MOST_LIVE_INTERPRETED,
     front_answer,
     grown,
     live_answer,
     prepared_map,
-    tip_answer,
 )
 from vinefab.studio.state import Frame, StudioState
 
@@ -104,7 +104,8 @@ def tip_of(state, branch):
 
 def pulled(state, found):
     content = design_content(state.design)
-    part = content["trunk"] if found["level"] < 0 else content["level"][found["level"]]
+    table, _, place = found["key"].partition(".")
+    part = content[table][int(place)] if place else content[table]
     part |= found["values"]
     return state_of(design_of(content, "test"))
 

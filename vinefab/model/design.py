@@ -102,18 +102,11 @@ RadiusMm = Annotated[float, Interval(ge=0, le=LARGEST_MM), Unit("mm")]
 Taper = Annotated[float, Interval(ge=0.01, le=1), Unit("×")]  # noqa: RUF001  the sign of multiplication
 
 
+BendPlace = Annotated[float, Interval(ge=SMALLEST, le=LARGEST_MM)]
+BendTurn = Annotated[float, Interval(ge=-175, le=175)]
+
 Bends = Annotated[
-    tuple[
-        Annotated[
-            tuple[
-                Annotated[float, Interval(gt=0, le=LARGEST_MM)],
-                Annotated[float, Interval(ge=-175, le=175)],
-            ],
-            Field(strict=False),
-        ],
-        ...,
-    ]
-    | None,
+    tuple[Annotated[tuple[BendPlace, BendTurn], Field(strict=False)], ...] | None,
     Field(strict=False),
     Doc(
         "preformed turns, `[mm from the base, degrees counter-clockwise]` each: the tube is cut "
@@ -294,13 +287,19 @@ class Branch(Table):
     ]
     bends: Bends = None
     width_mm: Annotated[
-        WidthMm | None, Doc("lay-flat lumen width at its base; left out: that of its level")
+        WidthMm | None,
+        Slider(3, 80, 0.1),
+        Doc("lay-flat lumen width at its base; left out: that of its level"),
     ] = None
     taper: Annotated[
-        Taper | None, Doc("width at its end over that at its base; left out: that of its level")
+        Taper | None,
+        Slider(0.3, 1, 0.01),
+        Doc("width at its end over that at its base; left out: that of its level"),
     ] = None
     fillet_mm: Annotated[
-        RadiusMm | None, Doc("radius in the joint at its base; left out: that of its level")
+        RadiusMm | None,
+        Slider(0, 20, 0.1),
+        Doc("radius in the joint at its base; left out: that of its level"),
     ] = None
     pouch: Annotated[
         bool | Pouch | None,

@@ -19,7 +19,7 @@ has the class ``plan``. Two things are the page's:
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from xml.sax.saxutils import escape
 
@@ -275,6 +275,16 @@ def frame_svg(place_mm: Callable[[float, float], tuple[float, float]]) -> str:
     )
     arm = f"M{_pair(*place_mm(1, 0))}L{turn}"
     return f'<path class="frame" d="M{ring}Z{arm}"/>{"".join(handles)}'
+
+
+def bends_svg(places_mm: Mapping[int, tuple[float, float]]) -> str:
+    """Return a handle at each preformed bend of the chosen branch, by its place in the list."""
+    return "".join(
+        f'<g transform="translate({_pair(*place)})"><g class="sized">'
+        f'<rect class="handle bend" data-bend="{bend}" x="-5.5" y="-5.5" width="11" height="11"/>'
+        "</g></g>"
+        for bend, place in places_mm.items()
+    )
 
 
 def legend_rows() -> list[tuple[str, str]]:

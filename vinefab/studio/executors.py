@@ -35,7 +35,8 @@ PANELS = {
     "live": ("live_answers.live_answer", LIVE),
     "before": ("live_answers.live_answer", LIVE),  # of the version that is compared with
     "front": ("live_answers.front_answer", LIVE),
-    "tip": ("live_answers.tip_answer", LIVE),
+    "tip": ("branch_edits.tip_answer", LIVE),
+    "edit": ("branch_edits.edit_answer", LIVE),
     "cut": ("pattern_answers.cut_answer", CUT),
     "inflated": ("pattern_answers.inflated_answer", "inflated"),
     "rules": ("sheet_answers.rules_answer", "rules"),

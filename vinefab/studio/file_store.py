@@ -35,7 +35,7 @@ from vinefab.core.plain_text import counted, json_text
 from vinefab.core.registry import parameter_values
 from vinefab.core.validation import check_plain
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.design import Design, check_levels, design_content, design_of, design_text
+from vinefab.model.design import Design, design_content, design_of, design_text
 from vinefab.model.files.design_edit import edited_text
 from vinefab.model.files.run_context import ChosenRecipe, RunContext
 from vinefab.model.files.shipped import (
@@ -605,8 +605,6 @@ def _version(path: Path) -> _Version:
     try:
         text = data.decode("utf-8")
         design = design_of(toml_content(text.removeprefix("\ufeff"), path), path)
-        with located(path):
-            check_levels(design, "the page changes levels")
         return _Version(stamp, text, design)
     except UnicodeDecodeError as error:
         return _Version(stamp, problem=f"{path}: is not UTF-8 text (byte {error.start})")

@@ -1,7 +1,6 @@
-"""Answers that follow the pointer: growth on the open map, scores, a dragged tip."""
+"""Answers that follow the pointer: growth on the open map, and scores."""
 
 import asyncio
-import cmath
 import math
 import sys
 from collections.abc import Mapping
@@ -15,7 +14,6 @@ from numpy.typing import NDArray
 from shapely import Point, Polygon
 
 from vinefab.core.errors import BadInputError, VinefabError
-from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import LARGEST_MM, number
 from vinefab.growth.batch import Engine, grow_on
@@ -27,7 +25,6 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import ORIGIN_GROWTH, Build, Design, Level
 from vinefab.model.map import Map, Pose
 from vinefab.model.score import IDEAL_CASE
-from vinefab.model.tree import child_lengths_mm
 from vinefab.pages.plan import STOP_WORDS
 from vinefab.pages.plan_svg import (
     frame_svg,
@@ -40,6 +37,7 @@ from vinefab.pages.plan_svg import (
 )
 from vinefab.prediction.deploy import DeployedDesign, places_text, stayed_text, wedged, without_room
 from vinefab.prediction.measures import worst_pressures_of
+from vinefab.studio.chosen_branch import chosen_branch, labels_of
 from vinefab.studio.state import PAGE, EditedMap, StudioState, pose_content
 from vinefab.tasks import TASKS, make_task
 from vinefab.tasks.evaluate import PreparedMap
@@ -171,7 +169,8 @@ def live_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     ask
         ``have``: key of the ground that the page shows; ``ground = false`` and ``scores = false``
         while an obstacle is dragged: the page keeps its old ones; ``obstacle``: index of the one
-        that is chosen, which is drawn for itself.
+        that is chosen, which is drawn for itself; ``branch``: what `labels_of` calls the one that
+        is chosen.
     """
     growth = {
         "values": state.growth.values,
@@ -179,9 +178,15 @@ def live_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
         "trained": bool(state.design.origin.get(ORIGIN_GROWTH)),
         "text": growth_text(state.growth, [state.design]),
     }
-    answer: dict[str, Any] = {"engine": current_engine(), "growth": growth}
+    ids, names = state.design.tree.ids, state.design.names
+    answer: dict[str, Any] = {
+        "engine": current_engine(),
+        "growth": growth,
+        "names": dict(zip(ids, names, strict=True)) if names else {},
+    }
     if state.world is None or state.ground is None:
-        return {**answer, "ground_key": "", "facts": _planned(state.design)}
+        found = _with_branch({"facts": _planned(state.design)}, state, ask)
+        return {**answer, "ground_key": "", **found}
     key, index, chosen = state.ground.key, ask.get("obstacle"), None
     if type(index) is int and 0 <= index < len(state.ground.world.obstacles):
         frame = state.ground.frame(index)
@@ -201,7 +206,21 @@ def live_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
         "obstacle": chosen,
         "source": _of_source(state.ground, len(state.world.obstacles)),
     }
-    return answer | _grown(state, state.world, with_scores=bool(ask.get("scores", True)))
+    grown_answer, deployment = _grown(state, state.world, with_scores=bool(ask.get("scores", True)))
+    return answer | _with_branch(grown_answer, state, ask, deployment)
+
+
+def _with_branch(
+    answer: dict[str, Any],
+    state: StudioState,
+    ask: Mapping[str, Any],
+    deployment: Deployment | None = None,
+) -> dict[str, Any]:
+    """Return an answer with the branch that is chosen, if it is still there."""
+    label = ask.get("branch")
+    if not isinstance(label, str) or label not in labels_of(state.design):
+        return {**answer, "branch": None}
+    return {**answer, "branch": chosen_branch(state.design, deployment, label)}
 
 
 def _of_source(ground: EditedMap, count: int) -> dict[str, Any]:
@@ -214,20 +233,22 @@ def _of_source(ground: EditedMap, count: int) -> dict[str, Any]:
     }
 
 
-def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, Any]:
+def _grown(
+    state: StudioState, world: Map, *, with_scores: bool
+) -> tuple[dict[str, Any], Deployment | None]:
     start = state.start
     if start is None:
-        return _not_grown(state.design, "the map has no start: put one on it")
+        return _not_grown(state.design, "the map has no start: put one on it"), None
     place = {
         "pose": pose_content(start),
         "pose_svg": pose_svg(start, 0.055 * max(world.size_mm)),
     }
     if problem := not_followed(state.design):
-        return place | _not_grown(state.design, problem)
+        return place | _not_grown(state.design, problem), None
     try:
         deployment, _ = grown(state, start)
     except BadInputError as error:
-        return place | _not_grown(state.design, str(error))
+        return place | _not_grown(state.design, str(error)), None
     answer: dict[str, Any] = {**place}
     if (found := touched_targets([(deployment, world)])) is not None:
         states = [outcome.state for outcome in found.outcomes]
@@ -270,7 +291,8 @@ def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, An
             *places_text("stopped in a corner", wedged(deployment, state.growth)),
         ],
     }
-    return answer | (_scores(deployment, prepared_map(state)) if with_scores else {})
+    scores = _scores(deployment, prepared_map(state)) if with_scores else {}
+    return answer | scores, deployment
 
 
 def not_followed(design: Design) -> str:
@@ -344,58 +366,6 @@ def _grown_text(deployment: Deployment) -> str:
 
 
 _task = cache(make_task)
-
-
-def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of a level for which the tip of a branch lies where it is dragged to.
-
-    The length follows the tip along its last stretch, the fan turns with the part across it; where
-    a branch has been bent by walls that is the first step of the way, and the next drag continues
-    from there. Locked values stay.
-
-    Parameters
-    ----------
-    ask
-        ``branch``: its id; ``to``: where, map coordinates in mm.
-
-    Returns
-    -------
-    dict
-        ``level``: index of the level, -1 for the trunk, None if nothing can follow; ``values``: its
-        new values by name, units as in design files.
-    """
-    to_mm = [number("to", value, -LARGEST_MM, LARGEST_MM, "mm") for value in ask.get("to", ())]
-    if len(to_mm) != 2:
-        raise BadInputError("to", ask.get("to"), "a point [x, y], mm", PAGE)
-    deployment = deployed_robot(state).deployment
-    ids = deployment.tree.ids
-    if ask.get("branch") not in ids:
-        raise BadInputError("branch", ask.get("branch"), "the id of a branch", PAGE)
-    branch = ids.index(str(ask["branch"]))
-    chain_mm = deployment.chain_mm(branch)
-    if len(chain_mm) < 2:
-        return {"level": None, "values": {}}
-    # How much longer the last stretch gets, and by how much it turns about its base.
-    stretch, reach = complex(*(chain_mm[-1] - chain_mm[-2])), complex(*(to_mm - chain_mm[-2]))
-    least_mm = 1.0  # branches are dragged no shorter than this
-    along_mm, turn_rad = max(least_mm, abs(reach)) - abs(stretch), 0.0
-    if abs(reach) >= least_mm:
-        turn_rad = math.remainder(cmath.phase(reach) - cmath.phase(stretch), math.tau)
-    wanted_mm = max(least_mm, float(deployment.grown_mm[branch]) + along_mm)
-    index = int(deployment.tree.level[branch]) - 2
-    if index < 0:
-        free = "trunk.length" not in state.locks
-        return {"level": -1, "values": {"length": min(wanted_mm, LARGEST_MM)} if free else {}}
-    level, sibling = state.design.levels[index], int(ids[branch].rsplit(".", 1)[-1])
-    values: dict[str, float] = {}
-    if f"level.{index}.length" not in state.locks:
-        share = float(child_lengths_mm(level)[sibling]) / level.length_mm
-        values["length"] = min(wanted_mm / share, LARGEST_MM)
-    # By this share of the fan a child leans to the left of its parent; 0 in the middle.
-    lean = sibling / (level.branches - 1) - 0.5 if level.branches > 1 else 0.0
-    if lean and f"level.{index}.angle_deg" not in state.locks:
-        values["angle_deg"] = min(360.0, max(0.0, deg(level.fan_rad + turn_rad / lean)))
-    return {"level": index, "values": values}
 
 
 def deployed_robot(state: StudioState) -> DeployedDesign:

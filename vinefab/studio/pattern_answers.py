@@ -1,7 +1,7 @@
 """Answers about the flat pattern and the inflated body: the cut angles of designed ones."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,12 +11,13 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import imported_later
 from vinefab.core.view import plain_blocks
 from vinefab.fabrication.rules.pressure_rules import check_sensitivity, degrees_text
-from vinefab.inflation.pattern import Pattern, pattern_of
+from vinefab.inflation.pattern import Pattern, PatternJoint, pattern_of
 from vinefab.inflation.robot import with_short_tail
-from vinefab.model.design import Design
+from vinefab.model.design import TRUNK, Design
 from vinefab.model.laser import LaserProfile
 from vinefab.outline.body_outline import body_outline
 from vinefab.pages.plan_svg import area_svg, lines_svg, outline_svg
+from vinefab.studio.chosen_branch import by_name
 from vinefab.studio.state import StudioState
 
 if TYPE_CHECKING:
@@ -51,35 +52,78 @@ def cut_answer(state: StudioState, _ask: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def cut_notes(pattern: Pattern, profile: LaserProfile) -> dict[str, dict[str, str]]:
-    """Return the note at the angle of each level, by its key: kind, text and details.
+    """Return the note at the angle of each level or branch, by its key: kind, text and details.
 
     Kinds are ``known``, ``sensitive`` (errors are multiplied), ``bad`` (nothing deploys so), and
     ``pending`` (a simulation will tell).
     """
+    shown = [joint for joint in pattern.joints if any(joint.wanted_deg) or joint.problem]
+    if pattern.design.branches is not None:
+        return {
+            key: _note(pattern, joint, child)
+            for joint in shown
+            for key, child in _turns(pattern.design, joint)
+        }
     return {
-        f"level.{place}.angle_deg": _note(pattern, profile, place)
-        for place, joint in enumerate(pattern.joints)
-        if any(joint.wanted_deg) or joint.problem
+        f"level.{place}.angle_deg": _note(pattern, joint, profile=profile)
+        for joint in shown
+        if not joint.is_bend
+        for place in (joint.level - 2,)
     }
 
 
-def _note(pattern: Pattern, profile: LaserProfile, place: int) -> dict[str, str]:
-    joint, is_compensated = pattern.joints[place], pattern.design.build.compensation != "none"
+def _turns(design: Design, joint: PatternJoint) -> Iterator[tuple[str, int]]:
+    """Yield the key of each turn that is cut as a joint, and its place in the joint."""
+    straight, named = design.tree.straight, by_name(design)
+    number = {branch.name: index for index, branch in enumerate(design.branches or ())}
+    for row in joint.rows:
+        for child, part in enumerate(np.flatnonzero(straight.parent == row).tolist()):
+            label = design.names[straight.branch[part]]
+            table = "trunk" if label == TRUNK else f"branch.{number[label]}"
+            if not joint.is_bend:
+                yield f"{table}.angle_deg", child
+                continue
+            bends = (design.trunk if label == TRUNK else named[label]).bends or ()
+            turning = sorted((at_mm, i) for i, (at_mm, turn_deg) in enumerate(bends) if turn_deg)
+            before = int((straight.branch[:row] == straight.branch[row]).sum())
+            if before < len(turning):
+                yield f"{table}.bends.{turning[before][1]}.1", 0
+
+
+def _note(
+    pattern: Pattern,
+    joint: PatternJoint,
+    child: int | None = None,
+    profile: LaserProfile | None = None,
+) -> dict[str, str]:
+    """Return the note on a joint: on its fan, or on one of its children.
+
+    Parameters
+    ----------
+    profile
+        Where the nearest fan that is possible is to be searched for, in a design of levels.
+    """
+    is_compensated = pattern.design.build.compensation != "none"
+
+    def angle(angles_deg: tuple[float, ...]) -> str:
+        return _fan(angles_deg) if child is None else f"{angles_deg[child]:.1f}"
+
     if not joint.is_known:
         why = "This joint is not in the table: it is simulated once the design rests."
         return {"kind": "pending", "text": "simulated when you pause", "about": why}
     found = joint.found
     if joint.problem or found is None:
         why = joint.problem.partition(": ")[2] or "siblings pass through each other"
-        if found is None:
-            nearest = _nearest(pattern.design, profile, place)
-        else:
-            nearest = f": nearest {_fan(found.deployed_deg)}°"
+        nearest = ""
+        if found is not None:
+            nearest = f": nearest {angle(found.deployed_deg)}°"
+        elif profile is not None:
+            nearest = _nearest(pattern.design, profile, joint.level - 2)
         return {"kind": "bad", "text": f"✕ not possible{nearest}", "about": f"{why}."}
     shown = found.flat.angles_deg if is_compensated else found.deployed_deg
     how = "cut" if is_compensated else "deploys at"
     kind = "sensitive" if found.sensitivity > check_sensitivity.limits["warning"] else "known"
-    text = f"{how} {_fan(shown)}°, x{found.sensitivity:.1f} sensitive"
+    text = f"{how} {angle(shown)}°, x{found.sensitivity:.1f} sensitive"
     source = "from the table" if found.source == "table" else "simulated joint"
     about = (
         f"Children cut at {degrees_text(found.flat.angles_deg)}° deploy at "
@@ -91,7 +135,7 @@ def _note(pattern: Pattern, profile: LaserProfile, place: int) -> dict[str, str]
 
 def _nearest(design: Design, profile: LaserProfile, place: int) -> str:
     """Return the narrowest fan of a level, wider than designed, that the table knows, as text."""
-    if not design.levels or design.levels[place].branches == 1:
+    if design.levels[place].branches == 1:
         return ""
     level = design.levels[place]
 
@@ -99,8 +143,11 @@ def _nearest(design: Design, profile: LaserProfile, place: int) -> str:
         levels = list(design.levels)
         levels[place] = level.changed(fan_rad=fan_rad)
         wider = pattern_of(design.changed(levels=tuple(levels)), profile, known_only=True)
-        joint = wider.joints[place]
-        return joint.found is not None and not joint.problem
+        return all(
+            joint.found is not None and not joint.problem
+            for joint in wider.joints
+            if joint.level == place + 2
+        )
 
     low, high = level.fan_rad, min(level.fan_rad + _WIDER_RAD, math.tau)
     if not is_known(high):

@@ -16,7 +16,14 @@ from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.table import declared_keys
 from vinefab.core.validation import whole
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.design import MOST_LEVELS, Design, Level, design_content, design_text
+from vinefab.model.design import (
+    MOST_LEVELS,
+    Design,
+    Level,
+    check_levels,
+    design_content,
+    design_text,
+)
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import map_text
 from vinefab.search.optimizers.optimizer import OPTIMIZERS
@@ -92,6 +99,7 @@ def design_values(design: Design, locks: frozenset[str]) -> tuple[DesignValue, .
 
 def run_proposal(state: StudioState) -> dict[str, Any]:
     """Return the form of a search around the page's design, with its proposals."""
+    check_levels(state.design, "a search from the page changes levels")
     deeper, depth = SpaceSettings(), state.design.depth
     environment = state.world.environment if state.world else ""
     # What stands on the page is what is searched for: its targets, and its map.

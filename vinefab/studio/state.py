@@ -2,8 +2,10 @@
 
 import json
 import math
+import re
 import types
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -21,12 +23,20 @@ from vinefab.core.hashing import sha256_of
 from vinefab.core.limits import MOST_FIRST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
-from vinefab.core.table import DeclaredKey, Table, declared_keys, inner_table, validated
+from vinefab.core.table import DeclaredKey, Slider, Table, declared_keys, inner_table, validated
 from vinefab.core.validation import LARGEST_MM, SMALLEST, number, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions
 from vinefab.inflation.pattern import as_grown
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.design import MOST_LEVELS, PER_LEVEL, Build, Design, design_of
+from vinefab.model.design import (
+    MOST_LEVELS,
+    PER_LEVEL,
+    BendPlace,
+    BendTurn,
+    Build,
+    Design,
+    design_of,
+)
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, path_given
 from vinefab.model.laser import LaserProfile, read_profile
 from vinefab.model.map import Map, Pose
@@ -309,7 +319,12 @@ class StudioState:
             If a value or a file cannot be used.
         """
         given = mapping_at("state", content)
-        design = design_of(mapping_at("design", given.get("design")), PAGE)
+        content = mapping_at("design", given.get("design"))
+        tables = content.get("branch")
+        tables = tables if isinstance(tables, list) else []
+        names = [one.get("name") if isinstance(one, Mapping) else None for one in tables]
+        with branches_named(names):
+            design = design_of(content, PAGE)
         recipe = _text("recipe", given.get("recipe") or DEFAULT_RECIPE)
         shown = None if given.get("map") is None else mapping_at("map", given["map"])
         # Many maps are of the open map's kind until the page asks for another.
@@ -362,6 +377,28 @@ def files_named_in(content: Mapping[str, Any]) -> list[tuple[str, object]]:
     return [(key, given) for key, given in named if given is not None]
 
 
+_OF_BRANCH = re.compile(r"branch\[(\d+)\]\.(.+)")
+
+
+@contextmanager
+def branches_named(names: Sequence[object]) -> Iterator[None]:
+    """Name the branch in an error about one: the page shows no numbers of tables.
+
+    Parameters
+    ----------
+    names
+        Of all branches, in the order of their tables.
+    """
+    try:
+        yield
+    except BadInputError as error:
+        found = _OF_BRANCH.fullmatch(error.key)
+        if found is None or int(found[1]) > len(names):
+            raise
+        name = names[int(found[1]) - 1]
+        raise error.under(f"{found[2]} of branch {name!r}", error.source) from None
+
+
 def member(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     """Return what is at a key if it is an object, and an empty one otherwise."""
     value = content.get(key)
@@ -384,7 +421,26 @@ _UNITS = {"deg": "°"}
 
 def design_form() -> dict[str, Any]:
     """Return the rows of a design's tables: keys with a slider, with a choice, with own rows."""
-    return {"most_levels": MOST_LEVELS - 1, "rows": _rows(Design)}
+    return {"most_levels": MOST_LEVELS - 1, "rows": _rows(Design), "bend": _rows(_Bend)}
+
+
+class _Bend(Table):
+    """The two numbers of a preformed bend, which a file has in a list."""
+
+    at_mm: Annotated[
+        BendPlace,
+        Unit("mm"),
+        Field(alias="0", title="at"),
+        Slider(1, 400),
+        Doc("from the base of the branch"),
+    ]
+    turn_deg: Annotated[
+        BendTurn,
+        Unit("deg"),
+        Field(alias="1", title="turn"),
+        Slider(-120, 120),
+        Doc("counter-clockwise: the tube is cut with it"),
+    ]
 
 
 def growth_form() -> list[dict[str, Any]]:
@@ -407,7 +463,8 @@ def _shown(key: DeclaredKey) -> dict[str, Any]:
     inner, kind = inner_table(key.annotation), key.annotation
     if inner is not None:
         rows = _rows(inner)
-        return {"rows": rows, "many": get_origin(kind) is tuple} if rows else {}
+        many = tuple in (get_origin(kind), *map(get_origin, get_args(kind)))
+        return {"rows": rows, "many": many} if rows else {}
     if get_origin(kind) in (Union, types.UnionType):  # of an optional value
         kind = get_args(kind)[0]
     kind = get_args(kind)[0] if get_origin(kind) is Annotated else kind

@@ -50,7 +50,7 @@ type NumberRow = Row<{
   absent?: number | null;
 }>;
 type FormRow = TableRow | ChoiceRow | FlagRow | NumberRow;
-type Form = { most_levels: number; rows: FormRow[] };
+type Form = { most_levels: number; rows: FormRow[]; bend: FormRow[] };
 
 /** A number row with its whole key; of a list, also the list's. */
 type ValueRow = NumberRow & { list?: NumberRow & { first: number } };
@@ -92,7 +92,7 @@ type Connection = ReturnType<typeof import("studio/connection.js").createConnect
 type View = ReturnType<typeof import("studio/view.js").createView>;
 
 /** What parts of the page listen to, by name: events of the server, and each other. */
-type Heard = Events & { preview: Design | null; highlight: string[]; reference: null };
+type Heard = Events & { preview: Design | null; highlight: string[]; reference: null; branch: string | null };
 type Found = { [P in Panel]: { answer: Answers[P]; state: StudioState } };
 
 /** What every panel is mounted with. */
@@ -106,6 +106,8 @@ type App = {
   previewed: Design | null;
   /** The last answer to the design that is open. */
   present: LiveAnswer | null;
+  /** The branch that is chosen: its name, or its id where the design has levels. */
+  branch: string | null;
   reference: Version | null;
   showGhost: boolean;
   restored: boolean;
@@ -129,12 +131,16 @@ type App = {
   onHighlight(fn: (branches: string[]) => void): void;
   setReference(reference: Version | null): void;
   onReference(fn: () => void): void;
+  chooseBranch(label: string | null): void;
+  onBranch(fn: (label: string | null) => void): void;
+  edits: BranchEdits;
 };
 
-/** Events of the window: a step of a drag, its end, another tab. */
+/** Events of the window: a step of a drag, its end, new fields of a branch, another tab. */
 interface WindowEventMap {
   moved: CustomEvent<number>;
   released: CustomEvent<null>;
+  built: CustomEvent<null>;
   tabshown: CustomEvent<string>;
 }
 
@@ -185,13 +191,22 @@ type AskedExport = { out: string; options: Record<string, string | number | bool
 // ---- the map
 
 /** What is chosen on the map: an obstacle by its place, a target by its name; nothing is the start. */
-type Chosen = { kind: "obstacle"; id: number } | { kind: "target"; id: string } | null;
-type ThingKind = "start" | "obstacle" | "target";
+type Chosen = { kind: "obstacle"; id: number } | { kind: "target" | "branch"; id: string } | null;
+type ThingKind = "start" | "obstacle" | "target" | "branch";
+
+type BranchEdit = "free" | "child" | "remove" | "mirror" | "bend";
+/** Where a tip or a bend is to go. */
+type TipAsk = { to?: Place; by?: Place; bend?: number };
+type BranchEdits = {
+  tip(branch: string, ask: TipAsk, group?: string): Promise<unknown>;
+  edit(name: BranchEdit, branch?: string, to?: Place): Promise<unknown>;
+};
 /** What a drag has grabbed. */
 type Grabbed =
-  | { kind: "view" | "measure" | "draw" }
+  | { kind: "measure" | "draw" }
+  | { kind: "view"; branch?: string }
   | { kind: "base" | "heading"; pose: Pose }
-  | { kind: "tip"; branch: string; isBusy: boolean; to: Place | null }
+  | { kind: "tip"; branch: string; bend?: number; isBusy: boolean; to: Place | null }
   | { kind: "target"; id: string; from: Place }
   | { kind: "obstacle"; id: number }
   | { kind: "turn" | "size"; id: number; frame: Frame };
@@ -261,7 +276,8 @@ type Answers = {
   live: LiveAnswer;
   before: LiveAnswer;
   front: { front_mm: number; full_mm: number; robot_svg: string };
-  tip: { level: number | null; values: { length?: number; angle_deg?: number } };
+  tip: { key: string; values: { length?: number; angle_deg?: number; bends?: number[][] }; bend?: number };
+  edit: { design: Design; branch: string | null };
   cut: { cut: Record<string, CutNote>; outline_svg: string; outline_box: number[] | null };
   inflated: { svg: string; box: number[]; blocks: Block[] };
   rules: RulesAnswer;
@@ -284,6 +300,9 @@ type GrowthValues = Omit<GrowthOptions, "contacts"> & { contacts: MeasuredContac
 type LiveAnswer = {
   engine: string;
   growth: { values: GrowthValues; usual: GrowthValues; trained: boolean; text: string };
+  /** The names of the branches by their ids; empty where the design has levels. */
+  names: Record<string, string>;
+  branch: ChosenBranch | null;
   ground_key: string;
   facts: {
     branches: number; text: string;
@@ -312,6 +331,9 @@ type LiveAnswer = {
   /** The page's mark of scores that are those before. */
   isUnscored?: boolean;
 };
+
+/** The branch that is chosen: its values in force, what became of it, handles of its bends. */
+type ChosenBranch = { label: string; level: number; values: Record<string, number>; text: string; svg: string };
 
 type SourceFound = { pose: Pose | null; targets: TargetFound[]; obstacles: number };
 

@@ -1,6 +1,6 @@
 // Written by state_types.py from the declared tables of vinefab: edit those.
 
-type Panel = "live" | "before" | "front" | "tip" | "cut" | "inflated" | "rules" | "fix" | "family" | "width" | "export";
+type Panel = "live" | "before" | "front" | "tip" | "edit" | "cut" | "inflated" | "rules" | "fix" | "family" | "width" | "export";
 
 type RequestName = "choices" | "open_design" | "open_map" | "open_recipe" | "save_design" | "save_map" | "keep_autosave" | "autosaves" | "open_autosave" | "drop_autosave" | "search_propose" | "search_start" | "search_stop" | "search_resume" | "search_runs" | "search_load" | "search_front";
 

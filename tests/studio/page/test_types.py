@@ -36,9 +36,10 @@ def test_the_development_packages_are_pinned_without_an_address():
 
 
 PANEL_ASKS = {
-    "live": [{"obstacle": 0}, {"ground": False, "scores": False}],
+    "live": [{"obstacle": 0}, {"ground": False, "scores": False}, {"branch": "0.1"}],
     "front": [{"front_mm": 120.0}],
     "tip": [{"branch": "0.1", "to": [150.0, 150.0]}],
+    "edit": [{"do": "free", "branch": "0.1"}],
     "export": [
         {"what": "command", "exports": {"package": {"out": "made", "options": {}}}},
         {"what": "picture", "out": "grown.svg", "options": {}},

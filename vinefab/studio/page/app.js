@@ -1,5 +1,6 @@
 // The page: its state, its connection to the server or the answers stored in a snapshot, its panels.
 
+import * as branchPanel from "studio/branch_panel.js";
 import * as comparePanel from "studio/compare.js";
 import * as designPanel from "studio/design_panel.js";
 import * as exportPanel from "studio/export_panel.js";
@@ -9,12 +10,13 @@ import * as growthPanel from "studio/growth_panel.js";
 import * as mapPanel from "studio/map_panel.js";
 import * as searchPanel from "studio/search_panel.js";
 import * as sheetPanel from "studio/sheet_panel.js";
+import { branchEdits } from "studio/branch_edits.js";
 import { paused } from "studio/dom.js";
 import { GONE, createConnection, problemOf } from "studio/connection.js";
 import { createStore } from "studio/store.js";
 
 const PANELS = {
-  design: designPanel, growth: growthPanel, map: mapPanel, sheet: sheetPanel, files: filesPanel,
+  branch: branchPanel, design: designPanel, growth: growthPanel, map: mapPanel, sheet: sheetPanel, files: filesPanel,
   family: familyPanel, compare: comparePanel, search: searchPanel, export: exportPanel,
 };
 const KEPT_AFTER_MS = 200;
@@ -74,6 +76,7 @@ function createApp(hello, connection, stored, before) {
     file: { ...hello.file, saved_design: structuredClone(hello.state.design), dirty: false },
     previewed: null,
     present: null,
+    branch: null,
     reference: null,
     showGhost: true,
     restored: false,
@@ -126,7 +129,15 @@ function createApp(hello, connection, stored, before) {
       heard.emit("reference", null);
     },
     onReference: (fn) => heard.on("reference", fn),
+    /** Choose a branch, by its name, or by its id where the design has levels; null: none. */
+    chooseBranch(label) {
+      app.branch = label;
+      heard.emit("branch", label);
+    },
+    onBranch: (fn) => heard.on("branch", fn),
+    get edits() { return edits; },
   };
+  const edits = branchEdits(app);
   return app;
 }
 

@@ -20,7 +20,7 @@ function numberRows(rows, prefix) {
 }
 
 /** Return the rows of a table of the form. @param {Form} form @param {string} key */
-const rowsOf = (form, key) => form.rows.filter(isTable).find((row) => row.key === key)?.rows ?? [];
+export const rowsOf = (form, key) => form.rows.filter(isTable).find((row) => row.key === key)?.rows ?? [];
 
 /** Return the rows of the lists of the build, and which level each begins with. @param {Form} form */
 const buildLists = (form) => rowsOf(form, "build").filter(isNumber).flatMap((row) => (row.first ? [{ ...row, first: row.first }] : []));
@@ -43,7 +43,7 @@ const DESIGN = {
   write({ design }, row, value) {
     const { list } = row;
     if (list && !listOf(design, list)?.length) {
-      setAt(design.build, list.key, Array(design.level.length + 2 - list.first).fill(absent(row)));
+      setAt(design.build, list.key, Array(design.build.widths_mm.length + 1 - list.first).fill(absent(row)));
     }
     setAt(design, row.key, value);
   },
@@ -99,7 +99,7 @@ export function parameter(name, row, app, drag, tree = DESIGN) {
   });
   exact.addEventListener("change", () => {
     if (exact.validity.valid && exact.value !== "") set(Number(exact.value));
-    else app.say(`${title}: ${row.least} to ${row.most} ${row.unit}`, "error");
+    else app.say(`${title} is ${exact.value || "no number"}; type ${row.least} to ${row.most} ${row.unit}`, "error");
     show(app.store.get());
   });
 
@@ -131,7 +131,7 @@ export function parameter(name, row, app, drag, tree = DESIGN) {
 function shape(form, design) {
   const tables = form.rows.flatMap((row) => [row, ...(row.rows ?? [])]).filter(isTable);
   const held = tables.map(({ key }) => Object.keys(Object(valueAt(design, key) ?? valueAt(design.build, key))));
-  return JSON.stringify([design.level.length, held]);
+  return JSON.stringify([design.level.length, design.build.widths_mm.length, Boolean(design.branch), held]);
 }
 
 /** What a new level has in the lists of the build, from the width before it. @type {Record<string, (width: number) => number>} */
@@ -226,9 +226,11 @@ export function mount(root, app) {
   const { form } = app.hello;
   const more = button("Add a level", () => app.store.change("a level more", (state) => addLevel(form, state.design)));
   const less = button("Remove the last", () => app.store.change("a level less", (state) => removeLevel(form, state)));
+  const free = button("Free this design", () => app.edits.edit("free", app.branch ?? undefined), { title: "Write it branch by branch: then each can be changed for itself" });
   const body = el("div", { class: "parameters" });
+  const column = root.parentElement ?? root; // the chosen branch is in it too
   root.append(el("div", { class: "field" }, el("label", { for: "design-name" }, "Name"), name), body);
-  root.parentElement?.append(hintLine(root.parentElement));
+  column.append(hintLine(column));
 
   /**
    * Return a field with a choice: of a key, or of whether and as what there is a table.
@@ -306,13 +308,18 @@ export function mount(root, app) {
 
   /** @param {Design} design */
   function build(design) {
-    const levels = el("div", { class: "buttons" }, more, less);
+    const levels = el("div", { class: "buttons" }, more, less, free);
     parts = [];
     const top = form.rows.filter((row) => !isTable(row));
     if (top.length) parts.push(...tableGroups(design, "Design", top, "", []));
     for (const row of form.rows.filter(isTable)) {
       if (!row.many) parts.push(...tableGroups(design, row.label, row.rows, row.key, row.key === "trunk" ? listRows(form, 1) : []));
-      else if (row.key === "level") {
+      else if (row.key === "branch" && design.branch) {
+        // What branches have that say nothing of their own; the trunk's stands with it.
+        for (const index of design.build.widths_mm.slice(1).keys()) {
+          parts.push(...tableGroups(design, `Level ${index + 2}`, [], "", listRows(form, index + 2)));
+        }
+      } else if (row.key === "level" && !design.branch) {
         for (const index of design.level.keys()) {
           parts.push(...tableGroups(design, `Level ${index + 2}`, row.rows, `level.${index}`, listRows(form, index + 2)));
         }
@@ -331,7 +338,7 @@ export function mount(root, app) {
   /** Show the notes on values, by key: below the slider of each. @param {Record<string, CutNote>} found @param {string} of the pattern */
   function showNotes(found, of) {
     [notes, notesOf] = [found, of];
-    for (const slider of body.querySelectorAll("input[type=range]")) {
+    for (const slider of column.querySelectorAll("input[type=range]")) {
       const key = slider.getAttribute("data-key") ?? "";
       const line = slider.parentElement;
       line?.querySelector(".value-note")?.remove();
@@ -345,7 +352,7 @@ export function mount(root, app) {
   }
 
   function markStale() {
-    body.classList.toggle("stale-notes", app.live && notesOf !== patternOf(app.shown()));
+    column.classList.toggle("stale-notes", app.live && notesOf !== patternOf(app.shown()));
   }
 
   app.onAnswer("cut", (found, state) => {
@@ -371,8 +378,10 @@ export function mount(root, app) {
     name.disabled = !app.live;
     more.disabled = !app.live || state.design.level.length >= form.most_levels;
     less.disabled = !app.live || state.design.level.length === 0;
+    free.disabled = !app.live;
   }
 
   app.store.subscribe(show);
+  addEventListener("built", () => showNotes(notes, notesOf));
   show(app.store.get());
 }

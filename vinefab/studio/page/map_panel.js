@@ -1,6 +1,7 @@
 // The map: the robot grown on it, the start and the obstacles to be dragged, the length grown.
 
 import { button, el, fillSvg, number, optionsOf, paused, shownBlocks, svgEl, WAYS } from "studio/dom.js";
+import { hasBranch } from "studio/branch_edits.js";
 import { isStale } from "studio/connection.js";
 import { isEdited } from "studio/files_panel.js";
 import { mapTools, thingsRow } from "studio/map_tools.js";
@@ -13,6 +14,7 @@ const HELD_MS = 150; // a hand that rests so long waits for the scores
 const isShape = (dragging) => ["obstacle", "draw", "size", "turn"].includes(dragging?.kind ?? "");
 
 const LEAST_OBSTACLE_MM = 1;
+const MOST_LISTED = 200; // branches of a design of levels; a click chooses any
 
 /** Show a robot at a front length: what lies beyond is not grown yet. @param {Element} layer @param {number} front */
 function showFront(layer, front) {
@@ -106,6 +108,7 @@ export function mount(root, app) {
   let drags = 0;
   let dragging = /** @type {Dragging | null} */ (null);
   let chosen = /** @type {Chosen} */ (null);
+  let pressed = /** @type {string | null} */ (null); // the branch below the last press
   let source = { of: "", found: /** @type {SourceFound | null} */ (null) };
   let fullMm = 0;
   let share = 1;
@@ -122,7 +125,7 @@ export function mount(root, app) {
     const since = lastMoved;
     lastMoved = 0;
     try {
-      await app.ask("live", { have: ground, ground: !isShaping, scores: !isShaping || isHeld, obstacle: chosen?.kind === "obstacle" ? chosen.id : null });
+      await app.ask("live", { have: ground, ground: !isShaping, scores: !isShaping || isHeld, obstacle: chosen?.kind === "obstacle" ? chosen.id : null, branch: app.branch });
       if (since) requestAnimationFrame(() => setTimeout(() => {
         app.timings.push(performance.now() - since);
         if (app.timings.length > 5000) app.timings.splice(0, 1000);
@@ -154,6 +157,7 @@ export function mount(root, app) {
       const found = await app.ask("front", { front_mm });
       if (whole !== answer || share >= 1) return;
       fillSvg(layers.robot, found.robot_svg);
+      markBranch();
     } catch {
       // A newer length is asked for, or the answer to the design says what is wrong.
     }
@@ -200,24 +204,45 @@ export function mount(root, app) {
     fillSvg(layers.target, found.targets_svg ?? "");
     keepNamesInside();
     const shaped = chosen?.kind === "obstacle" && chosen.id === found.obstacle?.index ? found.obstacle : null;
-    fillSvg(layers.edit, shaped && app.live ? shaped.svg : "");
+    const branch = chosen?.kind === "branch" && found.branch?.label === chosen.id ? found.branch : null;
+    fillSvg(layers.edit, app.live ? shaped?.svg ?? branch?.svg ?? "" : "");
     if (shaped) obstacle(shaped.index)?.setAttribute("d", shaped.path);
     for (const part of svg.querySelectorAll(".chosen")) part.classList.remove("chosen");
     const part = chosen?.kind === "obstacle" ? obstacle(chosen.id)
       : [...layers.target.children].find((one) => chosen && one.getAttribute("data-target") === chosen.id);
     part?.classList.add("chosen");
+    markBranch();
     const targets = found.targets ?? [];
     const count = layers.ground.querySelectorAll("[data-obstacle]").length;
-    things.show(chosen, valuesOf(chosen), count, targets.map(({ name }) => name));
+    things.show(chosen, valuesOf(chosen), count, targets.map(({ name }) => name), branches());
     headline.hidden = !targets.length;
     headline.dataset.tone = found.targets_tone ?? "";
     headline.replaceChildren(el("b", {}, `Targets: ${found.targets_headline ?? "nothing grows"}`), ...targets.map(({ name, state, touched }) =>
       button(`${name} ${state ?? ""}`, () => choose({ kind: "target", id: name }), { class: touched ? "touched" : "" })));
   }
 
+  /** Return what branches are called in a list: by their names, or those on the map by their ids where the design has levels. */
+  function branches() {
+    const names = Object.values(answer?.names ?? {});
+    const tips = names.length ? [] : [...layers.robot.querySelectorAll(".tips [data-branch]")];
+    return names.length ? names : tips.slice(0, MOST_LISTED).map(labelOf);
+  }
+
+  /** @param {Element} part of a branch */
+  function labelOf(part) {
+    const id = part.getAttribute("data-branch") ?? "";
+    return answer?.names[id] ?? id;
+  }
+
+  /** Mark the branch that is chosen. */
+  function markBranch() {
+    for (const part of layers.robot.querySelectorAll("[data-branch]")) part.classList.toggle("chosen", labelOf(part) === app.branch);
+  }
+
   /** @param {Chosen} thing @returns {ThingValues} */
   function valuesOf(thing) {
     if (!thing) return answer?.pose;
+    if (thing.kind === "branch") return null;
     if (thing.kind === "obstacle") return answer?.obstacle?.index === thing.id ? answer.obstacle.frame : null;
     const target = targetOf(thing.id);
     return target && { ...target, x_mm: target.point_mm?.[0], y_mm: target.point_mm?.[1] };
@@ -333,9 +358,14 @@ export function mount(root, app) {
   /** @param {Chosen} thing */
   function choose(thing) {
     chosen = thing;
+    const branch = thing?.kind === "branch" ? thing.id : null;
+    if (branch !== app.branch) app.chooseBranch(branch);
     if (answer) showThings(answer);
     if (app.live) ask();
   }
+  app.onBranch((label) => {
+    if (label !== (chosen?.kind === "branch" ? chosen.id : null)) choose(label === null ? null : { kind: "branch", id: label });
+  });
 
   /** @param {string} label @param {MapEdit} change @param {string} [group] */
   function edit(label, change, group) {
@@ -440,34 +470,23 @@ export function mount(root, app) {
   function removeChosen() {
     if (!chosen) return;
     const gone = chosen;
-    chosen = null;
-    if (gone.kind === "obstacle") edit("obstacle deleted", ["remove", gone.id]);
+    if (gone.kind !== "branch") chosen = null;
+    if (gone.kind === "branch") app.edits.edit("remove", gone.id);
+    else if (gone.kind === "obstacle") edit("obstacle deleted", ["remove", gone.id]);
     else changeTargets(`target ${gone.id} deleted`, (targets, map) => { map.targets = targets.filter((one) => one.name !== gone.id); });
   }
 
-  /** @param {string} branch @param {Place} to @param {string} group */
-  async function moveTip(branch, to, group) {
-    try {
-      const { level, values } = await app.ask("tip", { branch, to }, { state: app.store.get() });
-      if (level === null) return;
-      app.store.change(`tip of ${branch}`, ({ design }) => {
-        const rounded = Object.entries(values).map(([name, value]) => [name, Math.round(100 * value) / 100]);
-        Object.assign(level < 0 ? design.trunk : design.level[level], Object.fromEntries(rounded));
-      }, { group });
-    } catch (error) {
-      app.fail(error);
-    }
-  }
-
-  /** Pull a tip to where the pointer is by now, one step after the other, all of them one undo. @param {TipDrag} held @param {string} group */
+  /** Pull a tip, or a bend, to where the pointer is by now, one step after the other, all of them one undo. @param {TipDrag} held @param {string} group */
   async function pullTip(held, group) {
     if (held.isBusy) return;
     held.isBusy = true;
+    const asked = /** @type {TipAsk} */ (held.bend === undefined ? {} : { bend: held.bend });
     while (held.to) {
-      const to = held.to;
+      asked.to = held.to;
       held.to = null;
-      await moveTip(held.branch, to, group);
+      await app.edits.tip(held.branch, asked, group);
     }
+    held.bend = asked.bend;
     held.isBusy = false;
     if (dragging !== held) app.store.endGroup();
   }
@@ -517,7 +536,11 @@ export function mount(root, app) {
     if (pose && element.closest(".pose-layer .base")) return { kind: "base", pose };
     if (pose && element.closest(".pose-layer .heading")) return { kind: "heading", pose };
     const branch = element.closest(".robot-layer .mark[data-branch]")?.getAttribute("data-branch");
-    if (branch) return { kind: "tip", branch, isBusy: false, to: null };
+    if (branch) return { kind: "tip", branch: answer?.names[branch] ?? branch, isBusy: false, to: null };
+    const bend = element.closest(".edit-layer .bend");
+    if (bend && app.branch) return { kind: "tip", branch: app.branch, bend: Number(bend.getAttribute("data-bend")), isBusy: false, to: null };
+    const body = element.closest(".robot-layer [data-branch]");
+    if (body) return { kind: "view", branch: labelOf(body) };
     const goal = element.closest("[data-target]");
     if (goal) {
       const target = targetOf(goal.getAttribute("data-target") ?? "");
@@ -538,10 +561,12 @@ export function mount(root, app) {
     // answers below it have; the next change from elsewhere frees it.
     canvas.style.flex = `0 0 ${canvas.getBoundingClientRect().height}px`;
     const grab = grabbed(event.target);
+    pressed = grab.kind === "view" ? grab.branch ?? null : null;
     drags += 1;
     dragging = { ...grab, at: grab.kind === "measure" ? snapped(at) : at, drag: drags, moved: false, matrix: view.matrix() };
     if (grab.kind === "obstacle") choose({ kind: grab.kind, id: grab.id });
     else if (grab.kind === "target") choose({ kind: grab.kind, id: grab.id });
+    else if (grab.kind === "tip" || (grab.kind === "view" && grab.branch)) choose({ kind: "branch", id: grab.branch ?? "" });
     else if (grab.kind === "draw") chosen = { kind: "obstacle", id: obstaclesOf(app.store.get()) };
     else if (!["size", "turn", "measure"].includes(grab.kind)) choose(null);
     svg.setPointerCapture(event.pointerId);
@@ -613,6 +638,10 @@ export function mount(root, app) {
     if (width.classList.contains("stale")) askWidth(); // its time may have come under the hand
     dispatchEvent(new CustomEvent("released"));
   }
+  svg.addEventListener("dblclick", (event) => {
+    const [x, y] = view.place(event);
+    if (pressed !== null && app.live) app.edits.edit("bend", pressed, [x, -y]);
+  });
   svg.addEventListener("pointerup", release);
   svg.addEventListener("pointercancel", release);
 
@@ -640,7 +669,8 @@ export function mount(root, app) {
       changePose(({ heading_deg }) => ({ heading_deg: heading_deg + far * (dy - dx) }), "heading by key");
     } else if (handle) {
       changePose(({ x_mm, y_mm }) => ({ x_mm: x_mm + far * dx, y_mm: y_mm + far * dy }), "start by key");
-    } else if (chosen?.kind === "obstacle") edit("obstacle moved", ["move", chosen.id, far * dx, far * dy]);
+    } else if (chosen?.kind === "branch") app.edits.tip(chosen.id, { by: [far * dx, far * dy] });
+    else if (chosen?.kind === "obstacle") edit("obstacle moved", ["move", chosen.id, far * dx, far * dy]);
     else if (chosen) moveTarget(chosen.id, ([x, y]) => [x + far * dx, y + far * dy]);
   }
 
@@ -668,6 +698,7 @@ export function mount(root, app) {
     freeHeight();
     if (JSON.stringify([state.map, state.pose]) !== JSON.stringify([before.map, before.pose])) showSource(state);
     // What undo takes away is chosen no more.
+    if (app.branch !== null && !hasBranch(state.design, app.branch)) app.chooseBranch(null);
     if (chosen?.kind === "obstacle" && (state.map?.edits.length ?? 0) < (before.map?.edits.length ?? 0)) chosen = null;
     if (app.live) ask();
   });

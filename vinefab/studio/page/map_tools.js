@@ -63,6 +63,7 @@ export function mapTools(app, layer) {
 
 /** Keys of what the server knows, and what the row calls them; lengths are in mm. */
 const FIELDS = {
+  branch: [], // in their panel
   start: [["x_mm", "x"], ["y_mm", "y"], ["heading_deg", "heading °"]],
   obstacle: [["x_mm", "x"], ["y_mm", "y"], ["width_mm", "wide"], ["height_mm", "high"], ["turn_deg", "turned °"]],
   target: [["name", "name"], ["x_mm", "x"], ["y_mm", "y"], ["tolerance_mm", "within"]],
@@ -81,7 +82,7 @@ export function thingsRow(app, { choose, change, remove, home }) {
   select.addEventListener("change", () => {
     const [kind, ...rest] = select.value.split(" ");
     if (kind === "obstacle") choose({ kind, id: Number(rest[0]) });
-    else choose(kind === "target" ? { kind, id: rest.join(" ") } : null);
+    else choose(kind === "target" || kind === "branch" ? { kind, id: rest.join(" ") } : null);
   });
   const gone = button("Delete it", remove);
   const back = button("As in the map", home);
@@ -116,19 +117,21 @@ export function thingsRow(app, { choose, change, remove, home }) {
      * @param {ThingValues} values
      * @param {number} count
      * @param {string[]} targets
+     * @param {string[]} branches
      */
-    show(chosen, values, count, targets) {
-      const names = JSON.stringify([count, targets]);
+    show(chosen, values, count, targets, branches) {
+      const names = JSON.stringify([count, targets, branches]);
       if (names !== listed) {
         listed = names;
         const options = [["start", "Start"], ...targets.map((name) => [`target ${name}`, `Target ${name}`]),
-          ...Array.from({ length: count }, (_, index) => [`obstacle ${index}`, `Obstacle ${index + 1}`])];
+          ...Array.from({ length: count }, (_, index) => [`obstacle ${index}`, `Obstacle ${index + 1}`]),
+          ...branches.map((name) => [`branch ${name}`, `Branch ${name}`])];
         select.replaceChildren(...optionsOf(options));
       }
       const kind = chosen?.kind ?? "start";
       if (kind !== built) build(kind);
       select.value = chosen ? `${chosen.kind} ${chosen.id}` : "start";
-      gone.hidden = kind === "start";
+      gone.hidden = kind === "start" || kind === "branch";
       back.hidden = kind !== "start";
       for (const part of [gone, back]) part.disabled = !app.live;
       for (const [key, input] of Object.entries(inputs)) {

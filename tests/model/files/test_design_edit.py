@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError
 from vinefab.core.limits import rad
 from vinefab.model.design import (
+    Branch,
     Build,
     Collar,
     Design,
@@ -365,3 +366,127 @@ def test_any_design_is_read_back_and_no_comment_is_lost(start, first, second):
     assert comments(once) == comments(start)
     assert comments(twice) == comments(start)
     assert edited_text(twice, second, "test") == twice
+
+
+BRANCHED = """\
+# A robot, branch by branch.
+schema = "vinefab/design-1"
+name = "tree"   # by hand
+scale_mm_per_unit = 2.0  # drawn in half size
+
+[trunk]
+length = 70.0  # from the base
+bends = [[30.0, 25.0]]  # a turn
+
+# Over the gap.
+[[branch]]
+name = "left"
+angle_deg = 62.0   # steep
+length = 80.0
+bends = [[20.0, 20.0], [50.0, -35.0]]  # around the post
+width_mm = 15.6
+
+# To the target.
+[[branch]]
+name = "right"
+of = "trunk"
+angle_deg = -40   # deg
+length = 50
+pouch = false # none here
+
+# Its child.
+[[branch]]
+name = "far"
+of = "right"
+length = 40
+
+[build]
+tail_mm = 250 # inverted over the base
+pouch = { shape = "round", radius_mm = 16.0 }
+# the end
+"""
+
+
+def test_one_branch_changes_in_its_place():
+    design = read(BRANCHED)
+    moved = design.with_branch("left", angle_deg=60.0, bends=((42.0, 20.0), (100.0, -35.0)))
+    text, _ = changed(BRANCHED, branches=moved.branches)
+    assert new_lines(BRANCHED, text) == [
+        "angle_deg = 60.0   # steep",
+        "bends = [[21.0, 20.0], [50.0, -35.0]]  # around the post",
+    ]
+    narrow, _ = changed(BRANCHED, branches=design.with_branch("far", width_mm=8.0).branches)
+    assert new_lines(BRANCHED, narrow) == ["width_mm = 8.0"]
+    assert narrow.index("# Its child.") < narrow.index("width_mm = 8.0") < narrow.index("[build]")
+
+
+def test_a_branch_that_goes_leaves_the_comments_of_the_others_in_place():
+    design = read(BRANCHED)
+    left = tuple(branch for branch in design.branches if branch.name != "left")
+    text, _ = changed(BRANCHED, branches=left)
+    assert "angle_deg = -40   # deg" in text
+    assert "left" not in text
+    both, _ = changed(BRANCHED, branches=(*left[1:], *left[:1]))
+    assert both.count("[[branch]]") == 2
+
+
+def test_a_branch_with_a_pouch_of_its_own_is_added_below_the_others():
+    design = read(BRANCHED)
+    pouch = Pouch(shape="round", radius_mm=20.0)
+    new = Branch(name="new", of="far", length_mm=30.0, angle_deg=5.0, pouch=pouch)
+    text, _ = changed(BRANCHED, branches=(*design.branches, new), build=Build())
+    assert text.index("# Its child.") < text.index('name = "new"') < text.index("[build]")
+    assert 'pouch = {shape = "round", radius_mm = 20.0}' in text
+
+
+def test_levels_become_branches_and_back():
+    text = COMMENTED.replace("length   =   45.5     #", "length = 45.5\nangle_deg = 50  #")
+    design = read(text)
+    free = edited_text(text, design.by_branches, "test")
+    assert read(free) == design.by_branches
+    assert comments(free) == comments(text)
+    assert "[[level]]" not in free
+    assert read(edited_text(free, design, "test")) == design
+
+
+@st.composite
+def designs_of_branches(draw) -> Design:
+    count = draw(st.integers(1, 5))
+    branches = list[Branch]()
+    for number in range(count):
+        name = draw(st.sampled_from(["left", "right", "far", f"b{number}"]))
+        if name in {branch.name for branch in branches}:
+            continue
+        parents = ["trunk", *(branch.name for branch in branches)]
+        length_mm = 2.0 * draw(numbers)
+        turns = st.lists(st.floats(-170.0, 170.0).filter(bool), max_size=2)
+        bends = [(length_mm * (0.3 + 0.3 * n), turn) for n, turn in enumerate(draw(turns))]
+        branches.append(
+            Branch(
+                name=name,
+                of=draw(st.sampled_from(parents)),
+                angle_deg=draw(st.integers(-60, 60)) + number / 16.0,
+                length_mm=length_mm,
+                bends=tuple(bends) or None,
+                width_mm=draw(st.none() | st.just(0.01)),
+                taper=draw(st.none() | st.just(0.5)),
+                pouch=draw(st.sampled_from([None, True, False, Pouch(shape="round", radius_mm=3)])),
+            )
+        )
+    return Design(
+        name=draw(names_of_designs),
+        trunk_length_mm=2.0 * draw(numbers),
+        branches=tuple(branches),
+        build=Build(trunk_width_mm=0.01, tail_mm=draw(st.sampled_from([250.0, 12.5]))),
+    )
+
+
+@given(first=designs_of_branches(), second=designs_of_branches() | designs())
+@settings(max_examples=25)
+def test_any_design_of_branches_is_read_back_and_no_comment_is_lost(first, second):
+    once = edited_text(BRANCHED, first, "test")
+    twice = edited_text(once, second, "test")
+    assert read(once) == first
+    assert read(twice) == second
+    assert comments(once) == comments(BRANCHED)
+    assert comments(twice) == comments(BRANCHED)

@@ -24,7 +24,16 @@ from vinefab.core.errors import CannotWriteError, VinefabError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.limits import file_number
 from vinefab.core.table import declared_keys, inner_table
-from vinefab.model.design import PER_LEVEL, Build, Design, Level, Trunk, design_content, design_of
+from vinefab.model.design import (
+    PER_LEVEL,
+    Branch,
+    Build,
+    Design,
+    Level,
+    Trunk,
+    design_content,
+    design_of,
+)
 from vinefab.model.files.toml import table_content, toml_content
 
 LARGEST_EDITED_BYTES = 1 << 16
@@ -36,7 +45,7 @@ _DOTTED = re.compile(r"""(?<![\w"'.-])[\w"'-]++[ \t]*+\.[\w."' \t-]{1,200}+=""")
 
 _ELSEWHERE = "save it under another name"
 
-_AFTER = {"level": "trunk"}
+_AFTER = {"level": "trunk", "branch": "trunk"}
 """The table that new ones of an array stand below, where the file has none of them."""
 
 Order = list[int | None]
@@ -73,7 +82,7 @@ def edited_text(text: str, design: Design, source: str | Path) -> str:
         too_much = f"files with over {_MOST_DOTTED} dotted keys"
     if too_much:
         raise CannotWriteError(source, f"{too_much} are not changed in place; {_ELSEWHERE}")
-    orders = [_by_place(old.levels, design.levels)]  # which level continues which
+    orders = [_by_place(range(1, old.depth), range(1, design.depth))]  # which level continues which
     if len(old.levels) != len(design.levels):
         orders.insert(0, _order(old.levels, design.levels))  # likelier
     for order in orders:
@@ -87,6 +96,10 @@ def edited_text(text: str, design: Design, source: str | Path) -> str:
 
 def _by_place(old: Sequence[object], new: Sequence[object]) -> Order:
     return [place if place < len(old) else None for place in range(len(new))]
+
+
+def _branch_names(design: Design) -> list[str]:
+    return [branch.name for branch in design.branches or ()]
 
 
 def _order(old: Sequence[object], new: Sequence[object]) -> Order:
@@ -122,12 +135,17 @@ def _edit(
     if waived[:1] == [None]:  # there may be nothing that a first one could follow
         waived = _by_place(old.waivers, new.waivers)
     given, wanted = (_in_units_of_file(design, scale) for design in (old, new))
+    continued = {
+        "level": order if new.levels else [],
+        "branch": _order(_branch_names(old), _branch_names(new)),
+        "waive": waived,
+    }
     for key in declared_keys(Design):
         name, before, after = key.name, given.get(key.name), wanted.get(key.name)
         if name == "build":
             file.put_build(_build_changes(content.get(name, {}), old.build, new.build), order)
         elif isinstance(after, list):
-            file.put_tables(name, before or [], after, waived if name == "waive" else order)
+            file.put_tables(name, before or [], after, continued[name])
         elif isinstance(after, dict) and inner_table(key.annotation) is None:
             file.put_free_table(name, before or {}, after)
         elif isinstance(after, dict):
@@ -139,10 +157,15 @@ def _edit(
 def _in_units_of_file(design: Design, scale: float) -> dict[str, Any]:
     """Return the content of a design with lengths that are read right with a file's scale."""
     content = design_content(design)
-    for table in (content["trunk"], *content["level"]):
-        length_mm = table["length"]
-        table["length"] = file_number(length_mm, length_mm / scale, scale.__mul__)
+    for table in (content["trunk"], *content["level"], *content.get("branch", ())):
+        table["length"] = _in_units(table["length"], scale)
+        if table.get("bends"):
+            table["bends"] = [[_in_units(at, scale), turn] for at, turn in table["bends"]]
     return content
+
+
+def _in_units(length_mm: float, scale: float) -> float:
+    return file_number(length_mm, length_mm / scale, scale.__mul__)
 
 
 def _build_changes(table: Mapping[str, Any], old: Build, new: Build) -> dict[str, Any]:
@@ -192,7 +215,7 @@ class _EditedFile:
             if key in table:
                 del table[key]
         elif key in table or not _takes_lines(table):
-            table[key] = value
+            table[key] = _inline(value) if isinstance(value, dict) else value
         else:
             self._add(table, _line(key, value))
 
@@ -358,11 +381,14 @@ def _inline(values: Mapping[str, Any]) -> Any:  # noqa: ANN401  tomlkit's
 
 
 def _line(key: str, value: Any) -> str:  # noqa: ANN401  any that TOML has
-    return f"{tomlkit.key(key).as_string()} = {tomlkit.item(value).as_string()}\n"
+    item = _inline(value) if isinstance(value, dict) else tomlkit.item(value)
+    return f"{tomlkit.key(key).as_string()} = {item.as_string()}\n"
 
 
 def _table_block(name: str, values: Mapping[str, Any]) -> str:
-    return f"\n[[{name}]]\n{tomli_w.dumps(values)}"
+    plain = {key: value for key, value in values.items() if not isinstance(value, dict)}
+    tables = "".join(_line(key, value) for key, value in values.items() if key not in plain)
+    return f"\n[[{name}]]\n{tomli_w.dumps(plain)}{tables}"
 
 
 _TOKENS = re.compile(
@@ -439,11 +465,25 @@ def _line_changes(
 
 
 def _is_near(read: Design, wanted: Design) -> bool:
-    if len(read.levels) != len(wanted.levels):
+    """Tell whether designs are the same but for the last place of lengths."""
+    pairs = list(zip(_bodies(read), _bodies(wanted), strict=False))
+    if len(_bodies(read)) != len(_bodies(wanted)) or not all(_is_near_body(*two) for two in pairs):
         return False
-    parts: list[Sequence[Trunk | Level]] = [(one.trunk, *one.levels) for one in (read, wanted)]
-    pairs = list(zip(*parts, strict=True))
-    trunk, *levels = (one.changed(length_mm=other.length_mm) for one, other in pairs)
-    return read.changed(trunk=trunk, levels=levels) == wanted and all(
-        math.isclose(one.length_mm, other.length_mm, rel_tol=4e-16) for one, other in pairs
-    )
+    others = {field: getattr(wanted, field) for field in ("trunk", "levels", "branches")}
+    return read.changed(**others) == wanted
+
+
+def _bodies(design: Design) -> list[Trunk | Level | Branch]:
+    return [design.trunk, *design.levels, *(design.branches or ())]
+
+
+def _is_near_body(read: Trunk | Level | Branch, wanted: Trunk | Level | Branch) -> bool:
+    bends, wanted_bends = read.bends or (), wanted.bends or ()
+    one = [read.length_mm, *(at_mm for at_mm, _ in bends)]
+    two = [wanted.length_mm, *(at_mm for at_mm, _ in wanted_bends)]
+    if type(read) is not type(wanted) or len(one) != len(two):
+        return False
+    near = all(math.isclose(*pair, rel_tol=4e-16) for pair in zip(one, two, strict=True))
+    same = read.changed(length_mm=wanted.length_mm, bends=wanted.bends)
+    turns = [[turn for _, turn in some] for some in (bends, wanted_bends)]
+    return near and turns[0] == turns[1] and same == wanted

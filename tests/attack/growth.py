@@ -33,7 +33,7 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
-from vinefab.model.design import Build, Design, Level
+from vinefab.model.design import WIDEST_BODY_MM, Build, Design, Level
 from vinefab.model.map import LARGEST_MM, Map, Pose
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM
 from vinefab.physics.tube import inflated_diameter_mm
@@ -216,6 +216,7 @@ def nasty_design(rng: np.random.Generator, size_mm: float) -> Design:
         for number in range(rng.integers(0, 3))
     )
     width_mm = max(size_mm * 10.0 ** rng.uniform(-3.5, -1.0), 4.0 * SMALLEST)
+    width_mm = min(width_mm, WIDEST_BODY_MM)
     narrowing = rng.choice([1.0, 1.0, 0.7])
     widths_mm = tuple(float(width_mm * narrowing**level) for level in range(1 + len(levels)))
     # Enough for a thousandth of the map's size, or for ten times that size.

@@ -66,6 +66,7 @@ COMMAND_LINES = {
     "grow animation": f"{GROW} --head-on-half-angle-deg {{n}} --animate g.gif --frames 8",
     "check": "check three_level_tree --limit VF-C01.warning={n} --svg c.svg --dxf c.dxf "
     "--json c.json",
+    "inflate": "inflate plain{n}.toml --alone --mesh body.stl --out i.svg --json i.json",
     "fix": "fix broken{n}.toml --out fixed.toml",
     "calibrate": "calibrate results{n}.csv --out mine.toml --json fit.json",
     "map info": "map info grid.geojson --width-mm 2{n} --json info.json --svg info.svg",

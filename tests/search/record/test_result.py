@@ -73,6 +73,14 @@ def test_a_record_without_its_session_is_damaged(tmp_path, small, maps):
 
 
 @pytest.mark.parametrize("versions", ["7", "{}"])
+def test_a_record_without_maps_is_damaged(tmp_path, small, maps):
+    recorded(tmp_path, small, maps)
+    with closing(sqlite3.connect(tmp_path / RECORD_FILE)) as connection, connection:
+        connection.execute("DELETE FROM map")
+    with pytest.raises(UnreadableFileError, match="holds no training map"):
+        RunArchive.read(tmp_path / RECORD_FILE)
+
+
 def test_a_record_without_versions_is_not_resumed(tmp_path, small, maps, versions):
     recorded(tmp_path, small, maps)
     with closing(sqlite3.connect(tmp_path / RECORD_FILE)) as connection, connection:

@@ -772,6 +772,8 @@ class RunArchive:
             identity = recorded_identity(entries, path)
             settings = settings_from_plain(identity.settings)
             maps = connection.execute("SELECT content FROM map ORDER BY place").fetchall()
+            if not maps:
+                raise UnreadableFileError(path, "is damaged: it holds no training map")
             sessions = connection.execute("SELECT began_utc, seconds FROM session ORDER BY number")
             space = space_of(settings.space, settings.build)
             return cls(

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from vinefab.core.progress import heard_by
-from vinefab.inflation import compensation, pattern
+from vinefab.inflation import compensation, pattern, solving
 from vinefab.inflation.compensation import FlatJoint
 from vinefab.inflation.robot import with_short_tail
 from vinefab.model.design import Build, Design, Level, design_content
@@ -49,9 +49,9 @@ def nothing_simulated(monkeypatch, tmp_path):
     monkeypatch.setenv("VINEFAB_CACHE_DIR", str(tmp_path))
     for name in ("simulated_flat_joint", "simulated_deployed_joint"):
         monkeypatch.setattr(compensation, name, never)
-    pattern._joint.cache_clear()
+    solving._joint.cache_clear()
     yield
-    pattern._joint.cache_clear()
+    solving._joint.cache_clear()
 
 
 @pytest.mark.parametrize("angle_deg", [160.0, 80.0, 50.0, 25.0])

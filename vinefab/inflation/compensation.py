@@ -17,6 +17,7 @@ from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.user_cache import cache_root
 from vinefab.core.validation import Floats
+from vinefab.inflation import law
 from vinefab.inflation.joint import InflatedJoint, JointShape, inflated_joint, turned_joint
 from vinefab.inflation.membrane import NotConvergedError
 from vinefab.inflation.table import (
@@ -108,7 +109,7 @@ class UnreachableJointError(VinefabError, ValueError):
 
 
 class UnknownJointError(UnreachableJointError):
-    """Neither the user's cache nor the table knows a joint; a simulation would tell."""
+    """Neither the user's cache nor table or law know a joint; a simulation would tell."""
 
     def __init__(self, wanted: JointShape) -> None:
         super().__init__(wanted, None, "not simulated yet")
@@ -119,7 +120,7 @@ class FlatJoint(JointFigures):
     """A joint as it must be cut, and its deployed shape (simulated)."""
 
     flat: JointShape  # as it is cut
-    source: str = "simulated"  # or "table"
+    source: str = "simulated"  # or "table", or "law"
     # How far a direct simulation on other triangles may deploy from this.
     within_deg: float = MESH_DEG
 
@@ -194,23 +195,8 @@ def _by_table(way: str, joint: JointShape) -> FlatJoint | None:
     """Return an even fan by the table, where it can be trusted."""
     count, file = len(joint.angles_deg), table_file()
     fan_deg = joint.angles_deg[-1] - joint.angles_deg[0]
-    even = JointShape.fan(
-        count,
-        fan_deg,
-        width=joint.widths[0],
-        fillet=joint.fillets[0],
-        hoop_strain=joint.hoop_strain,
-    )
-    off = max(
-        abs(one - other)
-        for one, other in zip(
-            (*joint.angles_deg, *joint.widths, *joint.fillets),
-            (*even.angles_deg, *even.widths, *even.fillets),
-            strict=True,
-        )
-    )
     table = fan_table(count)
-    if joint.is_bend or off > _EVEN_WITHIN or table is None or file is None:
+    if not _is_even_fan(joint) or table is None or file is None:
         return None
     place = (joint.widths[0], joint.fillets[0], joint.hoop_strain)
     compensated = way == "flat"
@@ -229,11 +215,64 @@ def _by_table(way: str, joint: JointShape) -> FlatJoint | None:
     )
 
 
-def known_joint(way: Literal["flat", "deployed"], joint: JointShape) -> FlatJoint:
-    """Return a joint without simulating it, from the table or from the user's cache.
+def _is_even_fan(joint: JointShape) -> bool:
+    """Return whether a joint has equal children, evenly apart, with equal fillets."""
+    even = JointShape.fan(
+        len(joint.angles_deg),
+        joint.angles_deg[-1] - joint.angles_deg[0],
+        width=joint.widths[0],
+        fillet=joint.fillets[0],
+        hoop_strain=joint.hoop_strain,
+    )
+    off = max(
+        abs(one - other)
+        for one, other in zip(
+            (*joint.angles_deg, *joint.widths, *joint.fillets),
+            (*even.angles_deg, *even.widths, *even.fillets),
+            strict=True,
+        )
+    )
+    return not joint.is_bend and off <= _EVEN_WITHIN
 
-    Gaps too narrow for their fillet count as if they had it: flat angles were within 1.8 degrees of
-    simulated ones on nine fans.
+
+def _rounded(joint: JointShape) -> JointShape:
+    """Return a joint with the first gap's fillet in every gap."""
+    return replace(joint, fillets=joint.fillets[:1] * len(joint.fillets))
+
+
+def _by_law(way: Literal["flat", "deployed"], joint: JointShape) -> FlatJoint | None:
+    """Return an uneven fan or a bend by the law, within its range."""
+    count = len(joint.angles_deg)
+    if count > law.MOST_CHILDREN or _is_even_fan(_rounded(joint)):
+        return None
+    asked = law.Joints.of([joint])
+    found = law.law_of(way, asked)
+    if found is None or not found.is_within[0]:
+        return None
+    told = tuple(np.round(found.angles_deg[0, :count], 3).tolist())
+    if any(two - one < _LEAST_GAP_DEG for one, two in pairwise((-180.0, *told, 180.0))):
+        return None
+    flat = joint.with_angles(told) if way == "flat" else joint
+    slopes = law.law_slopes(law.Joints.of([flat]))[0]
+    return FlatJoint(
+        flat=flat,
+        deployed_deg=joint.angles_deg if way == "flat" else told,
+        pull_backs=tuple(found.pull_backs[0, :count].tolist()),
+        side_offsets=tuple(found.side_offsets[0, :count].tolist()),
+        sensitivity=float(np.linalg.norm(slopes, 2)),
+        crotch_load=float(found.crotch_loads[0]),
+        passage=float(found.passages[0]),
+        source="law",
+        within_deg=round(law.law_within_deg(way), 1),
+    )
+
+
+def known_joint(way: Literal["flat", "deployed"], joint: JointShape) -> FlatJoint:
+    """Return a joint without simulating it, from table, law or user's cache.
+
+    Even fans are the table's alone, others and bends the law's. Gaps of even fans too narrow for
+    their fillet count as if they had it: flat angles were within 1.8 degrees of simulated ones on
+    nine fans.
 
     Parameters
     ----------
@@ -243,15 +282,14 @@ def known_joint(way: Literal["flat", "deployed"], joint: JointShape) -> FlatJoin
     Raises
     ------
     UnknownJointError
-        If neither knows it.
+        If none of them knows it.
     UnreachableJointError
         If the cache knows that no flat joint deploys so.
     """
-    # The table first: what follows a pointer must not jump where a joint was once simulated.
-    found = _by_table(way, joint) or _from_cache(way, joint)
+    # The cache last: what follows a pointer must not jump where a joint was once simulated.
+    found = _by_table(way, joint) or _by_law(way, joint) or _from_cache(way, joint)
     if found is None:
-        round_joint = replace(joint, fillets=joint.fillets[:1] * len(joint.fillets))
-        if (found := _by_table(way, round_joint)) is None:
+        if (found := _by_table(way, _rounded(joint))) is None:
             raise UnknownJointError(joint)
         found = replace(found, within_deg=2.0 * found.within_deg)
     return found

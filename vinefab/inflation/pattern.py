@@ -7,7 +7,7 @@ in their fan and number of children, so that one short table for each of these n
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import pairwise
 
@@ -17,6 +17,7 @@ from vinefab.core.plain_text import some_of
 from vinefab.core.validation import Floats
 from vinefab.core.verbs import note
 from vinefab.core.view import Notes, Number, Rows, Value
+from vinefab.inflation import law
 from vinefab.inflation.compensation import (
     FlatJoint,
     UnknownJointError,
@@ -137,8 +138,8 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
         Its film stretches; the strain at the working pressure decides. A measured closing gain says
         how far joints turn over the simulated.
     known_only
-        Simulate nothing: look joints up in milliseconds, for views that follow a pointer. The
-        table's values are good for a degree or two; nothing may be cut by them.
+        Simulate nothing: look joints up in milliseconds, for views that follow a pointer. What
+        table and law say is good for a degree or two; nothing may be cut by it.
     """
     material, build = profile.material, design.build
     compensated = build.compensation == "inflation"
@@ -480,16 +481,21 @@ def fan_law(children: int, ratio: float, fillet: float, strain: float, gain: flo
         least = math.radians(float(simulated.min())) if known > 1 else 0.0
         least *= (children - 1) / (known - 1) if known > 1 else 0.0
     outer = np.linspace(-0.5, 0.5, children) if children > 1 else np.zeros(1)
-    law = FanLaw(
+    found_law = FanLaw(
         angles_rad=whole[:, None] * outer + turned,
         pull_backs=np.ascontiguousarray(backs),
         side_offsets=found.side_offsets,
         passages=passages,
         least_rad=least,
     )
-    for array in (law.angles_rad, law.pull_backs, law.side_offsets, law.passages):
+    for array in (
+        found_law.angles_rad,
+        found_law.pull_backs,
+        found_law.side_offsets,
+        found_law.passages,
+    ):
         array.setflags(write=False)
-    return law
+    return found_law
 
 
 def joint_law(
@@ -532,46 +538,133 @@ class QuickPattern:
 def quick_pattern(design: Design, material: Material) -> QuickPattern:
     """Return about the flat tree that a design is cut as; the design itself without compensation.
 
-    Angles are within a few degrees of those of `vinefab.inflation.pattern.pattern_of`. Only even
-    fans of at most `MOST_CHILDREN` equally wide children are compensated; other joints and bends
-    keep their designed angles.
+    Angles are within a few degrees of those of `vinefab.inflation.pattern.pattern_of`. Even fans of
+    at most `MOST_CHILDREN` equally wide children are the table's, others and bends those of the
+    law; joints beyond its range keep their designed angles.
     """
     build, drawn = design.build, DrawnTree.of(design)
-    parts, passages, beyond = drawn.tree, list[float](), 0.0
+    parts, beyond, families = drawn.tree, 0.0, joint_families(drawn)
     stretch = _stretches(build, material, parts.width_mm)
     offset_rad, length_mm = parts.offset_rad.copy(), parts.length_mm.copy()
     length_mm[0] /= stretch[0]
-    for family in joint_families(drawn):
+    passages = np.ones(len(families))
+    uneven = list[int]()
+    for place, family in enumerate(families):
         plan, children = family.plan, np.array([drawn.children[row] for row in family.rows])
         fan_rad = _even_fan_rad(plan)
         if fan_rad is None or len(plan.children) > MOST_CHILDREN:
-            passages.append(1.0)
+            uneven.append(place)
             continue
         width_mm, child = 2.0 * plan.parent.half_mm, plan.children[0]
         widths_mm = width_mm, 2.0 * child.half_mm
-        law = joint_law(build, material, widths_mm, child.fillet_mm, len(plan.children))
+        fans = joint_law(build, material, widths_mm, child.fillet_mm, len(plan.children))
         if build.compensation == "none":
-            passages.append(float(_at(law.passages_as_drawn, fan_rad)[0]))
+            passages[place] = float(_at(fans.passages_as_drawn, fan_rad)[0])
             continue
-        if fan_rad < law.least_rad:
-            beyond += (law.least_rad - fan_rad) / law.least_rad
+        if fan_rad < fans.least_rad:
+            beyond += (fans.least_rad - fan_rad) / fans.least_rad
         # Children stand off their designed axes: turned a little, their tips come nearer.
-        offset_mm = width_mm * float(_at(law.side_offsets, fan_rad))
+        offset_mm = width_mm * float(_at(fans.side_offsets, fan_rad))
         most_rad = min(MOST_TURN_RAD, fan_rad / 10.0)
         away_mm = math.fsum(family.away_mm) / len(family.away_mm)
         turn_rad = min(max(offset_mm / away_mm, -most_rad), most_rad)
         fan_rad -= 2.0 * turn_rad
-        backs_mm = width_mm * _at(law.pull_backs, fan_rad)
-        planned_mm = parts.length_mm[children]
-        cut_mm = np.maximum(planned_mm + backs_mm, LEAST_LENGTH * planned_mm)
-        length_mm[children] = cut_mm / stretch[children]
-        offset_rad[children] = _at(law.angles_rad, fan_rad)
-        passages.append(float(_at(law.passages, fan_rad)))
+        backs_mm = width_mm * _at(fans.pull_backs, fan_rad)
+        length_mm[children] = _cut_mm(parts.length_mm[children], backs_mm, stretch[children])
+        offset_rad[children] = _at(fans.angles_rad, fan_rad)
+        passages[place] = float(_at(fans.passages, fan_rad))
+    by_law = _by_law([families[place] for place in uneven], build, material)
+    for place, flat in zip(uneven, by_law, strict=True):
+        if flat is None:
+            continue
+        passages[place] = flat.passage
+        if build.compensation != "none":
+            family = families[place]
+            children = np.array([drawn.children[row] for row in family.rows])
+            planned_mm = parts.length_mm[children]
+            length_mm[children] = _cut_mm(planned_mm, flat.backs_mm, stretch[children])
+            offset_rad[children] = flat.angles_rad
+    told = tuple(passages.tolist())
     if build.compensation == "none":
-        return QuickPattern(flat=design, passages=tuple(passages), beyond=0.0)
+        return QuickPattern(flat=design, passages=told, beyond=0.0)
     tree = design.tree.of_parts(parts, offset_rad, length_mm)
-    flat = design.shaped(tree, build.changed(compensation="none"))
-    return QuickPattern(flat=flat, passages=tuple(passages), beyond=beyond)
+    flat_design = design.shaped(tree, build.changed(compensation="none"))
+    return QuickPattern(flat=flat_design, passages=told, beyond=beyond)
+
+
+def _cut_mm(planned_mm: Floats, backs_mm: Floats, stretch: Floats) -> Floats:
+    """Return the flat lengths of children that are pulled back, and stretched under pressure."""
+    cut_mm: Floats = np.maximum(planned_mm + backs_mm, LEAST_LENGTH * planned_mm) / stretch
+    return cut_mm
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _ByLaw:
+    """The children of an uneven fan, or of a bend, by the law."""
+
+    angles_rad: Floats  # flat ones, shape (n,)
+    backs_mm: Floats  # shape (n,)
+    passage: float  # as compensated, or as cut where nothing is
+
+
+def _by_law(
+    families: list[JointFamily], build: Build, material: Material
+) -> Iterator[_ByLaw | None]:
+    """Yield joints by the law; None where it does not tell."""
+    told = [len(family.plan.children) <= law.MOST_CHILDREN for family in families]
+    plans = [family.plan for family, is_told in zip(families, told, strict=True) if is_told]
+    if not plans:
+        yield from (None for _ in families)
+        return
+    joints, away_mm, count = _law_joints(plans, build, material), np.ones((len(plans), 4)), 0
+    for family, is_told in zip(families, told, strict=True):
+        if is_told:
+            away_mm[count, : len(family.away_mm)] = family.away_mm
+            count += 1
+    gain = 1.0 if material.closing_gain is None else material.closing_gain.value
+    width_mm = np.array([2.0 * plan.parent.half_mm for plan in plans])
+    if build.compensation == "none":
+        found = law.law_of("deployed", joints)
+    else:
+        found = law.flat_by_law(joints, gain)
+        if found is not None:
+            # Turned a little, as even fans are.
+            turn_rad = np.nan_to_num(found.side_offsets) * width_mm[:, None] / away_mm
+            most_rad = np.minimum(MOST_TURN_RAD, np.radians(np.abs(joints.angles_deg)) / 5.0)
+            aimed_deg = joints.angles_deg - np.degrees(np.clip(turn_rad, -most_rad, most_rad))
+            aimed = law.flat_by_law(replace(joints, angles_deg=aimed_deg), gain)
+            found = aimed and replace(aimed, is_within=found.is_within)
+    row = -1
+    for is_told in told:
+        row += is_told
+        if not is_told or found is None or not found.is_within[row]:
+            yield None
+            continue
+        own = slice(0, int(joints.count[row]))
+        yield _ByLaw(
+            angles_rad=np.radians(found.angles_deg[row, own]),
+            backs_mm=width_mm[row] * found.pull_backs[row, own],
+            passage=float(found.passages[row]),
+        )
+
+
+def _law_joints(plans: list[JointPlan], build: Build, material: Material) -> law.Joints:
+    """Return joints as the law takes them, as designed."""
+    count = np.array([len(plan.children) for plan in plans])
+    width_mm = np.array([2.0 * plan.parent.half_mm for plan in plans])
+    children = np.zeros((3, len(plans), law.MOST_CHILDREN))
+    for row, plan in enumerate(plans):
+        for place, one in enumerate(plan.children):
+            children[:, row, place] = math.degrees(one.angle_rad), one.half_mm, one.fillet_mm
+    own = children[2] / width_mm[:, None]
+    return law.Joints(
+        angles_deg=children[0],
+        count=count,
+        ratios=2.0 * children[1] / width_mm[:, None],
+        fillets=law.gap_fillets(own, count),
+        strain=np.array([strain_at(build, material, width) for width in width_mm.tolist()]),
+        is_bend=np.array([plan.is_bend for plan in plans]),
+    )
 
 
 def _even_fan_rad(plan: JointPlan) -> float | None:

@@ -137,6 +137,8 @@ def _solved(task: JointTask, how: How) -> tuple[tuple[float, ...], FlatJoint]:
     for step in range(4):
         drawn = joint_of(flat, 0.0)
         before, fillets = fillets, tuple(round(gap.radius_mm / width_mm, 3) for gap in drawn.gaps)
+        if plan.is_bend:  # the outer edge is concentric
+            fillets = (max(fillets),) * len(fillets)
         same = before and max(abs(a - b) for a, b in zip(before, fillets, strict=True)) <= 0.01
         if same and step > 1:
             break

@@ -124,7 +124,8 @@ def _note(
     how = "cut" if is_compensated else "deploys at"
     kind = "sensitive" if found.sensitivity > check_sensitivity.limits["warning"] else "known"
     text = f"{how} {angle(shown)}°, x{found.sensitivity:.1f} sensitive"
-    source = "from the table" if found.source == "table" else "simulated joint"
+    told = {"table": "from the table", "law": "from the law of joints"}
+    source = told.get(found.source, "simulated joint")
     about = (
         f"Children cut at {degrees_text(found.flat.angles_deg)}° deploy at "
         f"{degrees_text(found.deployed_deg)}° ({source}, good for {found.within_deg:.1f}°; "

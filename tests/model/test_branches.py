@@ -1,5 +1,7 @@
 """Designs that are written branch by branch."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -158,3 +160,10 @@ def test_very_many_branches_and_bends_are_refused_at_once():
     bends = ", ".join(f"[{60 + n / 1000}, 1.0]" for n in range(10_000))
     with pytest.raises(vf.BadInputError, match=r"trunk.bends is '10000 bends'"):
         read(SCOUT.replace("[60.0, 25.0]", bends))
+
+
+def test_the_straight_parts_of_a_tree_are_worked_out_once():
+    tree = vf.Design.read("scout").tree
+    assert tree.straight is tree.straight
+    assert replace(tree).straight is not tree.straight
+    assert tree.straight.straight is tree.straight

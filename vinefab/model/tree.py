@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -218,52 +219,7 @@ class BranchTree:
         Parts are ordered by level and, within one, by the number of bends before them. A part has
         its share of its branch's taper, and its bend an inner radius of a quarter of the width.
         """
-        if not len(self.bend_mm):
-            return self
-        count = np.bincount(self.bend_branch, minlength=len(self))  # bends of each branch
-        branch = np.repeat(np.arange(len(self)), count + 1)
-        first = np.cumsum(count + 1) - (count + 1)
-        number = np.arange(len(branch)) - first[branch]  # bends before each part
-        is_first = number == 0
-        begin, turn = np.zeros((2, len(branch)))
-        begin[~is_first], turn[~is_first] = self.bend_mm, self.bend_rad
-        end = np.append(begin[1:], 0.0)
-        is_last = number == count[branch]
-        end[is_last] = self.length_mm
-        # Where each part stands after sorting, and the part before it.
-        order = np.lexsort((branch, number, self.level[branch]))
-        place = np.empty_like(order)
-        place[order] = np.arange(len(order))
-        last = first + count
-        above = np.arange(len(branch)) - 1
-        above[is_first] = np.append(last, -1)[self.parent]
-        parent = np.where(above < 0, -1, place[above])
-        share = np.column_stack([begin, end]) / self.length_mm[branch, None]
-        fall = (self.end_width_mm - self.width_mm)[branch]
-        width = self.width_mm[branch] + share[:, 0] * fall
-        end_width = self.width_mm[branch] + share[:, 1] * fall
-        end_width[is_last] = self.end_width_mm
-        fillet = np.where(
-            is_first,
-            self.fillet_mm[branch],
-            np.array([default_fillet_mm(one) for one in width.tolist()]),
-        )
-        none = np.zeros(0)
-        return BranchTree(
-            parent=frozen_ints(parent[order]),
-            level=frozen_ints(self.level[branch][order]),
-            offset_rad=frozen_floats(
-                "offset_rad", np.where(is_first, self.offset_rad[branch], turn)[order]
-            ),
-            length_mm=frozen_floats("length_mm", (end - begin)[order]),
-            width_mm=frozen_floats("width_mm", width[order]),
-            end_width_mm=frozen_floats("end_width_mm", end_width[order]),
-            fillet_mm=frozen_floats("fillet_mm", fillet[order]),
-            bend_branch=frozen_ints(none),
-            bend_mm=none,
-            bend_rad=none,
-            branch=frozen_ints(branch[order]),
-        )
+        return self if not len(self.bend_mm) else _straight(self)
 
     def of_parts(self, parts: "BranchTree", offset_rad: Floats, length_mm: Floats) -> "BranchTree":
         """Return this tree with other angles and lengths of its straight parts.
@@ -542,3 +498,52 @@ def piece_label(number: int) -> str:
     """
     first, last = divmod(number, 26)
     return (piece_label(first - 1) if first else "") + chr(ord("A") + last)
+
+
+@lru_cache(maxsize=64)
+def _straight(tree: BranchTree) -> BranchTree:
+    """Return the straight parts of a tree with bends; a tree is asked for them many times."""
+    count = np.bincount(tree.bend_branch, minlength=len(tree))  # bends of each branch
+    branch = np.repeat(np.arange(len(tree)), count + 1)
+    first = np.cumsum(count + 1) - (count + 1)
+    number = np.arange(len(branch)) - first[branch]  # bends before each part
+    is_first = number == 0
+    begin, turn = np.zeros((2, len(branch)))
+    begin[~is_first], turn[~is_first] = tree.bend_mm, tree.bend_rad
+    end = np.append(begin[1:], 0.0)
+    is_last = number == count[branch]
+    end[is_last] = tree.length_mm
+    # Where each part stands after sorting, and the part before it.
+    order = np.lexsort((branch, number, tree.level[branch]))
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    last = first + count
+    above = np.arange(len(branch)) - 1
+    above[is_first] = np.append(last, -1)[tree.parent]
+    parent = np.where(above < 0, -1, place[above])
+    share = np.column_stack([begin, end]) / tree.length_mm[branch, None]
+    fall = (tree.end_width_mm - tree.width_mm)[branch]
+    width = tree.width_mm[branch] + share[:, 0] * fall
+    end_width = tree.width_mm[branch] + share[:, 1] * fall
+    end_width[is_last] = tree.end_width_mm
+    fillet = np.where(
+        is_first,
+        tree.fillet_mm[branch],
+        np.array([default_fillet_mm(one) for one in width.tolist()]),
+    )
+    none = np.zeros(0)
+    return BranchTree(
+        parent=frozen_ints(parent[order]),
+        level=frozen_ints(tree.level[branch][order]),
+        offset_rad=frozen_floats(
+            "offset_rad", np.where(is_first, tree.offset_rad[branch], turn)[order]
+        ),
+        length_mm=frozen_floats("length_mm", (end - begin)[order]),
+        width_mm=frozen_floats("width_mm", width[order]),
+        end_width_mm=frozen_floats("end_width_mm", end_width[order]),
+        fillet_mm=frozen_floats("fillet_mm", fillet[order]),
+        bend_branch=frozen_ints(none),
+        bend_mm=none,
+        bend_rad=none,
+        branch=frozen_ints(branch[order]),
+    )

@@ -161,6 +161,23 @@ def test_known_joints_name_the_law_as_their_source():
         known_joint("flat", five)
 
 
+def test_simulations_start_from_the_law(monkeypatch):
+    counted = []
+
+    def counting(simulate):
+        return lambda *given: counted.append(given) or simulate(*given)
+
+    for name in ("inflated_joint", "turned_joint"):
+        monkeypatch.setattr(compensation, name, counting(getattr(compensation, name)))
+    wanted = drawn(1, 2, seed=3)[0]
+    found = compensation.simulated_flat_joint(wanted)
+    assert found.source == "simulated"
+    assert found.deployed_deg == pytest.approx(wanted.angles_deg, abs=compensation.MESH_DEG)
+    begun = counted[0][0].angles_deg
+    assert begun == known_joint("flat", wanted).flat.angles_deg
+    assert len(counted) <= 4
+
+
 def branchy() -> vf.Design:
     branches = [
         vf.Branch(name="left", angle_deg=52.0, length_mm=160.0),

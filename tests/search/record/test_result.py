@@ -72,7 +72,6 @@ def test_a_record_without_its_session_is_damaged(tmp_path, small, maps):
         RunArchive.read(tmp_path / RECORD_FILE).result()
 
 
-@pytest.mark.parametrize("versions", ["7", "{}"])
 def test_a_record_without_maps_is_damaged(tmp_path, small, maps):
     recorded(tmp_path, small, maps)
     with closing(sqlite3.connect(tmp_path / RECORD_FILE)) as connection, connection:
@@ -81,6 +80,7 @@ def test_a_record_without_maps_is_damaged(tmp_path, small, maps):
         RunArchive.read(tmp_path / RECORD_FILE)
 
 
+@pytest.mark.parametrize("versions", ["7", "{}"])
 def test_a_record_without_versions_is_not_resumed(tmp_path, small, maps, versions):
     recorded(tmp_path, small, maps)
     with closing(sqlite3.connect(tmp_path / RECORD_FILE)) as connection, connection:

@@ -3,7 +3,7 @@
 1. *Levels*: the run's optimizer searches the space of levels for a third of the designs, unless the
    run begins at given designs.
 2. *Race*: the best of them, as they are and with branches added wherever the rules leave room, meet
-   on one set of maps after another; each time the better half goes on.
+   on one set of maps after another; each time the better half stays.
 3. *Trees*: CMA-ES over the angles, lengths and bends of all branches of the winner. Points that
    break rules are drawn back towards the middle until they break none. Now and then branches go
    that earn nothing, and others are added: each such change is tried on a few sets of maps, and
@@ -52,7 +52,7 @@ branches that a trial tries to add."""
 
 GAIN_OF_LESS, GAIN_OF_MORE, LEAST_SPREAD = 0.001, 0.003, 1e-3
 """Mean gain of fitness for which a branch is left out, and for which one is added; and the least
-standard deviation of what is kept then."""
+standard deviation of branches that stay."""
 
 DRAWN = 4
 """Points sampled for each that is evaluated: those that break rules are left out."""
@@ -350,7 +350,7 @@ class FreeSearch:
             return
         self._race, (winner,), trees = None, race.points, self._trees
         if trees is not None and (winner == trees.middle).all():
-            trees.age = 0  # nothing changed: the search goes on
+            trees.age = 0  # nothing changed
             return
         spread = np.full(len(self._space), SPREAD)
         if trees is not None:

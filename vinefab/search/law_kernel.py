@@ -66,7 +66,7 @@ def flat_by_law_of(
         Where angles (rad), pull-backs and side offsets (over the parent's width) go.
     """
     passage, x = 1.0, room[0]
-    if is_bend and angle[0] == 0.0:  # which is no bend
+    if is_bend and angle[0] == 0.0:  # straight on
         flat[0] = back[0] = aside[0] = 0.0
         return 1.0
     for child in range(count):

@@ -248,13 +248,13 @@ def _free(state: StudioState, ask: Mapping[str, Any]) -> Edited:
 
 
 def _with_child(state: StudioState, ask: Mapping[str, Any]) -> Edited:
-    """Add a child beside the others of a branch, on the side where it turns less."""
+    """Add an outer child of a branch, on the side where it turns less."""
     design, parent = _free_design(state), str(ask.get("branch"))
     row = row_of(design, parent)
     siblings = sorted(one.angle_deg for one in design.branches or () if one.of == parent)
     step_deg = 30.0
-    beside = [siblings[0] - step_deg, siblings[-1] + step_deg] if siblings else [0.0]
-    angle_deg = min(beside, key=abs)
+    outer = [siblings[0] - step_deg, siblings[-1] + step_deg] if siblings else [0.0]
+    angle_deg = min(outer, key=abs)
     length_mm = round(0.7 * float(design.tree.length_mm[row]), 1)
     name = _new_name(f"{parent}-" if parent != TRUNK else "", design.names)
     child = Branch(name=name, of=parent, angle_deg=angle_deg, length_mm=max(_LEAST_MM, length_mm))

@@ -855,7 +855,7 @@ class Design(Table):
         Examples
         --------
         >>> [(one.name, one.width_mm) for one in Design.read("three_level_tree").tubes]
-        [('trunk', 40.0), ('level 2', 24.0), ('level 3', 14.4)]
+        [('trunk', 40.0), ('level 2', 24.0), ('level 3', 14.0)]
         """
         tree = self.tree
         return tuple(

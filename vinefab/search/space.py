@@ -300,7 +300,10 @@ LIMITS: Mapping[str, tuple[float, float]] = FrozenMapping(
 )
 """Largest ranges of the variables of a level."""
 
-WHOLE_NUMBERS = ("levels", "branches")
+WHOLE_NUMBERS = ("levels", "branches", "bends")
+
+MOST_SPACE_BENDS = 8
+"""Preformed bends of a branch that a search may place."""
 
 SYMMETRIC_PERCENT = 100.0
 """Growth of a fan whose children are all as long: its left half mirrors its right one."""
@@ -420,6 +423,7 @@ class SpaceSettings(Table):
     @model_validator(mode="after")
     def _ranges_fit(self) -> "SpaceSettings":
         _check_bounds("levels", "levels", self.levels, (1, MOST_LEVELS))
+        _check_bounds("bends", "bends", self.bends, (0, MOST_SPACE_BENDS))
         for name, limits in LIMITS.items():
             _check_bounds(name, name, getattr(self, name), limits)
         deepest, numbers = int(self.levels.high), [level.number for level in self.level]

@@ -214,7 +214,7 @@ def chords(points_mm: Floats, within_mm: float) -> Floats:
     >>> turn = np.linspace(0.0, np.pi / 2, 91)
     >>> arc = 100.0 * np.column_stack([np.cos(turn), np.sin(turn)])
     >>> np.degrees(np.arctan2(*chords(arc, 2.0).T[::-1])).round().tolist()
-    [0.0, 30.0, 60.0, 90.0]
+    [0.0, 18.0, 36.0, 54.0, 72.0, 90.0]
     """
     low, high = 0.0, within_mm
     best = list(_longest_chords(points_mm, high))

@@ -772,11 +772,9 @@ class RunArchive:
             identity = recorded_identity(entries, path)
             settings = settings_from_plain(identity.settings)
             maps = connection.execute("SELECT content FROM map ORDER BY place").fetchall()
-            if not maps:
-                raise UnreadableFileError(path, "is damaged: it holds no training map")
             sessions = connection.execute("SELECT began_utc, seconds FROM session ORDER BY number")
             space = space_of(settings.space, settings.build)
-            return cls(
+            archive = cls(
                 path=path,
                 identity=identity,
                 settings=settings,
@@ -794,6 +792,9 @@ class RunArchive:
                 prediction=recorded_entry(entries, "prediction", WinnerPrediction),
                 recipe=recorded_entry(entries, "recipe", RunRecipe),
             )
+            if not maps:
+                raise UnreadableFileError(path, "is damaged: it holds no training map")
+            return archive
 
     @property
     def summary(self) -> RunSummary:

@@ -32,9 +32,14 @@ from vinefab.fabrication.rules.spacing import (
     excess_mm,
     spacing,
 )
-from vinefab.fabrication.rules.tree_rules import check_packing, occupancies
+from vinefab.fabrication.rules.tree_rules import (
+    check_least_width,
+    check_packing,
+    check_width_ratio,
+    occupancies,
+)
 from vinefab.inflation.pattern import quick_pattern
-from vinefab.model.design import Design
+from vinefab.model.design import Build, Design
 from vinefab.model.laser import LaserProfile
 from vinefab.outline.body_outline import flat_layout
 from vinefab.outline.ends import pouch_takes_mm, usual_leaf
@@ -45,7 +50,7 @@ from vinefab.outline.joint import (
     largest_fillet_mm,
 )
 from vinefab.physics.growth_pressure import planned_growth_kpa
-from vinefab.search.penalty_batch import MOST_CHECKED_BRANCHES, width_violations
+from vinefab.search.penalty_batch import MOST_CHECKED_BRANCHES
 
 Pair = tuple[float, float]
 
@@ -206,6 +211,17 @@ def fabrication_penalty(
         else _on_sheet(design, changed, pieces.sheet_mm, beside_mm),
     )
     return math.fsum(math.log1p(depth) for depth in kinds)
+
+
+def width_violations(build: Build, changed: LimitChanges) -> float:
+    """Return the summed depths of violations by the widths of the levels, whatever they hold."""
+    widths_mm, ends_mm = build.widths_mm, build.end_widths_mm
+    least_mm, least = (
+        rule.limits_under(changed)["error"] for rule in (check_least_width, check_width_ratio)
+    )
+    ratios = (wide / narrow for wide, narrow in zip(ends_mm, widths_mm[1:], strict=False))
+    narrow = math.fsum((least_mm - mm) / least_mm for mm in ends_mm if mm < least_mm)
+    return narrow + math.fsum((least - ratio) / least for ratio in ratios if ratio < least)
 
 
 def _contacts(design: Design) -> Iterator[float]:

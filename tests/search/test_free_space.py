@@ -5,7 +5,10 @@ import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.model.design import Design
+from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.laser import read_profile
 from vinefab.search.free_space import EMPTY, FreeSpace, space_of
+from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.space import COSTS, Bounds, BuildSettings, Space, SpaceSettings
 from vinefab.search.tree_batch import TreeBatch
 
@@ -151,3 +154,14 @@ def test_a_design_with_more_branches_than_slots_is_refused():
     assert small.slots == 20
     with pytest.raises(BadInputError, match="at most 20 branches"):
         small.vector(Design.read("grid_explorer"))
+
+
+@pytest.mark.parametrize("compensation", ["none", "inflation"])
+def test_trees_of_level_designs_have_the_penalties_of_the_designs(compensation):
+    profile = read_profile(DEFAULT_RECIPE)
+    levels = Space(SETTINGS, BUILD.changed(compensation=compensation))
+    designs = levels.batch(np.random.default_rng(3).random((200, len(levels))))
+    penalties = ManufacturabilityPenalty(profile=profile).within(levels)
+    found = penalties(TreeBatch.of(levels.trees(designs)))
+    assert found.tolist() == penalties(designs).tolist()
+    assert 20 < (found == 0.0).sum() < 180

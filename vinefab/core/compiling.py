@@ -31,6 +31,7 @@ from typing import Any
 
 from vinefab.core.errors import MissingPackageError, NotCachedWarning
 from vinefab.core.hashing import sha256_of
+from vinefab.core.helpers import processors as _processors
 from vinefab.core.progress import COMPILING, Progress, announce_to_all
 from vinefab.core.user_cache import KeptFiles, cache_root
 
@@ -684,13 +685,6 @@ def _help() -> None:
         _compile(line.strip())
         sys.stdout.write(line)
         sys.stdout.flush()
-
-
-def _processors() -> int:
-    """Return the number of processors that this process may use."""
-    if sys.platform == "linux":
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _dispatchers() -> Iterator[tuple[str, Any]]:

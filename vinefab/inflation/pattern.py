@@ -553,7 +553,8 @@ def quick_pattern(design: Design, material: Material) -> QuickPattern:
         plan, children = family.plan, np.array([drawn.children[row] for row in family.rows])
         fan_rad = _even_fan_rad(plan)
         if fan_rad is None or len(plan.children) > MOST_CHILDREN:
-            uneven.append(place)
+            if len(plan.children) <= law.MOST_CHILDREN:
+                uneven.append(place)
             continue
         width_mm, child = 2.0 * plan.parent.half_mm, plan.children[0]
         widths_mm = width_mm, 2.0 * child.half_mm
@@ -610,17 +611,13 @@ class _ByLaw:
 def _by_law(
     families: list[JointFamily], build: Build, material: Material
 ) -> Iterator[_ByLaw | None]:
-    """Yield joints by the law; None where it does not tell."""
-    told = [len(family.plan.children) <= law.MOST_CHILDREN for family in families]
-    plans = [family.plan for family, is_told in zip(families, told, strict=True) if is_told]
-    if not plans:
-        yield from (None for _ in families)
+    """Yield joints of few children by the law; None where it does not tell."""
+    if not families:
         return
-    joints, away_mm, count = _law_joints(plans, build, material), np.ones((len(plans), 4)), 0
-    for family, is_told in zip(families, told, strict=True):
-        if is_told:
-            away_mm[count, : len(family.away_mm)] = family.away_mm
-            count += 1
+    plans, away_mm = [family.plan for family in families], np.ones((len(families), 4))
+    for row, family in enumerate(families):
+        away_mm[row, : len(family.away_mm)] = family.away_mm
+    joints = _law_joints(plans, build, material)
     gain = 1.0 if material.closing_gain is None else material.closing_gain.value
     width_mm = np.array([2.0 * plan.parent.half_mm for plan in plans])
     if build.compensation == "none":
@@ -634,10 +631,8 @@ def _by_law(
             aimed_deg = joints.angles_deg - np.degrees(np.clip(turn_rad, -most_rad, most_rad))
             aimed = law.flat_by_law(replace(joints, angles_deg=aimed_deg), gain)
             found = aimed and replace(aimed, is_within=found.is_within)
-    row = -1
-    for is_told in told:
-        row += is_told
-        if not is_told or found is None or not found.is_within[row]:
+    for row in range(len(families)):
+        if found is None or not found.is_within[row]:
             yield None
             continue
         own = slice(0, int(joints.count[row]))

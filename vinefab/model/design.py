@@ -909,26 +909,18 @@ class Design(Table):
             return self
         tree, names = self.tree, self.names
         if not names:
-            names = (TRUNK, *(one[2:].replace(".", "-") for one in tree.ids[1:]))
-        bends: list[list[Bend]] = [[] for _ in names]
-        for branch, at_mm, turn in zip(
-            tree.bend_branch.tolist(), tree.bend_mm.tolist(), tree.bend_rad.tolist(), strict=True
-        ):
-            bends[branch].append((at_mm, file_number(turn, math.degrees(turn), rad)))
+            names = _names_of_ids(tree)
         own = {branch.name: branch for branch in self._in_order}
-        branches = []
-        for row in range(1, len(tree)):
-            offset = float(tree.offset_rad[row])
-            given = {
-                "name": names[row],
-                "of": names[int(tree.parent[row])],
-                "angle_deg": file_number(offset, math.degrees(offset), rad),
-                "length_mm": float(tree.length_mm[row]),
-                "bends": tuple(bends[row]) or None,
-            }
-            branches.append(own[names[row]].changed(**given) if own else Branch(**given))
-        trunk = Trunk(length_mm=float(tree.length_mm[0]), bends=tuple(bends[0]) or None)
+        trunk, rows = _rows_written(tree, names)
+        branches = [own[one["name"]].changed(**one) if own else Branch(**one) for one in rows]
         return self.changed(trunk=trunk, levels=(), branches=tuple(branches), shape=None)
+
+    @classmethod
+    def of_tree(cls, tree: BranchTree, build: "Build", name: str) -> Self:
+        """Return the design of a tree, branch by branch, with the widths of a build's levels."""
+        trunk, rows = _rows_written(tree, _names_of_ids(tree))
+        branches = tuple(Branch(**one) for one in rows)
+        return cls(name=name, trunk=trunk, branches=branches, build=build)
 
     @classmethod
     def read(cls, name_or_path: str | PathLike[str]) -> "Design":
@@ -1322,6 +1314,33 @@ def design_of(content: Mapping[str, Any], source: str | Path) -> Design:
     with located(source):
         check_plain({"origin": dict(design.origin)})
     return design
+
+
+def _names_of_ids(tree: BranchTree) -> tuple[str, ...]:
+    """Return names for the branches of a tree: their ids without the trunk's, ``2-1``."""
+    return (TRUNK, *(one[2:].replace(".", "-") for one in tree.ids[1:]))
+
+
+def _rows_written(tree: BranchTree, names: Sequence[str]) -> tuple[Trunk, list[dict[str, Any]]]:
+    """Return the trunk of a tree, and the values of each further branch as files have them."""
+
+    def bends(row: int) -> tuple[Bend, ...] | None:
+        own = tree.bends_of(row)
+        return tuple((at, file_number(turn, math.degrees(turn), rad)) for at, turn in own) or None
+
+    rows = []
+    for row in range(1, len(tree)):
+        offset = float(tree.offset_rad[row])
+        rows.append(
+            {
+                "name": names[row],
+                "of": names[int(tree.parent[row])],
+                "angle_deg": file_number(offset, math.degrees(offset), rad),
+                "length_mm": float(tree.length_mm[row]),
+                "bends": bends(row),
+            }
+        )
+    return Trunk(length_mm=float(tree.length_mm[0]), bends=bends(0)), rows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

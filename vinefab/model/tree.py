@@ -189,23 +189,33 @@ class BranchTree:
         """Sum of all planned lengths: the film that the tree takes, as a length."""
         return float(self.length_mm.sum())
 
-    def laid_out(self) -> tuple[Floats, Floats]:
-        """Return where the branches of a tree without bends lie flat, the trunk along +x.
+    def laid_out(
+        self, base_mm: tuple[float, float] = (0.0, 0.0), heading_rad: float = 0.0
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return where the branches of a tree without bends lie where nothing is in the way.
+
+        Parameters
+        ----------
+        base_mm, heading_rad
+            Of the trunk.
 
         Returns
         -------
         tuple
-            Heading of each branch in rad, shape (n,), and its end in mm, shape (n, 2).
+            Base and end of each branch in mm, shape (n, 2) each, and its heading in rad, shape
+            (n,).
         """
-        heading, end_mm = np.zeros(len(self)), np.zeros((len(self), 2))
+        heading = np.full(len(self), heading_rad)
+        begin_mm, end_mm = np.zeros((2, len(self), 2))
+        begin_mm[0] = base_mm
         for rows in self.generations:
             above = self.parent[rows]
-            root = above < 0
-            heading[rows] = self.offset_rad[rows] + np.where(root, 0.0, heading[above])
+            if above[0] >= 0:
+                begin_mm[rows], heading[rows] = end_mm[above], heading[above]
+            heading[rows] += self.offset_rad[rows]
             way = np.column_stack([np.cos(heading[rows]), np.sin(heading[rows])])
-            begin_mm = np.where(root[:, None], 0.0, end_mm[above])
-            end_mm[rows] = begin_mm + self.length_mm[rows, None] * way
-        return heading, end_mm
+            end_mm[rows] = begin_mm[rows] + self.length_mm[rows, None] * way
+        return begin_mm, end_mm, heading
 
     @property
     def key(self) -> tuple[bytes, ...]:

@@ -101,14 +101,7 @@ def flat_layout(design: Design) -> FlatLayout:
 
 def _layout(drawn: "DrawnTree") -> FlatLayout:
     tree = drawn.tree
-    start, end, heading = np.zeros((len(tree), 2)), np.zeros((len(tree), 2)), np.zeros(len(tree))
-    for rows in tree.generations:
-        if rows[0] > 0:
-            parents = tree.parent[rows]
-            start[rows] = end[parents]
-            heading[rows] = heading[parents] + tree.offset_rad[rows]
-        along = np.column_stack([np.cos(heading[rows]), np.sin(heading[rows])])
-        end[rows] = start[rows] + tree.length_mm[rows, None] * along
+    start, end, heading = tree.laid_out()
     return FlatLayout(
         tree=tree,
         start_mm=frozen_floats("start_mm", start, 2),

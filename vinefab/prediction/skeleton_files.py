@@ -130,24 +130,12 @@ class Skeleton(Result):
 
 def free_chains_mm(tree: BranchTree, pose: Pose) -> list[Floats]:
     """Return base, bends and tip of every branch where nothing is in the way, each (k, 2)."""
-    ends: list[tuple[Floats, float]] = []
-    chains = []
-    for row, parent in enumerate(tree.parent.tolist()):
-        place, heading_rad = np.array([pose.x_mm, pose.y_mm]), pose.heading_rad
-        if parent >= 0:
-            place, heading_rad = ends[parent]
-        heading_rad += tree.offset_rad[row]
-        bends = tree.bends_of(row)
-        stops_mm = [0.0, *(at_mm for at_mm, _ in bends), float(tree.length_mm[row])]
-        turns_rad = [*(turn_rad for _, turn_rad in bends), 0.0]
-        points = [place]
-        for (begin_mm, end_mm), turn_rad in zip(pairwise(stops_mm), turns_rad, strict=True):
-            along = np.array([np.cos(heading_rad), np.sin(heading_rad)])
-            points.append(points[-1] + (end_mm - begin_mm) * along)
-            heading_rad += turn_rad
-        ends.append((points[-1], heading_rad))
-        chains.append(np.array(points))
-    return chains
+    parts = tree.straight
+    begin_mm, end_mm, _ = parts.laid_out((pose.x_mm, pose.y_mm), pose.heading_rad)
+    return [
+        np.concatenate([begin_mm[own[:1]], end_mm[own]])
+        for own in (np.flatnonzero(parts.branch == row) for row in range(len(tree)))
+    ]
 
 
 def _rounded(points_mm: Floats) -> list[list[float]]:

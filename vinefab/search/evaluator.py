@@ -39,7 +39,7 @@ from vinefab.model.finding import Finding
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.model.start import share_around
-from vinefab.search.free_space import FreeSpace, space_of
+from vinefab.search.free_space import space_of
 from vinefab.search.penalty_batch import BatchPenalty
 from vinefab.search.settings import (
     EvaluationSettings,
@@ -512,8 +512,6 @@ class Evaluator:
     space: DesignSpace  # maps points to designs
     task: Task  # scores final states, in the form for searching
     penalty_of_batch: PenaltyOfBatch | None  # where that is faster
-    # body radius per level of the deepest designs; one 0 for bare centrelines
-    radii_mm: tuple[float, ...]
     workspaces: list[Workspace] = field(default_factory=list)  # idle memory for growth
     # full checks by lengths and levels of the designs
     checked: dict[object, tuple[Finding, ...] | None] = field(default_factory=dict)
@@ -573,7 +571,6 @@ class Evaluator:
                 check_on_map(task, prepared.world, prepared.context)
         for task in spec.tasks:
             check_targets_on(task, spec.maps)
-        deepest = space.build_of(int(space.settings.levels.high))
         return cls(
             spec=replace(spec, penalty=penalty),
             maps=maps,
@@ -581,9 +578,6 @@ class Evaluator:
             space=space,
             task=spec.search_task,
             penalty_of_batch=penalty.within(space) if isinstance(penalty, SpacePenalty) else None,
-            radii_mm=(0.0,)
-            if settings.growth.body == "centerline"
-            else tuple(settings.growth.radius_mm(width_mm) for width_mm in deepest.widths_mm),
         )
 
     def conditions(self, seed: int, stream: int, generation: int, count: int) -> Conditions:
@@ -718,11 +712,8 @@ class Evaluator:
         return self._penalties_of(self.space.batch(x))
 
     def penalties_of_levels(self, x: Floats) -> Floats:
-        """Return the penalties of points of a free space's levels, as `penalties`."""
-        space = self.space
-        return self._penalties_of(
-            (space.levels if isinstance(space, FreeSpace) else space).batch(x)
-        )
+        """Return the penalties of points of the space's levels, as `penalties`."""
+        return self._penalties_of(self.space.levels.batch(x))
 
     def _penalties_of(self, designs: DesignBatch | TreeBatch) -> Floats:
         """Return the penalties of designs, NaN where there is no valid one, shape (m,)."""
@@ -775,7 +766,7 @@ class Evaluator:
         self, designs: DesignBatch | TreeBatch, launches: Launches, workers: int
     ) -> list[WorkUnit[tuple[TaskOutcomes, Work]]]:
         """Return the work of growing and scoring designs, in the order of a batch."""
-        plans = self.space.planned(designs, self.radii_mm, self.growth)
+        plans = self.space.planned(designs, self.growth)
         batch = Batch(plans, launches, self.growth, self.workspaces)
         grounds = [prepared.context for prepared in self.maps]
 

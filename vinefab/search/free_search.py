@@ -30,6 +30,7 @@ from vinefab.search.optimizers.optimizer import (
     ScreeningOptimizer,
 )
 from vinefab.search.settings import SearchSettings
+from vinefab.search.space import DesignBatch
 
 _STREAM = 1418
 _SAMPLES, _FILLED, _VARIED = range(3)
@@ -278,20 +279,19 @@ class FreeSearch:
     def _in_levels(self) -> bool:
         return self._generation < self._level_generations
 
-    def _of_levels(self, x: Floats) -> tuple[Floats, Ints]:
-        """Return the points of level designs, and which of them have as few branches as trees."""
-        levels = self._space.levels
-        rows = np.flatnonzero(levels.batch(x).sizes <= self._space.slots)
-        points = [self._space.point(tree) for tree in levels.trees(x[rows])]
-        return np.array(points).reshape(-1, len(self._space)), rows
+    def _small(self, designs: DesignBatch) -> Ints:
+        """Return which designs of levels have as few branches as a tree may have."""
+        return np.flatnonzero(designs.sizes <= self._space.slots)
 
     def _level_points(self) -> Floats:
-        points, _ = self._of_levels(self._levels.ask())
-        return points if len(points) else self._space.point(self._space.smallest.trees[0])[None]
+        levels = self._space.levels
+        designs = levels.batch(self._levels.ask())
+        trees = levels.trees(designs.part(self._small(designs)))
+        return np.array([self._space.point(tree) for tree in trees or self._space.smallest.trees])
 
     def _tell_levels(self, x: Floats, fitness: Floats) -> None:
         asked = self._levels.ask()
-        _, rows = self._of_levels(asked)
+        rows = self._small(self._space.levels.batch(asked))
         told = np.full(len(asked), INVALID_FITNESS)
         if len(rows):
             told[rows] = fitness

@@ -8,6 +8,7 @@ the trunk; parents stand before their children.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan, Plans
-from vinefab.model.design import TRUNK, Branch, Design, Trunk
+from vinefab.model.design import Design
 from vinefab.model.tree import Bend, BranchTree
 from vinefab.search.optimizers.optimizer import SearchAxes
 from vinefab.search.space import (
@@ -42,6 +43,8 @@ END_SHARE = 0.02
 PARENT, ANGLE, LENGTH, BENDS = range(4)
 """Columns of a slot; of each bend, two from the last on: its turn and its place."""
 
+_Number = int | Ints
+
 EMPTY = -1
 """In place of the parent of a slot without a branch."""
 
@@ -61,7 +64,7 @@ class FreeSpace(DesignSpace):
 
     def __init__(self, settings: SpaceSettings, build: BuildSettings) -> None:
         super().__init__(settings, build)
-        self.levels = Space(settings, build)
+        self._levels = Space(settings, build)
         self.deepest = int(settings.levels.high)
         children = [int(settings.bounds(n, "branches").high) for n in range(2, self.deepest + 1)]
         whole = sum(math.prod(children[:n]) for n in range(self.deepest))
@@ -94,16 +97,14 @@ class FreeSpace(DesignSpace):
         return SearchAxes(choices=tuple(choices.ravel().tolist()), levels=(0,) * len(self))
 
     @property
-    def axes_of_levels(self) -> SearchAxes:
-        """The coordinates of the space of levels, which is searched first."""
-        return self.levels.axes
+    def levels(self) -> Space:
+        """The space of levels, which is searched first."""
+        return self._levels
 
     @property
     def smallest(self) -> TreeBatch:
         """The shortest trunk with the fewest children, alone in a batch."""
-        levels = self.levels.smallest
-        design = self.levels.design(np.zeros(len(self.levels)))
-        return TreeBatch.of([design.tree]) if len(levels) else self.batch_of(design)
+        return self.batch_of(self.levels.design(np.zeros(len(self.levels))))
 
     # --- Trees to points, and back ----------------------------------------------------------------
 
@@ -119,14 +120,13 @@ class FreeSpace(DesignSpace):
             allowed = f"at most {counted(self.slots, 'branch')} on {counted(self.deepest, 'level')}"
             raise BadInputError("space", f"a design with {counted(len(tree), 'branch')}", allowed)
         x = np.full((self.slots, self.columns), 0.5)
-        x[1:, PARENT] = 0.5 / np.arange(2, self.slots + 1)
+        x[1:, PARENT] = self._share_of_parent(np.arange(1, self.slots), EMPTY)
         low_mm, high_mm, most_deg = self._ranges_at(tree.level)
         angle = np.degrees(tree.offset_rad)
         x[: len(tree), LENGTH] = _share(tree.length_mm, low_mm, high_mm)
         x[: len(tree), ANGLE] = _share(angle, -most_deg, most_deg)
-        for row, above in enumerate(tree.parent.tolist()):
-            if above >= 0:
-                x[row, PARENT] = (above + 1.5) / (row + 1)
+        rows = np.arange(1, len(tree))
+        x[rows, PARENT] = self._share_of_parent(rows, tree.parent[1:])
         widest_deg = float(self._most_deg.max())
         for branch, at_mm, turn in zip(
             tree.bend_branch.tolist(), tree.bend_mm.tolist(), tree.bend_rad.tolist(), strict=True
@@ -227,29 +227,7 @@ class FreeSpace(DesignSpace):
     def design(self, x: Floats, name: str = "candidate") -> Design:
         """Return the design at a point."""
         tree = self.tree(x)
-        bends: list[list[Bend]] = [[] for _ in range(len(tree))]
-        for branch, at_mm, turn in zip(
-            tree.bend_branch.tolist(), tree.bend_mm.tolist(), tree.bend_rad.tolist(), strict=True
-        ):
-            bends[branch].append((at_mm, round(math.degrees(turn), SPACE_DECIMALS)))
-        names = (TRUNK, *(one[2:].replace(".", "-") for one in tree.ids[1:]))
-        branches = [
-            Branch(
-                name=names[row],
-                of=names[int(tree.parent[row])],
-                angle_deg=round(math.degrees(tree.offset_rad[row]), SPACE_DECIMALS),
-                length_mm=float(tree.length_mm[row]),
-                bends=tuple(bends[row]) or None,
-            )
-            for row in range(1, len(tree))
-        ]
-        trunk = Trunk(length_mm=float(tree.length_mm[0]), bends=tuple(bends[0]) or None)
-        return Design(
-            name=name,
-            trunk=trunk,
-            branches=tuple(branches),
-            build=self.build_of(int(tree.level.max())),
-        )
+        return Design.of_tree(tree, self.build_of(int(tree.level.max())), name)
 
     def values(self, x: Floats) -> list[SpaceValue]:
         """Return lengths and angles of the branches of the tree at a point, by their ids."""
@@ -276,11 +254,8 @@ class FreeSpace(DesignSpace):
                 )
         return found
 
-    def planned(
-        self, designs: TreeBatch, radii_mm: tuple[float, ...], options: GrowthOptions
-    ) -> Plans:
-        """Return the plans of some trees; their own widths decide their radii."""
-        del radii_mm
+    def planned(self, designs: TreeBatch, options: GrowthOptions) -> Plans:
+        """Return the plans of some of its trees, as `batch` gives them."""
         builds = map(self.build_of, designs.depth.tolist())
         return Plans.joined(
             [
@@ -341,14 +316,14 @@ class FreeSpace(DesignSpace):
         longer = x.copy()
         cells = self.cells(longer)
         cells[slot] = 0.5
-        cells[slot, :BENDS] = (parent + 1.5) / (slot + 1), angle, length
+        cells[slot, :BENDS] = self._share_of_parent(slot, parent), angle, length
         return longer
 
     def without(self, x: Floats, slot: int) -> Floats:
         """Return a tree without a leaf."""
         shorter = x.copy()
         self.cells(shorter)[slot] = 0.5
-        self.cells(shorter)[slot, PARENT] = 0.5 / (slot + 1)
+        self.cells(shorter)[slot, PARENT] = self._share_of_parent(slot, EMPTY)
         return shorter
 
     def changed_slot(self, x: Floats, other: Floats) -> int | None:
@@ -366,6 +341,11 @@ class FreeSpace(DesignSpace):
         changed = x.copy()
         self.cells(changed)[slot] = self.cells(other)[slot]
         return changed
+
+    @staticmethod
+    def _share_of_parent(slot: _Number, parent: _Number) -> Any:  # noqa: ANN401  as the slots
+        """Return the coordinate of a slot that stands for a parent slot, or for `EMPTY`."""
+        return (parent + 1.5) / (slot + 1)
 
     def _shape(self, parents: Floats) -> "_Shape":
         """Return the structure that the parents of a point stand for."""

@@ -499,7 +499,7 @@ def refuse_starts_without_room(evaluator: Evaluator, conditions: Conditions) -> 
     """
     given = evaluator.spec.settings.maps.start is not None
     starts = [(one, one.world.starts[0].pose) for one in evaluator.maps] if given else []
-    radius_mm = evaluator.radii_mm[0]
+    radius_mm = evaluator.space.radii_mm(evaluator.growth)[0]
     for prepared, pose in starts:
         if radius_mm > 0.0 and not _has_room(prepared, pose, radius_mm):
             raise _narrow(evaluator, prepared, pose, "maps.start")
@@ -547,7 +547,7 @@ def _away_mm(prepared: PreparedMap, pose: Pose) -> float:
 
 def _narrow(evaluator: Evaluator, prepared: PreparedMap, pose: Pose, key: str) -> BadInputError:
     """Return the error of a start that is too near a wall."""
-    radius_mm, build = evaluator.radii_mm[0], evaluator.space.build
+    radius_mm, build = evaluator.space.radii_mm(evaluator.growth)[0], evaluator.space.build
     away_mm, width_mm = _away_mm(prepared, pose), build.build(1).widths_mm[0]
     most_mm = np.floor(10.0 * width_mm * away_mm / radius_mm) / 10.0
     helps = f", or set {build.widths_key} to at most {most_mm:g}" if most_mm >= 1.0 else ""

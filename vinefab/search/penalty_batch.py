@@ -62,7 +62,7 @@ from vinefab.outline.body_outline import flat_layout
 from vinefab.outline.ends import Leaf, level_fillets_mm, pouch_takes_mm
 from vinefab.outline.joint import LEAST_SEGMENT_MM, STEEPEST, Point
 from vinefab.physics.tube import inflated_diameter_mm, lumen_area_mm2
-from vinefab.search.space import DesignBatch, DesignSpace, batch_branches
+from vinefab.search.space import BatchBranches, DesignBatch, DesignSpace, batch_branches
 from vinefab.search.tree_batch import TreeBatch
 
 if TYPE_CHECKING:
@@ -106,77 +106,42 @@ class TreeRows(NamedTuple):
     stretch: Floats  # by which it grows longer under pressure
 
     @classmethod
-    def of(cls, trees: TreeBatch, builds: Ints, stretch: Floats) -> "TreeRows":
-        """Return the rows of some trees with some builds."""
-        own = _Family.of(trees.first, trees.parent, trees.is_bent)
-        return cls(
-            depth=trees.depth,
-            build=np.ascontiguousarray(builds),
-            first=trees.first,
-            parent=trees.parent,
-            level=trees.level,
-            kid=own.kid,
-            kids=own.kids,
-            bend=own.bend,
-            leaf=own.leaf,
-            offset=trees.offset_rad,
-            length=trees.length_mm,
-            half=trees.width_mm / 2.0,
-            end_half=trees.end_width_mm / 2.0,
-            fillet=trees.fillet_mm,
-            stretch=stretch,
-        )
-
-    @classmethod
-    def of_levels(cls, designs: DesignBatch, builds: Ints, tables: "LevelTables") -> "TreeRows":
-        """Return the rows of designs of levels with some builds."""
-        tree = batch_branches(designs)
-        own = _Family.of(tree.first, tree.parent, np.zeros(len(tree.parent), dtype=np.bool_))
-        build = np.repeat(builds, np.diff(tree.first))
-        at = build, tree.level - 1
-        return cls(
-            depth=np.ascontiguousarray(designs.depth),
-            build=np.ascontiguousarray(builds),
-            first=tree.first,
-            parent=tree.parent,
-            level=tree.level,
-            kid=own.kid,
-            kids=own.kids,
-            bend=own.bend,
-            leaf=own.leaf,
-            offset=tree.offset_rad,
-            length=tree.length_mm,
-            half=tables.half[at],
-            end_half=tables.end_half[at],
-            fillet=tables.fillet[at],
-            stretch=tables.stretch[at],
-        )
-
-
-class _Family(NamedTuple):
-    """Which rows begin at the end of which, as in `TreeRows`."""
-
-    kid: Ints
-    kids: Ints
-    bend: Ints
-    leaf: Ints
-
-    @classmethod
-    def of(cls, first: Ints, parent: Ints, is_bent: NDArray[np.bool_]) -> "_Family":
-        start = np.repeat(first[:-1], np.diff(first))
-        rows = np.flatnonzero(parent >= 0)
-        above = start[rows] + parent[rows]
-        kids = np.bincount(above, minlength=len(parent))
-        kid = np.zeros(len(parent), dtype=np.int64)
-        kid[above[::-1]] = (rows - start[rows])[::-1]  # the first of them is written last
+    def of(
+        cls,
+        rows: BatchBranches,
+        depth: Ints,
+        builds: Ints,
+        sizes: "Sizes",
+        is_bent: NDArray[np.bool_],
+    ) -> "TreeRows":
+        """Return rows, and which of them begin at the end of which."""
+        start = np.repeat(rows.first[:-1], np.diff(rows.first))
+        children = np.flatnonzero(rows.parent >= 0)
+        above = start[children] + rows.parent[children]
+        kids = np.bincount(above, minlength=len(rows.parent))
+        kid = np.zeros(len(rows.parent), dtype=np.int64)
+        kid[above[::-1]] = (children - start[children])[::-1]  # the first of them is written last
         leaf = (kids == 0).astype(np.int64)
         for row in np.flatnonzero(is_bent)[::-1].tolist():
-            leaf[start[row] + parent[row]] = leaf[row]
-        return cls(kid=kid, kids=kids, bend=is_bent.astype(np.int64), leaf=leaf)
+            leaf[start[row] + rows.parent[row]] = leaf[row]
+        return cls(
+            depth=np.ascontiguousarray(depth),
+            build=np.ascontiguousarray(builds),
+            first=rows.first,
+            parent=rows.parent,
+            level=rows.level,
+            kid=kid,
+            kids=kids,
+            bend=is_bent.astype(np.int64),
+            leaf=leaf,
+            offset=rows.offset_rad,
+            length=rows.length_mm,
+            **sizes._asdict(),
+        )
 
 
-class LevelTables(NamedTuple):
-    """Sizes of the branches of a level, for b builds of at most n levels, shape (b, n)."""
+class Sizes(NamedTuple):
+    """Sizes of branches: of rows, or of each of b builds and n levels, shape (b, n)."""
 
     half: Floats  # half the lay-flat width where its branches begin, mm
     end_half: Floats  # the same where they end
@@ -513,7 +478,7 @@ class BatchPenalty:
     """The penalty of designs with the same few builds, many at once."""
 
     tables: BuildTables
-    levels: LevelTables
+    levels: Sizes  # of each build and level
     limits: PenaltyLimits
     builds: tuple[Build, ...]
     material: Material
@@ -560,18 +525,38 @@ class BatchPenalty:
     def _rows(self, designs: DesignBatch | TreeBatch, builds: Ints) -> TreeRows:
         """Return designs for the kernel."""
         if isinstance(designs, DesignBatch):
-            return TreeRows.of_levels(designs, builds, self.levels)
-        stretch = np.ones(len(designs.parent))
-        if self.limits.compensated:
-            build = np.repeat(builds, np.diff(designs.first))
-            pairs = np.column_stack([build, designs.width_mm])
-            known, place = np.unique(pairs, axis=0, return_inverse=True)
-            values = [
-                stretch_at(self.builds[int(build)], self.material, width_mm)
-                for build, width_mm in known.tolist()
-            ]
-            stretch = np.array(values)[place.ravel()]
-        return TreeRows.of(designs, builds, stretch)
+            rows = batch_branches(designs)
+            at = np.repeat(builds, np.diff(rows.first)), rows.level - 1
+            sizes = Sizes(*(one[at] for one in self.levels))
+            is_bent = np.zeros(len(rows.parent), dtype=np.bool_)
+            return TreeRows.of(rows, designs.depth, builds, sizes, is_bent)
+        sizes = Sizes(
+            half=designs.width_mm / 2.0,
+            end_half=designs.end_width_mm / 2.0,
+            fillet=designs.fillet_mm,
+            stretch=self._stretches(designs, builds),
+        )
+        rows = BatchBranches(
+            first=designs.first,
+            parent=designs.parent,
+            level=designs.level,
+            offset_rad=designs.offset_rad,
+            length_mm=designs.length_mm,
+        )
+        return TreeRows.of(rows, designs.depth, builds, sizes, designs.is_bent)
+
+    def _stretches(self, designs: TreeBatch, builds: Ints) -> Floats:
+        """Return by how much the tube of each row grows longer; equal ones are worked out once."""
+        if not self.limits.compensated:
+            return np.ones(len(designs.parent))
+        build = np.repeat(builds, np.diff(designs.first))
+        pairs = np.column_stack([build, designs.width_mm])
+        known, place = np.unique(pairs, axis=0, return_inverse=True)
+        values = [
+            stretch_at(self.builds[int(build)], self.material, width_mm)
+            for build, width_mm in known.tolist()
+        ]
+        return np.array(values)[place.ravel()]
 
     def _of_valid(self, rows: TreeRows, sides: tuple[Floats, Floats] | None) -> BatchFound:
         """Return the penalties and joints of trees of which none is too large."""
@@ -675,17 +660,6 @@ def _scratch(rows: int, capsules: int) -> Scratch:
     )
 
 
-def width_violations(build: Build, changed: LimitChanges) -> float:
-    """Return the summed depths of violations by the widths of the levels, whatever they hold."""
-    widths_mm, ends_mm = build.widths_mm, build.end_widths_mm
-    least_mm, least = (
-        rule.limits_under(changed)["error"] for rule in (check_least_width, check_width_ratio)
-    )
-    ratios = (wide / narrow for wide, narrow in zip(ends_mm, widths_mm[1:], strict=False))
-    narrow = math.fsum((least_mm - mm) / least_mm for mm in ends_mm if mm < least_mm)
-    return narrow + math.fsum((least - ratio) / least for ratio in ratios if ratio < least)
-
-
 def _tables(
     rules: PenaltyRules, builds: Sequence[Build], fans: Sequence[Mapping[int, Collection[int]]]
 ) -> BuildTables:
@@ -749,7 +723,7 @@ def _tables(
     )
 
 
-def _level_tables(rules: PenaltyRules, builds: Sequence[Build]) -> LevelTables:
+def _level_tables(rules: PenaltyRules, builds: Sequence[Build]) -> Sizes:
     """Return the sizes of the branches of each level."""
     material, widths_mm = rules.profile.material, _padded([build.widths_mm for build in builds])
     stretch = np.ones_like(widths_mm)
@@ -757,7 +731,7 @@ def _level_tables(rules: PenaltyRules, builds: Sequence[Build]) -> LevelTables:
         stretch = _padded(
             [[stretch_at(build, material, mm) for mm in build.widths_mm] for build in builds]
         )
-    return LevelTables(
+    return Sizes(
         half=widths_mm / 2.0,
         end_half=_padded([build.end_widths_mm for build in builds]) / 2.0,
         fillet=_padded([level_fillets_mm(build) for build in builds]),
@@ -786,6 +760,6 @@ def _padded(rows: Sequence[Sequence[float]]) -> Floats:
 
 
 def _capsule_rows(found: Sequence[Sequence[tuple[Point, Point, float]]]) -> tuple[Ints, Floats]:
-    """Return where the capsules of each build begin, and all of them, as in `LevelTables`."""
+    """Return where the capsules of each build begin, and all of them, as in `BuildTables`."""
     rows = [[*start, *end, half, half] for some in found for start, end, half in some]
     return np.cumsum([0, *map(len, found)]), np.array(rows).reshape(-1, 6)

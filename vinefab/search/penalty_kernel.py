@@ -382,12 +382,8 @@ def _joint_depth(trees, base, k, above_mm, limits, scratch):
     beside, between, share = 0.0, math.inf, 0.0
     scratch.stop[k] = 0.0
     for gap in range(children + 1):
-        left, right = first + gap - 1, first + gap
-        after, before = gap > 0, gap < children
-        one = trees.half[base + left] if after else wide
-        two = trees.half[base + right] if before else wide
-        angle = scratch.before[right] if before else scratch.after[left]
-        fillet = _designed_fillet(trees, base, left, right, after, before)
+        left, right, after, before = _beside_gap(first, children, gap)
+        one, two, angle, fillet = _gap(trees, base, k, left, right, after, before, scratch)
         if after and before:
             angle += 2.0 * lean
             between = min(between, angle)
@@ -436,6 +432,21 @@ def _disc(trees, base, k):
 
 
 @inlined
+def _beside_gap(first, children, gap):
+    """Return the children before and after a gap, and whether there are such."""
+    return first + gap - 1, first + gap, gap > 0, gap < children
+
+
+@inlined
+def _gap(trees, base, k, left, right, after, before, scratch):
+    """Return half the widths of the bodies at a gap, its bare angle, and its designed fillet."""
+    one = trees.half[base + left] if after else trees.end_half[base + k]
+    two = trees.half[base + right] if before else trees.end_half[base + k]
+    angle = scratch.before[right] if before else scratch.after[left]
+    return one, two, angle, _designed_fillet(trees, base, left, right, after, before)
+
+
+@inlined
 def _designed_fillet(trees, base, left, right, after, before):
     """Return the fillet of a gap: between two children the smaller one, else the child's own."""
     if after and before:
@@ -477,16 +488,11 @@ def _drawn_fillets(trees, d, limits, scratch):
         tilt = lean - _lean(trees.half[base + k], wide, above_mm, limits)
         beside, between = 0.0, 0.0
         for gap in range(children + 1):
-            left, right = first + gap - 1, first + gap
-            after, before = gap > 0, gap < children
-            one = trees.half[base + left] if after else wide
-            two = trees.half[base + right] if before else wide
-            one_mm = scratch.run[left] if after else above_mm
-            two_mm = scratch.run[right] if before else above_mm
-            angle = scratch.before[right] if before else scratch.after[left]
+            left, right, after, before = _beside_gap(first, children, gap)
+            one, two, angle, fillet = _gap(trees, base, k, left, right, after, before, scratch)
             angle += 2.0 * lean if after and before else tilt
-            fillet = _designed_fillet(trees, base, left, right, after, before)
-            most = _largest_fillet(angle, one, two, max(0.5 * min(one_mm, two_mm), disc))
+            shorter_mm = _shorter(first, children, gap, above_mm, scratch)
+            most = _largest_fillet(angle, one, two, max(0.5 * shorter_mm, disc))
             lack = _excess(limits.drawn_mm, max(0.0, min(fillet, most)), limits.most)
             if after and before:
                 between = max(between, lack)
@@ -510,19 +516,15 @@ def _small_arcs(trees, base, k, above_mm, limits, scratch):
     An even fan is its own mirror image: of two like gaps the one next to the shorter branch counts.
     """
     found, children, first = 0.0, trees.kids[base + k], trees.kid[base + k]
-    wide, disc, even = trees.end_half[base + k], _disc(trees, base, k), _even_fan(trees, base, k)
+    disc, even = _disc(trees, base, k), _even_fan(trees, base, k)
     gaps = (children + 2) // 2 if even >= 0.0 else children + 1
     for gap in range(gaps):
-        left, right = first + gap - 1, first + gap
-        after, before = gap > 0, gap < children
-        one = trees.half[base + left] if after else wide
-        two = trees.half[base + right] if before else wide
-        angle = scratch.before[right] if before else scratch.after[left]
+        left, right, after, before = _beside_gap(first, children, gap)
+        one, two, angle, fillet = _gap(trees, base, k, left, right, after, before, scratch)
         shorter_mm = _shorter(first, children, gap, above_mm, scratch)
         if even >= 0.0:
             mirrored_mm = _shorter(first, children, children - gap, above_mm, scratch)
             shorter_mm = min(shorter_mm, mirrored_mm)
-        fillet = _designed_fillet(trees, base, left, right, after, before)
         most = _largest_fillet(angle, one, two, max(0.5 * shorter_mm, disc))
         radius, least = max(0.0, min(fillet, most)), limits.fillet_mm
         arc = (radius - limits.seal_mm) * _largest_turn(angle, one, two, radius, disc)
@@ -972,18 +974,14 @@ def _find_straight_sides(trees, d, limits, scratch, cutting):
 def _find_sides_at(trees, base, k, limits, scratch, cutting):
     """Write where the sides at a joint begin to be straight, and where those of its parent stop."""
     children, first, begin = trees.kids[base + k], trees.kid[base + k], cutting.begin
-    wide, disc, stop = trees.end_half[base + k], _disc(trees, base, k), 0.0
+    disc, stop = _disc(trees, base, k), 0.0
     for c in range(first, first + children):
         begin[c] = 0.0
     for gap in range(children + 1):
-        left, right = first + gap - 1, first + gap
-        after, before = gap > 0, gap < children
-        one = trees.half[base + left] if after else wide
-        two = trees.half[base + right] if before else wide
-        angle = scratch.before[right] if before else scratch.after[left]
+        left, right, after, before = _beside_gap(first, children, gap)
+        one, two, angle, fillet = _gap(trees, base, k, left, right, after, before, scratch)
         shorter_mm = _shorter(first, children, gap, scratch.above[k], scratch)
-        most = _largest_fillet(angle, one, two, max(0.5 * shorter_mm, disc))
-        fillet = min(_designed_fillet(trees, base, left, right, after, before), most)
+        fillet = min(fillet, _largest_fillet(angle, one, two, max(0.5 * shorter_mm, disc)))
         for place in range(3):
             # Sockets next to each other lie on children alone, beyond the straight and a blend.
             out = (0.0, limits.reach_mm, limits.beside_mm)[place]

@@ -187,9 +187,8 @@ class Search:
             settings.optimizer.name, settings.optimizer.parameters
         )
         seed, population = settings.search.seed, settings.search.population
-        asked = started(
-            config, settings.optimizer.name, evaluator.space.axes_of_levels, population, seed
-        )
+        axes = evaluator.space.levels.axes
+        asked = started(config, settings.optimizer.name, axes, population, seed)
         check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
         if isinstance(evaluator.space, FreeSpace):
             if settings.objectives:

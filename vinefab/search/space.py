@@ -10,7 +10,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, overload
 
 import numpy as np
@@ -240,7 +239,7 @@ def _sheet_box_mm(tree: BranchTree, build_of: BuildOf) -> tuple[Floats, Floats]:
     """Return the corners of a flat robot's box, as `_sheet_boxes_mm`."""
     parts, build = tree.straight, build_of(int(tree.level.max()))
     reach_mm = np.repeat(np.maximum(parts.width_mm, parts.end_width_mm)[:, None] / 2.0, 2, axis=1)
-    heading, end_mm = parts.laid_out()
+    _, end_mm, heading = parts.laid_out()
     tips = parts.is_leaf
     reach_mm[tips] = np.maximum(reach_mm[tips], _tip_reach_mm(heading[tips], build))
     half_mm = parts.width_mm[0] / 2.0
@@ -621,9 +620,9 @@ class DesignSpace(ABC):
         """The coordinates as optimizers see them."""
 
     @property
-    def axes_of_levels(self) -> SearchAxes:
-        """The coordinates that the run's optimizer searches: of designs of levels."""
-        return self.axes
+    @abstractmethod
+    def levels(self) -> "Space":
+        """The space of levels, which the run's optimizer searches."""
 
     @property
     @abstractmethod
@@ -647,19 +646,15 @@ class DesignSpace(ABC):
         """Return a design alone in a batch."""
 
     @abstractmethod
-    def planned(
-        self,
-        designs: Any,  # noqa: ANN401  every space has its own batches
-        radii_mm: tuple[float, ...],
-        options: GrowthOptions,
-    ) -> Plans:
-        """Return the plans of some of its designs, as `batch` gives them.
+    def planned(self, designs: Any, options: GrowthOptions) -> Plans:  # noqa: ANN401  its batches
+        """Return the plans of some of its designs, as `batch` gives them."""
 
-        Parameters
-        ----------
-        radii_mm
-            Body radius per level of the deepest designs; one 0 for bare centrelines.
-        """
+    def radii_mm(self, options: GrowthOptions) -> tuple[float, ...]:
+        """Return body radii per level of the deepest designs; one 0 for bare centrelines."""
+        if options.body == "centerline":
+            return (0.0,)
+        deepest = self.build_of(int(self.settings.levels.high))
+        return tuple(options.radius_mm(width_mm) for width_mm in deepest.widths_mm)
 
     @abstractmethod
     def values(self, x: Floats) -> list[SpaceValue]:
@@ -815,6 +810,11 @@ class Space(DesignSpace):
             counts=branch_counts(depth, branches),
         )
 
+    @property
+    def levels(self) -> "Space":
+        """The space itself."""
+        return self
+
     def values(self, x: Floats) -> list[SpaceValue]:
         """Return the values of the variables that the design at a point has."""
         depth, found = self.design(x).depth, list[SpaceValue]()
@@ -841,29 +841,15 @@ class Space(DesignSpace):
         """Return a design of levels alone in a batch."""
         return DesignBatch.of(design)
 
-    def trees(self, x: Floats) -> list[BranchTree]:
-        """Return the trees of designs of levels at many points."""
-        designs = self.batch(x)
-        rows = batch_branches(designs)
-        found = list[BranchTree]()
-        for place, (one, two) in enumerate(pairwise(rows.first.tolist())):
-            found.append(
-                BranchTree.of(
-                    parent=rows.parent[one:two],
-                    level=rows.level[one:two],
-                    offset_rad=rows.offset_rad[one:two],
-                    length_mm=rows.length_mm[one:two],
-                    build=self.build_of(int(designs.depth[place])),
-                )
-            )
-        return found
+    def trees(self, designs: DesignBatch) -> list[BranchTree]:
+        """Return the trees of designs of levels."""
+        rows, builds = batch_branches(designs), map(self.build_of, designs.depth.tolist())
+        return [rows.tree(place, build) for place, build in enumerate(builds)]
 
-    def planned(
-        self, designs: DesignBatch, radii_mm: tuple[float, ...], options: GrowthOptions
-    ) -> Plans:
-        """Return the plans of some of its designs, as `DesignSpace.planned`."""
+    def planned(self, designs: DesignBatch, options: GrowthOptions) -> Plans:
+        """Return the plans of some of its designs, as `batch` gives them."""
         builds = {depth: self.build_of(depth) for depth in set(designs.depth.tolist())}
-        return planned_batch(designs, builds, radii_mm, options)
+        return planned_batch(designs, builds, self.radii_mm(options), options)
 
     def vector(self, design: Design) -> Floats:
         """Return the point for a design, or the nearest within the bounds.
@@ -910,6 +896,17 @@ class BatchBranches(NamedTuple):
     offset_rad: Floats
     length_mm: Floats
 
+    def tree(self, place: int, build: Build) -> BranchTree:
+        """Return the tree of one design, which is built in some way."""
+        own = slice(int(self.first[place]), int(self.first[place + 1]))
+        return BranchTree.of(
+            parent=self.parent[own],
+            level=self.level[own],
+            offset_rad=self.offset_rad[own],
+            length_mm=self.length_mm[own],
+            build=build,
+        )
+
 
 def batch_branches(designs: DesignBatch) -> BatchBranches:
     """Return all branches of a design batch."""
@@ -939,8 +936,7 @@ class _PlannedTrees(Sequence[Plan]):
     """The planned trees of a design batch; each plan is created on access."""
 
     arrays: TreesArrays  # all trees, concatenated
-    level: Ints  # level of each branch, 1 for the trunk
-    offset_rad: Floats  # angle of each branch from its parent's heading
+    branches: BatchBranches  # of all trees
     counts: Ints  # number of branches of each tree per level, shape (m, n + 1)
     builds: dict[int, Build]  # by depth
     # body radius per level of the deepest designs; one 0 for bare centrelines
@@ -960,17 +956,10 @@ class _PlannedTrees(Sequence[Plan]):
         if isinstance(index, slice):
             return [self[row] for row in range(*index.indices(len(self)))]
         one, two = self.arrays.first[index], self.arrays.first[index + 1]
-        level = self.level[one:two]
-        depth = int(level[-1])
+        depth = int(self.branches.level[two - 1])
         build, wide = self.builds[depth], len(self.radii_mm) > 1 or self.radii_mm[0] > 0.0
         edges = np.cumsum(self.counts[index, :depth]).tolist() if wide else [int(two - one)]
-        tree = BranchTree.of(
-            parent=self.arrays.parent[one:two],
-            level=level,
-            offset_rad=self.offset_rad[one:two],
-            length_mm=self.arrays.length[one:two],
-            build=build,
-        )
+        tree = self.branches.tree(index, build)
         return Plan(
             tree=tree,
             parts=tree,
@@ -990,7 +979,8 @@ def planned_batch(
     options: GrowthOptions,
 ) -> Plans:
     """Return the plans of a design batch; builds of other depths begin with the same widths."""
-    first, parent, level, offset_rad, length_mm = batch_branches(designs)
+    branches = batch_branches(designs)
+    first, parent, level, offset_rad, length_mm = branches
     turn = np.column_stack([np.cos(offset_rad), np.sin(offset_rad)])
     deepest = builds[max(builds)]
     width_mm = np.array(deepest.widths_mm)
@@ -1009,8 +999,7 @@ def planned_batch(
         array.setflags(write=False)
     each = _PlannedTrees(
         arrays=arrays,
-        level=level,
-        offset_rad=offset_rad,
+        branches=branches,
         counts=designs.counts,
         builds=builds,
         radii_mm=radii_mm,

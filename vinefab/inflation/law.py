@@ -87,6 +87,8 @@ class LawJoints:
     passages: Floats  # into the child where least passes, shape (m,)
     crotch_loads: Floats  # over the load of the parent's straight seam, shape (m,)
     is_within: Bools  # whether the joint is within the law's range, shape (m,)
+    # By how much gaps are narrower than the law knows, or turns wider, relative to that; (m,).
+    beyond: Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -243,6 +245,10 @@ def law_of(way: Way, joints: Joints) -> LawJoints | None:
         passages=np.clip(np.nanmin(values[3], axis=1), 0.1, 1.0),
         crotch_loads=np.exp(np.nanmax(values[4], axis=1)),
         is_within=np.asarray(within.all(axis=1) & fillets.all(axis=1) & strains, dtype=np.bool_),
+        beyond=np.maximum(
+            np.where(there, np.abs(joints.angles_deg) / MOST_ANGLE_DEG - 1.0, 0.0).max(axis=1),
+            np.where(there[:, 1:], 1.0 - gaps / LEAST_GAP_DEG, 0.0).max(axis=1),
+        ).clip(0.0),
     )
 
 
@@ -263,7 +269,7 @@ def flat_by_law(joints: Joints, gain: float = 1.0) -> LawJoints | None:
         aim = replace(aim, angles_deg=aim.angles_deg + off_deg)
         again = law_of("flat", aim)
         assert again is not None  # noqa: S101  as before
-        found = replace(again, is_within=found.is_within)
+        found = replace(again, is_within=found.is_within, beyond=found.beyond)
     return found
 
 

@@ -531,7 +531,8 @@ class QuickPattern:
 
     flat: Design
     passages: tuple[float, ...]  # of the joints of each kind, in the order of their first parts
-    # By how much deployed fans are narrower than any simulated one, relative to that; summed.
+    # By how much joints lie beyond the simulated ones: narrower fans, fewer degrees between
+    # siblings, wider turns, more children; relative to the nearest simulated one; summed.
     beyond: float
 
 
@@ -540,7 +541,7 @@ def quick_pattern(design: Design, material: Material) -> QuickPattern:
 
     Angles are within a few degrees of those of `vinefab.inflation.pattern.pattern_of`. Even fans of
     at most `MOST_CHILDREN` equally wide children are the table's, others and bends those of the
-    law; joints beyond its range keep their designed angles.
+    law, beyond its range those of its end; with more children they keep their designed angles.
     """
     build, drawn = design.build, DrawnTree.of(design)
     parts, beyond, families = drawn.tree, 0.0, joint_families(drawn)
@@ -553,7 +554,7 @@ def quick_pattern(design: Design, material: Material) -> QuickPattern:
         plan, children = family.plan, np.array([drawn.children[row] for row in family.rows])
         fan_rad = _even_fan_rad(plan)
         if fan_rad is None or len(plan.children) > MOST_CHILDREN:
-            if len(plan.children) <= law.MOST_CHILDREN:
+            if fan_rad is None:
                 uneven.append(place)
             continue
         width_mm, child = 2.0 * plan.parent.half_mm, plan.children[0]
@@ -576,10 +577,9 @@ def quick_pattern(design: Design, material: Material) -> QuickPattern:
         passages[place] = float(_at(fans.passages, fan_rad))
     by_law = _by_law([families[place] for place in uneven], build, material)
     for place, flat in zip(uneven, by_law, strict=True):
-        if flat is None:
-            continue
         passages[place] = flat.passage
-        if build.compensation != "none":
+        beyond += flat.beyond
+        if flat.angles_rad is not None:
             family = families[place]
             children = np.array([drawn.children[row] for row in family.rows])
             planned_mm = parts.length_mm[children]
@@ -587,7 +587,7 @@ def quick_pattern(design: Design, material: Material) -> QuickPattern:
             offset_rad[children] = flat.angles_rad
     told = tuple(passages.tolist())
     if build.compensation == "none":
-        return QuickPattern(flat=design, passages=told, beyond=0.0)
+        return QuickPattern(flat=design, passages=told, beyond=beyond)
     tree = design.tree.of_parts(parts, offset_rad, length_mm)
     flat_design = design.shaped(tree, build.changed(compensation="none"))
     return QuickPattern(flat=flat_design, passages=told, beyond=beyond)
@@ -603,44 +603,51 @@ def _cut_mm(planned_mm: Floats, backs_mm: Floats, stretch: Floats) -> Floats:
 class _ByLaw:
     """The children of an uneven fan, or of a bend, by the law."""
 
-    angles_rad: Floats  # flat ones, shape (n,)
+    angles_rad: Floats | None  # flat ones, shape (n,); None where they are cut as designed
     backs_mm: Floats  # shape (n,)
     passage: float  # as compensated, or as cut where nothing is
+    beyond: float  # as of `QuickPattern`
 
 
-def _by_law(
-    families: list[JointFamily], build: Build, material: Material
-) -> Iterator[_ByLaw | None]:
-    """Yield joints of few children by the law; None where it does not tell."""
-    if not families:
-        return
-    plans, away_mm = [family.plan for family in families], np.ones((len(families), 4))
-    for row, family in enumerate(families):
-        away_mm[row, : len(family.away_mm)] = family.away_mm
-    joints = _law_joints(plans, build, material)
+def _by_law(families: list[JointFamily], build: Build, material: Material) -> list[_ByLaw]:
+    """Return joints by the law; those with too many children are cut as designed."""
+    most, is_drawn = law.MOST_CHILDREN, build.compensation == "none"
+    few = [place for place, one in enumerate(families) if len(one.plan.children) <= most]
+    told = [
+        _ByLaw(angles_rad=None, backs_mm=np.empty(0), passage=1.0, beyond=beyond)
+        for beyond in (float(len(one.plan.children) - most) for one in families)
+    ]
+    if not few:
+        return told
+    joints = _law_joints([families[place].plan for place in few], build, material)
     gain = 1.0 if material.closing_gain is None else material.closing_gain.value
-    width_mm = np.array([2.0 * plan.parent.half_mm for plan in plans])
-    if build.compensation == "none":
-        found = law.law_of("deployed", joints)
-    else:
-        found = law.flat_by_law(joints, gain)
-        if found is not None:
-            # Turned a little, as even fans are.
-            turn_rad = np.nan_to_num(found.side_offsets) * width_mm[:, None] / away_mm
-            most_rad = np.minimum(MOST_TURN_RAD, np.radians(np.abs(joints.angles_deg)) / 5.0)
-            aimed_deg = joints.angles_deg - np.degrees(np.clip(turn_rad, -most_rad, most_rad))
-            aimed = law.flat_by_law(replace(joints, angles_deg=aimed_deg), gain)
-            found = aimed and replace(aimed, is_within=found.is_within)
-    for row in range(len(families)):
-        if found is None or not found.is_within[row]:
-            yield None
+    found = law.law_of("deployed", joints) if is_drawn else law.flat_by_law(joints, gain)
+    if found is None:
+        return [replace(one, beyond=one.beyond + most) for one in told]
+    for row, place in enumerate(few):
+        own, family = slice(0, int(joints.count[row])), families[place]
+        width_mm, beyond = 2.0 * family.plan.parent.half_mm, float(found.beyond[row])
+        angles_rad = np.radians(found.angles_deg[row, own])
+        if is_drawn:
+            # As cut siblings deploy through each other.
+            gaps = np.degrees(np.diff(angles_rad)) / law.LEAST_GAP_DEG
+            told[place] = _ByLaw(
+                angles_rad=None,
+                backs_mm=np.empty(0),
+                passage=float(found.passages[row]),
+                beyond=max(beyond, *(1.0 - gap for gap in gaps.tolist() if gap <= 0.0), 0.0),
+            )
             continue
-        own = slice(0, int(joints.count[row]))
-        yield _ByLaw(
-            angles_rad=np.radians(found.angles_deg[row, own]),
-            backs_mm=width_mm[row] * found.pull_backs[row, own],
+        # Turned a little, as even fans are.
+        turn_rad = found.side_offsets[row, own] * width_mm / np.array(family.away_mm)
+        most_rad = np.minimum(MOST_TURN_RAD, np.radians(np.abs(joints.angles_deg[row, own])) / 5.0)
+        told[place] = _ByLaw(
+            angles_rad=angles_rad - np.clip(turn_rad, -most_rad, most_rad),
+            backs_mm=width_mm * found.pull_backs[row, own],
             passage=float(found.passages[row]),
+            beyond=beyond,
         )
+    return told
 
 
 def _law_joints(plans: list[JointPlan], build: Build, material: Material) -> law.Joints:

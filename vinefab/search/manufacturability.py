@@ -120,11 +120,12 @@ class ManufacturabilityPenalty:
     def broken(self, design: Design) -> tuple[Finding, ...] | None:
         """Return the findings that forbid a design by the full check, with the shipped joints.
 
-        Nothing is simulated, so that it takes some hundredths of a second. None for designs with a
-        joint that the table does not have, and for very large ones.
+        Nothing is simulated, so that it takes some hundredths of a second: joints are those of the
+        table and the law. None for designs with a joint that neither has, and for very large ones.
         """
         pattern = pattern_of(design, self.profile, known_only=True)
-        known = all(one.found and one.found.source == "table" for one in pattern.joints)
+        shipped = "table", "law"
+        known = all(one.found and one.found.source in shipped for one in pattern.joints)
         # Branches of the largest designs that are checked in full while a search runs.
         most_tabled = 400
         if not known or design.branch_count > most_tabled:

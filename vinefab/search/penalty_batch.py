@@ -4,7 +4,7 @@ Everything that depends on a build and a level alone is computed once, by the ru
 """
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
@@ -46,6 +46,7 @@ from vinefab.fabrication.rules.tree_rules import (
     check_width_ratio,
     widest_cut_mm,
 )
+from vinefab.inflation import law
 from vinefab.inflation.pattern import (
     FANS,
     LEAST_LENGTH,
@@ -54,8 +55,10 @@ from vinefab.inflation.pattern import (
     FanLaw,
     joint_law,
     quick_pattern,
+    strain_at,
     stretch_at,
 )
+from vinefab.inflation.table import FILLET
 from vinefab.model.design import MOST_BRANCHES, MOST_LEVELS, Build, Design
 from vinefab.model.laser import LaserProfile, Material
 from vinefab.outline.body_outline import flat_layout
@@ -104,6 +107,7 @@ class TreeRows(NamedTuple):
     end_half: Floats  # the same where it ends
     fillet: Floats  # radius at the joint where it begins, mm
     stretch: Floats  # by which it grows longer under pressure
+    strain: Floats  # hoop strain of its film where it ends
 
     @classmethod
     def of(
@@ -147,6 +151,7 @@ class Sizes(NamedTuple):
     end_half: Floats  # the same where they end
     fillet: Floats  # radius at the joint below, mm
     stretch: Floats  # by which its tubes grow longer under pressure
+    strain: Floats  # hoop strain of its film where its branches end
 
 
 class BuildTables(NamedTuple):
@@ -177,6 +182,16 @@ class BuildTables(NamedTuple):
     drawn: Floats  # passages of fans cut as designed, by fan; no rows where fans are compensated
     most_turn: float  # by which children are turned so that their tips come near, rad
     least_length: float  # share of a planned length that is always cut
+    # the law of single joints: flat angles from deployed ones where designs are compensated, else
+    # deployed ones from flat ones
+    law_first: Floats  # as of `vinefab.inflation.law.Network`
+    law_second: Floats
+    law_last: Floats
+    law_within: Floats  # ranges of width ratio, fillet ratio and strain, shape (3, 2)
+    law_least_deg: float  # least gap between siblings that it knows
+    law_most_deg: float  # most that a child may turn
+    law_children: int  # most children of a joint
+    gain: float  # how far joints turn over the simulated, as measured
 
 
 class PenaltyLimits(NamedTuple):
@@ -252,6 +267,7 @@ class Scratch(NamedTuple):
     turn: Floats  # cosine and sine of the rotations tried, shape (2, t)
     low: Floats  # lowest place across each rotation, mm, shape (t,)
     high: Floats  # highest place, mm, shape (t,)
+    law: Floats  # rows of one joint for the law, see the kernel
 
 
 class CutScratch(NamedTuple):
@@ -535,6 +551,7 @@ class BatchPenalty:
             end_half=designs.end_width_mm / 2.0,
             fillet=designs.fillet_mm,
             stretch=self._stretches(designs, builds),
+            strain=self._of_widths(strain_at, builds, designs, designs.end_width_mm),
         )
         rows = BatchBranches(
             first=designs.first,
@@ -546,16 +563,22 @@ class BatchPenalty:
         return TreeRows.of(rows, designs.depth, builds, sizes, designs.is_bent)
 
     def _stretches(self, designs: TreeBatch, builds: Ints) -> Floats:
-        """Return by how much the tube of each row grows longer; equal ones are worked out once."""
+        """Return by how much the tube of each row grows longer."""
         if not self.limits.compensated:
             return np.ones(len(designs.parent))
-        build = np.repeat(builds, np.diff(designs.first))
-        pairs = np.column_stack([build, designs.width_mm])
+        return self._of_widths(stretch_at, builds, designs, designs.width_mm)
+
+    def _of_widths(
+        self,
+        value: Callable[[Build, Material, float], float],
+        builds: Ints,
+        designs: TreeBatch,
+        width_mm: Floats,
+    ) -> Floats:
+        """Return a value of the tube of each row; those of equal widths are worked out once."""
+        pairs = np.column_stack([np.repeat(builds, np.diff(designs.first)), width_mm])
         known, place = np.unique(pairs, axis=0, return_inverse=True)
-        values = [
-            stretch_at(self.builds[int(build)], self.material, width_mm)
-            for build, width_mm in known.tolist()
-        ]
+        values = [value(self.builds[int(build)], self.material, mm) for build, mm in known.tolist()]
         return np.array(values)[place.ravel()]
 
     def _of_valid(self, rows: TreeRows, sides: tuple[Floats, Floats] | None) -> BatchFound:
@@ -631,6 +654,10 @@ _TURN = np.stack(
 """Cosine and sine of the rotations on the sheet that are tried."""
 
 
+LAW_ROOM = 64
+"""Units, or inputs, that a layer of the law may have."""
+
+
 def _scratch(rows: int, capsules: int) -> Scratch:
     """Return memory for the largest tree."""
     return Scratch(
@@ -657,6 +684,7 @@ def _scratch(rows: int, capsules: int) -> Scratch:
         turn=_TURN,
         low=np.empty(TURNS),
         high=np.empty(TURNS),
+        law=np.empty((penalty_kernel.LAW_ROWS, LAW_ROOM)),
     )
 
 
@@ -666,19 +694,20 @@ def _tables(
     """Return the tables that depend on a build and a level alone."""
     profile, changed, limits = rules.profile, rules.changed, rules.limits
     material, window = profile.material, check_window.limits_under(changed)
+    single = law.network("flat" if limits.compensated else "deployed")
     # How the fans that some builds may have are cut: each law once, and where it stands.
     counts = {count for by_place in fans for some in by_place.values() for count in some}
     children = min(MOST_CHILDREN, max(counts, default=1))
     law_at = np.full((len(builds), max(len(one.widths_mm) for one in builds), children + 1), -1)
-    laws: dict[FanLaw, int] = {}
+    fan_laws: dict[FanLaw, int] = {}
     for row, (build, by_place) in enumerate(zip(builds, fans, strict=True)):
         for place in range(len(build.widths_mm) - 1):
             for count in (count for count in by_place.get(place, ()) if count <= children):
                 pair_mm = build.end_widths_mm[place], build.widths_mm[place + 1]
-                law = joint_law(build, material, pair_mm, build.fillet_mm[place], count)
-                law_at[row, place, count] = laws.setdefault(law, len(laws))
-    law_rows = [law.rows for law in laws if limits.compensated]
-    drawn = [law.passages_as_drawn for law in laws if not limits.compensated]
+                found = joint_law(build, material, pair_mm, build.fillet_mm[place], count)
+                law_at[row, place, count] = fan_laws.setdefault(found, len(fan_laws))
+    law_rows = [one.rows for one in fan_laws if limits.compensated]
+    drawn = [one.passages_as_drawn for one in fan_laws if not limits.compensated]
     leaves = [_leaves(build) for build in builds]
     pouches = [[pouch_capsules(build.pouch, leaf) for leaf in row]
                for build, row in zip(builds, leaves, strict=True)]  # fmt: skip
@@ -716,10 +745,18 @@ def _tables(
         tail=tail,
         law_at=law_at,
         law=np.array(law_rows).reshape(-1, FANS, 2 * MOST_CHILDREN + 2),
-        least=np.array([law.least_rad for law in laws]),
+        least=np.array([one.least_rad for one in fan_laws]),
         drawn=np.array(drawn).reshape(-1, FANS, 1),
         most_turn=MOST_TURN_RAD,
         least_length=LEAST_LENGTH,
+        law_first=single.first if single else np.zeros((1, 1)),
+        law_second=single.second if single else np.zeros((1, 1)),
+        law_last=single.last if single else np.zeros((1, 1)),
+        law_within=np.array([law.RATIO, FILLET, law.STRAIN]),
+        law_least_deg=law.LEAST_GAP_DEG,
+        law_most_deg=law.MOST_ANGLE_DEG,
+        law_children=law.MOST_CHILDREN if single else 0,
+        gain=1.0 if material.closing_gain is None else material.closing_gain.value,
     )
 
 
@@ -736,6 +773,9 @@ def _level_tables(rules: PenaltyRules, builds: Sequence[Build]) -> Sizes:
         end_half=_padded([build.end_widths_mm for build in builds]) / 2.0,
         fillet=_padded([level_fillets_mm(build) for build in builds]),
         stretch=stretch,
+        strain=_padded(
+            [[strain_at(build, material, mm) for mm in build.end_widths_mm] for build in builds]
+        ),
     )
 
 

@@ -2,8 +2,8 @@
 
 It computes the penalties of many trees without building an object for any of them. The tests
 compare it with a readable twin (``tests/oracles/penalty.py``); the pattern of a compensated design
-is `vinefab.inflation.pattern.quick_pattern`. Like `vinefab.growth.kernel` it imports no module of
-vinefab but `core.compiling`.
+is `vinefab.inflation.pattern.quick_pattern`, that of single joints `vinefab.inflation.law.law_of`.
+Like `vinefab.growth.kernel` it imports no module of vinefab but `core.compiling`.
 
 Rows are straight parts of branches, parents first; the rows that begin at the end of another, its
 children, follow each other. Of alike rules the worst place of each level counts. Joints that are
@@ -20,10 +20,10 @@ from vinefab.core.compiling import called, compiled, inlined, takes
 
 
 # Types of arguments, see `takes`.
-_TREES = "vinefab.search.penalty_batch:TreeRows(i1 i1 i1 i1 i1 i1 i1 i1 i1 f1 f1 f1 f1 f1 f1)"
+_TREES = "vinefab.search.penalty_batch:TreeRows(i1 i1 i1 i1 i1 i1 i1 i1 i1 f1 f1 f1 f1 f1 f1 f1)"
 _TABLES = (
     "vinefab.search.penalty_batch:BuildTables("
-    "f2 f2 f2 f2 f1 f1 f1 f1 i2 i1 f2 i1 f2 i3 f3 f1 f3 f f)"
+    "f2 f2 f2 f2 f1 f1 f1 f1 i2 i1 f2 i1 f2 i3 f3 f1 f3 f f f2 f2 f2 f2 f f i f)"
 )
 _LIMITS = (
     "vinefab.search.penalty_batch:PenaltyLimits("
@@ -31,7 +31,7 @@ _LIMITS = (
 )
 _SCRATCH = (
     "vinefab.search.penalty_batch:Scratch("
-    "f1 f1 f1 f1 f1 f1 f1 f1 i1 f1 f1 f1 f1 f1 f2 f2 f2 f2 i1 i1 f2 f1 f1)"
+    "f1 f1 f1 f1 f1 f1 f1 f1 i1 f1 f1 f1 f1 f1 f2 f2 f2 f2 i1 i1 f2 f1 f1 f2)"
 )
 _CUTTING = (
     "vinefab.search.penalty_batch:CutScratch("
@@ -41,6 +41,14 @@ _CUTTING = (
 
 BODIES, WIDTHS, JOINTS, SIDES, PACKING = range(5)
 """Kinds of rules of which the worst place of each level counts."""
+
+ABOUT, GAIN_STEPS = 8, 8  # as `vinefab.inflation.law`
+
+RATIO, FILLET, STRAIN = range(3)
+"""Rows of the law's ranges."""
+
+WANTED, AIMED, RATIOS, FILLETS, CUT, BACK, ASIDE, LAW_ROWS = range(3, 11)
+"""Rows of memory for the children of a joint, behind those of the law, and how many in all."""
 
 
 @compiled
@@ -188,6 +196,8 @@ def _cut_joints(trees, d, tables, limits, scratch):
         if limits.compensated and law >= 0:
             beyond = _compensate(trees, base, k, fan, law, tables, scratch)
             scratch.worst[BODIES, level] += beyond
+        elif law < 0 and fan < 0.0:
+            _note(BODIES, level, _by_law(trees, base, k, tables, limits, scratch), scratch)
         else:
             passage = _at(tables.drawn[law], fan, 0) if law >= 0 else 1.0
             for c in range(first, first + children):
@@ -299,6 +309,152 @@ def _at(law, fan, column):
     place = min(math.degrees(fan), law.shape[0] - 1.0)
     row = min(int(place), law.shape[0] - 2)
     return law[row, column] + (place - row) * (law[row + 1, column] - law[row, column])
+
+
+@called
+def _by_law(trees, base, k, tables, limits, scratch):
+    """Write the children of an uneven fan, or behind a bend, as the law of single joints tells.
+
+    Returned is by how much the joint lies beyond the law's range; with too many children it is cut
+    as designed.
+    """
+    children, first, law = trees.kids[base + k], trees.kid[base + k], scratch.law
+    width, passage, beyond, within = 2.0 * trees.end_half[base + k], 1.0, 0.0, tables.law_within
+    if children > tables.law_children:
+        beyond = float(children - tables.law_children)
+    else:
+        for n in range(children):
+            c = base + first + n
+            law[WANTED, n] = law[AIMED, n] = trees.offset[c]
+            law[RATIOS, n] = _between(2.0 * trees.half[c] / width, within[RATIO])
+            law[FILLETS, n] = _between(trees.fillet[c] / width, within[FILLET])
+            turn = abs(math.degrees(trees.offset[c])) / tables.law_most_deg
+            beyond = max(beyond, turn - 1.0)
+            if n:
+                gap = math.degrees(trees.offset[c] - trees.offset[c - 1]) / tables.law_least_deg
+                beyond = max(beyond, 1.0 - gap)
+        passage = _single_joint(trees, base, k, tables, limits, scratch)
+    for n in range(children):
+        c = first + n
+        angle, run_mm = trees.offset[base + c], trees.length[base + c]
+        if limits.compensated and children <= tables.law_children:
+            # Turned a little, as even fans are.
+            most_rad = min(tables.most_turn, abs(angle) / 5.0)
+            turn_rad = width * law[ASIDE, n] / (run_mm + scratch.away[c])
+            angle = law[CUT, n] - min(max(turn_rad, -most_rad), most_rad)
+            run_mm = max(run_mm + width * law[BACK, n], tables.least_length * run_mm)
+            run_mm /= trees.stretch[base + c]
+        elif n and not limits.compensated and children <= tables.law_children:
+            # As cut siblings deploy through each other.
+            gap = math.degrees(law[CUT, n] - law[CUT, n - 1]) / tables.law_least_deg
+            beyond = max(beyond, 1.0 - gap if gap <= 0.0 else 0.0)
+        scratch.angle[c], scratch.run[c], scratch.passage[c] = angle, run_mm, passage
+    return beyond
+
+
+@inlined
+def _between(value, ends):
+    return min(max(value, ends[0]), ends[1])
+
+
+@inlined
+def _single_joint(trees, base, k, tables, limits, scratch):
+    """Write a joint that deploys as aimed, or what it deploys to as drawn; return its passage.
+
+    As `vinefab.inflation.law.flat_by_law`, or as its ``law_of("deployed", ...)``.
+    """
+    children, first, law = trees.kids[base + k], base + trees.kid[base + k], scratch.law
+    strain, is_bend = _between(trees.strain[base + k], tables.law_within[STRAIN]), trees.bend[first]
+    if is_bend and trees.offset[first] == 0.0:  # straight on
+        law[CUT, 0] = law[BACK, 0] = law[ASIDE, 0] = 0.0
+        return 1.0
+    passage = _law_of(tables, children, strain, is_bend, limits.compensated, law)
+    if limits.compensated and tables.gain != 1.0:
+        for _ in range(GAIN_STEPS):
+            for n in range(children):
+                turned = law[CUT, n] + tables.gain * (law[AIMED, n] - law[CUT, n])
+                law[AIMED, n] += law[WANTED, n] - turned
+            passage = _law_of(tables, children, strain, is_bend, limits.compensated, law)
+    return passage
+
+
+@called
+def _law_of(tables, count, strain, is_bend, is_flat, law):
+    """Write angles (rad), pull-backs and side offsets by the law; return the passage.
+
+    Angles are the flat ones of those aimed at, or those that these deploy to.
+    """
+    passage, x, aimed = 1.0, law[0], law[AIMED]
+    for child in range(count):
+        x[0] = math.degrees(aimed[child]) / 60.0
+        x[1] = 2.0 * law[RATIOS, child] - 1.4
+        x[2] = math.log(strain) / 2.0 + 1.8
+        x[3] = 1.0 if is_bend else 0.0
+        x[4] = count / 2.0 - 1.25
+        _neighbours(x, 5, 1, child, count, law)
+        _neighbours(x, 5 + ABOUT, -1, child, count, law)
+        turn, side, away, through = _outputs(tables, law)
+        x[0] = -x[0]
+        for k in range(5, 5 + ABOUT):
+            x[k], x[k + ABOUT] = x[k + ABOUT], x[k]
+        turn_there, side_there, away_there, through_there = _outputs(tables, law)
+        turn_rad = math.radians(turn - turn_there) / 2.0
+        law[CUT, child] = aimed[child] - (turn_rad if is_flat else -turn_rad)
+        law[ASIDE, child] = (side - side_there) / 2.0
+        law[BACK, child] = (away + away_there) / 2.0
+        passage = min(passage, (through + through_there) / 2.0)
+    return max(passage, 0.1)
+
+
+@inlined
+def _neighbours(x, base, way, child, count, law):
+    """Write what tells of the two neighbours on one side."""
+    before, fillet = math.degrees(law[AIMED, child]), law[FILLETS]
+    for step in range(2):
+        place = (child + 1 + way * (step + 1)) % (count + 1)
+        there, width = 180.0, 1.0
+        if place > 0:
+            there, width = math.degrees(law[AIMED, place - 1]), law[RATIOS, place - 1]
+        gap = (way * (there - before)) % 360.0
+        if gap == 0.0:
+            gap = 360.0
+        between = (child + 1 + step if way > 0 else child - step) % (count + 1)
+        radius = fillet[min(between, count - 1)]
+        if between > 0:
+            radius = min(radius, fillet[between - 1])
+        at = base + 4 * step
+        x[at] = gap / 60.0 - 1.5
+        x[at + 1] = 2.0 * math.exp(-gap / 25.0)
+        x[at + 2] = math.log(radius) + 2.0
+        x[at + 3] = 2.0 * width - 1.4
+        before = there
+
+
+@called
+def _outputs(tables, law):
+    """Return turn, side offset, pull-back and passage of the child in the first row of memory."""
+    first, second, last = tables.law_first, tables.law_second, tables.law_last
+    inputs, units = first.shape[0] - 1, first.shape[1]
+    x, one, two = law[0], law[1], law[2]
+    for j in range(units):
+        one[j] = first[inputs, j]
+    for i in range(inputs):
+        for j in range(units):
+            one[j] += x[i] * first[i, j]
+    for j in range(units):
+        one[j] /= math.sqrt(1.0 + one[j] * one[j])
+        two[j] = second[units, j]
+    for i in range(units):
+        for j in range(units):
+            two[j] += one[i] * second[i, j]
+    turn, side, away, through = last[units, 0], last[units, 1], last[units, 2], last[units, 3]
+    for j in range(units):
+        two[j] /= math.sqrt(1.0 + two[j] * two[j])
+        turn += two[j] * last[j, 0]
+        side += two[j] * last[j, 1]
+        away += two[j] * last[j, 2]
+        through += two[j] * last[j, 3]
+    return turn, side, away, through
 
 
 # --- Pressure for growth ------------------------------------------------------------------------

@@ -157,6 +157,7 @@ class Counts:
     disagree: int = 0
     inflated: int = 0  # branches whose bodies are
     held: int = 0  # branches that pressure stopped
+    stayed_in: int = 0  # children drawn not to come out
     seeds: list[int] = field(default_factory=list)
 
     @property
@@ -309,12 +310,13 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     for number, fast in enumerate(batch.deployments()):
         launch, design = number // len(designs), designs[number % len(designs)]
         alone = options.changed(head_on_half_angle_rad=angles_rad[launch])
-        plain = grow_reference(design, terrain, poses[launch], alone)
+        plain = grow_reference(design, terrain, poses[launch], alone, draw_seed=launch)
         free = [terrain.free_space(options.radius_mm(one)) for one in design.build.widths_mm]
         deep = depth_mm(fast, free) / size_mm
         counts.growths += 1
         counts.inflated += int(fast.deployed.sum()) * (options.body == "inflated")
         counts.held += int((fast.stop == Stop.PRESSURE).sum())
+        counts.stayed_in += int((fast.stop == Stop.NOT_EVERTED).sum())
         counts.branches += int(fast.deployed.sum())
         counts.deepest = max(counts.deepest, deep)
         counts.outside += deep > EXACT
@@ -554,12 +556,12 @@ def main() -> int:
     """Print the counts; return 1 if anything failed."""
     growths = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
     found = fuzz(growths)
-    heads = ("growths", "branches", "inflated", "held", "events", "most")
+    heads = ("growths", "branches", "inflated", "held", "stayed_in", "events", "most")
     heads += ("endless", "outside", "deepest", "disagree")
     lines = [f"{'kind':10s}" + "".join(f"{head:>10s}" for head in heads)]
     for kind, one in found.items():
         lines.append(
-            f"{kind:10s}{one.growths:10d}{one.branches:10d}{one.inflated:10d}{one.held:10d}"
+            f"{kind:10s}{one.growths:10d}{one.branches:10d}{one.inflated:10d}{one.held:10d}{one.stayed_in:10d}"
             f"{one.events:10d}{one.most_events:10d}{one.endless:10d}{one.outside:10d}{one.deepest:10.1e}{one.disagree:10d}"
             + (f"  maps {one.seeds[:5]}" if one.seeds else "")
         )

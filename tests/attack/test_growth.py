@@ -28,6 +28,13 @@ def test_growth_on_nasty_maps():
     assert sum(counts.inflated for counts in found.values()) > branches / 10
 
 
+def test_both_engines_draw_the_same_children_of_every_launch():
+    counts = fuzz.Counts()
+    fuzz.fuzz_map(counts, "gaps", 11)
+    assert counts.stayed_in > 10
+    assert counts.failures == 0
+
+
 def test_failures_are_seen(monkeypatch):
     monkeypatch.setattr(fuzz, "MOST_EVENTS", 3)
     monkeypatch.setattr(fuzz, "EXACT", -1.0)

@@ -44,6 +44,7 @@ def grow_spans(
     terrain: Terrain,
     pose: Pose,
     options: GrowthOptions | None = None,
+    draw_seed: int = 0,
 ) -> Deployment:
     """Return how a design deploys from a pose, grown by some kernel."""
     options = options or GrowthOptions()
@@ -65,7 +66,7 @@ def grow_spans(
             while done < last:
                 done = grow_branches(walls, arrays, fits, rules, start, growth, done, last)
                 growth = growth if done == last else _with_room(growth, 2 * len(growth.points))
-    _settle(growth, plan, start, terrain, options)
+    _settle(growth, plan, start, terrain, options, draw_seed)
     return Deployment(
         tree=plan.tree,
         pose=pose,
@@ -91,7 +92,12 @@ def _with_room(growth: Growth, room: int) -> Growth:
 
 
 def _settle(
-    growth: Growth, plan: Plan, start: Launch, terrain: Terrain, options: GrowthOptions
+    growth: Growth,
+    plan: Plan,
+    start: Launch,
+    terrain: Terrain,
+    options: GrowthOptions,
+    draw_seed: int,
 ) -> None:
     settling, none = Settling.of(options), np.zeros(1, dtype=np.int64)
     if not settling.is_needed:
@@ -110,14 +116,19 @@ def _settle(
     tolerance_mm = np.array([terrain.tolerance_mm])
     trees = TreesArrays.of([plan.arrays()])
     emergence = np.where(plan.parts.is_bent, 1.0, settling.emergence)
-    settling.settle(trees, plan.radius_mm, emergence, jobs, growth, tolerance_mm, none, "kernel")
+    seeds = np.array([draw_seed])
+    settling.settle(trees, plan.radius_mm, emergence, jobs, growth, tolerance_mm, seeds, "kernel")
 
 
 def grow_reference(
-    design: Design, terrain: Terrain, pose: Pose, options: GrowthOptions | None = None
+    design: Design,
+    terrain: Terrain,
+    pose: Pose,
+    options: GrowthOptions | None = None,
+    draw_seed: int = 0,
 ) -> Deployment:
     """Return how a design deploys from a pose, grown by the reference."""
-    return grow_spans(grow_reference_branches, design, terrain, pose, options)
+    return grow_spans(grow_reference_branches, design, terrain, pose, options, draw_seed)
 
 
 class Grower(NamedTuple):

@@ -1,26 +1,22 @@
 """Optimizers against each other on the same problems, at equal numbers of evaluations."""
 
 import json
-import multiprocessing
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Annotated, Self, TypeVar
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from vinefab.core.atomic import ensure_writable, folder_to_fill, is_ours
 from vinefab.core.codec import IF_KNOWN, MaybeNan, Record
-from vinefab.core.errors import BadInputError, UnreadableFileError, WorkersLostError, located
+from vinefab.core.errors import BadInputError, UnreadableFileError, located
 from vinefab.core.hashing import fingerprint
-from vinefab.core.interruption import end_with_parent, stops_deferred
 from vinefab.core.plain_text import GENERATOR, counted, json_text
 from vinefab.core.progress import phase
 from vinefab.core.statistics import LEVEL, SIGNIFICANT, mean_interval, mean_p
@@ -33,6 +29,7 @@ from vinefab.pages.panel import Ink, Page, Panel, ends_of, jitter, page_of_rows,
 from vinefab.search.record.generations import RunIdentity
 from vinefab.search.run import Search, fresh_maps, penalty_of, training_maps
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
+from vinefab.studies.workers import WorkerProcesses
 from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 
@@ -416,49 +413,3 @@ def panels_of_strips(panels: Mapping[str, Mapping[str, ArrayLike]], label: str) 
         rows.append([panel])
     rows[-1][0].x_name = f"{label}; bars: means"
     return page_of_rows(rows)
-
-
-_Job = TypeVar("_Job")
-Found = TypeVar("Found")
-
-
-class WorkerProcesses:
-    """A pool of processes, begun with its first jobs and ended with its block.
-
-    Only this process hears Ctrl-C, and ends the others; they end by themselves if it is killed.
-    """
-
-    def __init__(self, count: int) -> None:
-        spawn = multiprocessing.get_context("spawn")
-        # Its semaphores begin a process that would end, and complain, when a terminal is closed.
-        with stops_deferred():
-            self._pool = ProcessPoolExecutor(count, mp_context=spawn, initializer=end_with_parent)
-        self._processes = set[multiprocessing.process.BaseProcess]()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """End the processes; after an error or an interrupt without waiting for their jobs."""
-        with stops_deferred():
-            if kind is not None:
-                for process in self._processes:
-                    process.terminate()
-            self._pool.shutdown(cancel_futures=True)
-
-    def map(self, work: Callable[[_Job], Found], jobs: Sequence[_Job]) -> Iterator[Found]:
-        """Yield the result of the work for each job, in the order of the jobs."""
-        with stops_deferred():
-            others = set(multiprocessing.active_children())
-            futures = [self._pool.submit(work, job) for job in jobs]
-            self._processes |= {*multiprocessing.active_children()} - others
-        for future in futures:
-            try:
-                found = future.result()
-            except BrokenProcessPool as error:
-                raise WorkersLostError(
-                    "a worker process",
-                    "was killed, perhaps for want of memory",
-                    "run the command again with fewer; what is finished is kept",
-                ) from error
-            yield found

@@ -7,10 +7,8 @@ share, and the experiments done: one page and one JSON file of results.
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, Self, TypeVar
 
@@ -50,6 +48,7 @@ from vinefab.studies.claims import (
     held,
     held_corrected,
 )
+from vinefab.studies.workers import WorkerProcesses
 from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import PreparedMap, composites, poses_on, score_design
 
@@ -326,15 +325,15 @@ class JobStore:
         self.size = size
         self.workers = workers
         self.spent_s = 0.0
-        self._pool: ProcessPoolExecutor | None = None
+        self._pool: WorkerProcesses | None = None
         _begin(folder, size)
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *failure: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+            self._pool.__exit__(kind)
             self._pool = None
 
     def finished(self) -> list[str]:
@@ -381,7 +380,7 @@ class JobStore:
             first = keys.pop(0)
             yield first, run_job(todo[first])
             # One pool for all: a process takes seconds to start.
-            self._pool = ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"))
+            self._pool = WorkerProcesses(self.workers)
         found = self._pool.map(run_job, [todo[key] for key in keys])
         yield from zip(keys, found, strict=True)
 

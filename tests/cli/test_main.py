@@ -1,9 +1,11 @@
 """The last net of the command line: what nobody foresaw is one line, a log and exit code 3."""
 
+import contextlib
 import logging
 import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
 import warnings
@@ -14,6 +16,7 @@ import pytest
 import vinefab
 import vinefab.cli.main as main_module
 from vinefab.cli.main import main, run
+from vinefab.core import interruption
 
 SOURCES = Path(vinefab.__file__).parent
 
@@ -198,3 +201,41 @@ def test_a_reader_that_closes_the_pipe_is_told_by_the_exit_code():
     ended = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, check=False)
     os.close(writing)
     assert (ended.returncode, ended.stderr) == (141, b"")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals that tell of a closed terminal")
+def test_a_closed_terminal_is_one_line_at_every_moment_of_the_program(capsys):
+    """SIGHUP at each line of the program and its handling of signals, first to last."""
+    codes, line = [], 0
+    while not codes or codes[-1] is not None:
+        codes.append(_code_when_hung_up_at(line))
+        line += 1
+    assert set(codes) == {129, 0, None}  # 0: all was done
+    assert codes.index(0) > 20
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def _code_when_hung_up_at(line: int) -> int | None:
+    """Return the exit code of a program that a signal meets, None if it has too few lines."""
+    left, places = line, (main_module.__file__, interruption.__file__, contextlib.__file__)
+
+    def count(frame, event, _):
+        nonlocal left
+        if frame.f_code.co_filename not in places:
+            return None
+        if event == "line" and signal.getsignal(signal.SIGHUP) is not signal.SIG_DFL:
+            left -= 1
+            if left == -1:
+                signal.raise_signal(signal.SIGHUP)
+        return count
+
+    usual = sys.gettrace()
+    sys.settrace(count)
+    try:
+        code = main(["--version"])
+    except KeyboardInterrupt:  # would be a traceback
+        code = 1
+    finally:
+        sys.settrace(usual)
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    return code if left < 0 else None

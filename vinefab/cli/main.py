@@ -49,22 +49,27 @@ def main(arguments: Sequence[str]) -> int:
         # Names of files and designs may hold letters that the terminal cannot show. In the locale
         # C the stream passes bytes on, and no letters.
         sys.stdout.reconfigure(errors="backslashreplace")
-    with stop_requests() as request:
-        stop_with_input()
-        try:
-            try:
-                code = dispatch(arguments)
-                if sys.stdout is not None:  # as with >&- in a shell
-                    sys.stdout.flush()
-            except BrokenPipeError:
-                # The reader has closed the pipe; nothing more can be written to it.
-                sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  stays open until the end
-                return EXIT_BROKEN_PIPE
-            except (Exception, KeyboardInterrupt) as error:  # the last net, the only one
-                return _print_error(*_explained(error, arguments, request))
-            return _print_error(INTERRUPTED, request.exit_code) if request.number else code
-        except KeyboardInterrupt:  # while an error was being printed
-            return _print_error(INTERRUPTED, request.exit_code)
+    request = StopRequest()
+    try:
+        with stop_requests(request):
+            stop_with_input()
+            return _answered(arguments, request)
+    except KeyboardInterrupt:  # while an error was being printed, or handlers came and went
+        return _print_error(INTERRUPTED, request.exit_code)
+
+
+def _answered(arguments: Sequence[str], request: StopRequest) -> int:
+    try:
+        code = dispatch(arguments)
+        if sys.stdout is not None:  # as with >&- in a shell
+            sys.stdout.flush()
+    except BrokenPipeError:
+        # The reader has closed the pipe; nothing more can be written to it.
+        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  stays open until the end
+        return EXIT_BROKEN_PIPE
+    except (Exception, KeyboardInterrupt) as error:  # the last net, the only one
+        return _print_error(*_explained(error, arguments, request))
+    return _print_error(INTERRUPTED, request.exit_code) if request.number else code
 
 
 def dispatch(arguments: Sequence[str]) -> int:

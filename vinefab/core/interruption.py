@@ -58,14 +58,22 @@ class StopRequest:
 
 
 @contextmanager
-def stop_requests() -> Iterator[StopRequest]:
-    """Let every request to end raise KeyboardInterrupt within the block."""
-    request = StopRequest()
+def stop_requests(noted: StopRequest | None = None) -> Iterator[StopRequest]:
+    """Let every request to end raise KeyboardInterrupt within the block.
+
+    Parameters
+    ----------
+    noted
+        Tells of the request, also of one that comes as the block begins or ends; a new one if None.
+    """
+    request, is_over = noted or StopRequest(), False
     first_s = math.inf
 
     def stop(number: int, frame: FrameType | None) -> None:
         nonlocal first_s
         request.number = request.number or number
+        if is_over:  # handlers are being put back
+            return
         first_s = min(first_s, time.monotonic())
         # Compiled modules print a traceback of an interrupt while they are loaded.
         if _loads_module(frame) and time.monotonic() - first_s < _LOADING_S:
@@ -86,6 +94,7 @@ def stop_requests() -> Iterator[StopRequest]:
         try:
             yield request
         finally:
+            is_over = True
             sys.unraisablehook = usual_hook
 
 

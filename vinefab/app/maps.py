@@ -46,7 +46,7 @@ MapOut = Annotated[PathText | None, file_kind(*MAP_SUFFIXES), Doc("The map file 
 def _kept(world: Map, out: Any, *, force: bool, is_new: bool = True) -> Map:
     """Write a map if a file is asked for, and return it; of a new one, tell how it was made."""
     for key, value in world.facts.items() if is_new else ():
-        if value is not None:
+        if value is not None and key not in ("notes", "free_apart"):  # told as sentences
             shown = f"{value:.6g}" if isinstance(value, float) else value
             note(f"  {key}: {shown}", only_in_shell=True)
     if out is not None:

@@ -7,7 +7,7 @@ from vinefab.core.errors import MissingPackageError
 EXTRAS = {
     "cluster": ("distributed", "cryptography"),
     "evolution": ("pymoo",),
-    "gis": ("pyogrio",),
+    "gis": ("pyogrio", "pyproj"),
     "studies": ("matplotlib",),
     "studio": ("starlette", "tomlkit", "uvicorn", "watchfiles", "websockets"),
     "vision": ("cv2",),

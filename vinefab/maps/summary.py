@@ -18,7 +18,7 @@ def map_summary(world: Map) -> tuple[str, ...]:
     starts = world.starts if any(one.area for one in world.starts) else world.starts[:1]
     lines += [f"start: {start_words(start)}" for start in starts]
     lines += [f"target: {one.name} at {one.place_text}" for one in world.targets[:_MOST_TARGETS]]
-    lines += [f"note: {note}" for note in [*size_notes(world), *area_notes([world])]]
+    lines += [f"note: {note}" for note in [*import_notes(world), *area_notes([world])]]
     return tuple(lines)
 
 
@@ -31,6 +31,17 @@ _UNITS_MM = {1000.0: "metres", 25.4: "inches", 10.0: "centimetres", 1.0: "millim
              0.001: "micrometres"}  # fmt: skip
 
 
+_MODELS_MM = tuple(digit * 10.0**power for power in range(3, -7, -1) for digit in (5, 2, 1))
+_MODEL_SIZE_MM = 300.0, 3000.0
+"""Scales of models in mm per unit of the source, and longer sides of models."""
+
+
+def import_notes(world: Map) -> list[str]:
+    """Return the notes of a map: those of its import, and whether its unit may be another."""
+    told = world.facts.get("notes", ())
+    return [*map(str, told if isinstance(told, list | tuple) else ()), *size_notes(world)]
+
+
 def size_notes(world: Map) -> list[str]:
     """Return a note on a map that is so small or large that its unit may be another one."""
     longer_mm, (least_mm, most_mm) = max(world.size_mm), PLAUSIBLE_MM
@@ -40,6 +51,14 @@ def size_notes(world: Map) -> list[str]:
     scale = float(taken) if isinstance(taken, int | float) else 1.0
     width, height = (side_mm / scale for side_mm in world.size_mm)  # in units of the source
     said = f"this map is {world.size_mm[0]:.6g} x {world.size_mm[1]:.6g} mm"
+    if longer_mm > most_mm and world.facts.get("unit_known_by") in ("file", "program", "option"):
+        models = [
+            f"{factor:g} ({width * factor:.4g} x {height * factor:.4g} mm)"
+            for factor in _MODELS_MM
+            if _MODEL_SIZE_MM[0] <= max(width, height) * factor <= _MODEL_SIZE_MM[1]
+        ]
+        if models:
+            return [f"{said}: for a model on a table --scale-mm-per-unit {' or '.join(models)}"]
     drawn = "" if scale == 1.0 else f", drawn as {width:.6g} x {height:.6g}"
     others = [
         f"{factor:g} if its unit is {unit} ({width * factor:.4g} x {height * factor:.4g} mm)"

@@ -31,7 +31,7 @@ from vinefab.core.view import (
 )
 from vinefab.growth.terrain import MANY_NOTCHES, NOTCH_SHARE, Terrain, shrunk_piecewise
 from vinefab.maps.passages import Passage, narrow_passages, without_notches
-from vinefab.maps.summary import size_notes
+from vinefab.maps.summary import import_notes
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose
 from vinefab.pages.panel import (
@@ -238,6 +238,7 @@ class MapInfo(Result):
         yield Facts(
             (
                 Fact("map", world.name, "map"),
+                *([Fact("unit", str(unit), "unit")] if (unit := world.facts.get("unit")) else ()),
                 Fact("size", f"{width_mm:g} x {height_mm:g} mm", "size_mm", data=[*world.size_mm]),
                 Fact("obstacles", len(world.obstacles), "obstacles"),
                 Fact("walls", world.wall_count, "walls"),
@@ -252,7 +253,7 @@ class MapInfo(Result):
             )
         )
         yield Data({"environment": world.environment, "seed": world.seed, "standing": "computed"})
-        yield Notes(tuple(f"note: {note}" for note in size_notes(world)))
+        yield Notes(tuple(f"note: {note}" for note in import_notes(world)))
         yield Rows(
             caption="reach over the bounds, and do nothing there (computed)",
             headings=("obstacle", "of it"),

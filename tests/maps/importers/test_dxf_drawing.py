@@ -178,7 +178,7 @@ def test_the_scale_is_per_unit_of_the_file_and_a_missing_unit_is_reported(drawn)
     assert drawn(lambda _: None, units=6, options=tenth).size_mm == (50, 40)
     world = drawn(lambda _: None, units=0)
     assert world.size_mm == (500, 400)
-    assert "names none" in world.facts["units"]
+    assert "names none" in world.facts["unit"]
 
 
 def test_layers_are_chosen_and_hidden_ones_counted(drawn):

@@ -80,6 +80,7 @@ AREAS = (
 
 IN_METRES = {
     "ogr.fgb": 1000.0,
+    "ogr.geojson": 1000.0,
     "ogr.shp": 1000.0,
     "ezdxf_R2004.dxf": 1000.0,
     "ezdxf_R2013.dxf": 1000.0,
@@ -88,7 +89,6 @@ IN_METRES = {
 
 PIXEL_MM = 25.4 / 96.0
 FILES = {
-    "ogr.geojson": ({}, 1.0),
     "ogr.dxf": ({"scale_mm_per_unit": 1000.0}, 1000.0),
     "outline2d.shp": ({"scale_mm_per_unit": 1000.0}, 1000.0),
     "ezdxf_R12.dxf": ({}, 1.0),
@@ -145,6 +145,6 @@ def test_what_is_near_is_refused_with_what_to_do(name, message):
 
 def test_inches_of_gdal_are_doubted_and_a_page_is_said():
     facts = import_map(FOREIGN / "ogr.dxf", ImportOptions(drawn="free")).facts
-    assert facts["units"].startswith("inches (GDAL and QGIS write so")
+    assert facts["unit"].startswith("inches, guessed ($INSUNITS; GDAL and QGIS write so")
     facts = import_map(FOREIGN / "matplotlib.svg", ImportOptions()).facts
     assert "--drawn free if the areas on it" in facts["page"]

@@ -169,7 +169,7 @@ def test_written_and_read_again(reading, tmp_path):
         ('{"type": "Polygon", "coordinates": [[[0, 0], [NaN, 1], [1, 1]]]}', "finite numbers"),
         ('{"type": "Polygon", "coordinates": [[[0, 0], [1e400, 1], [1, 1]]]}', "finite numbers"),
         (features(polygon(ring(0, 0, 1e9))), "1e[+]09 mm wide"),
-        (features(polygon(ring(13.37, 52.5, 1e-4))), "0.0001 mm wide.*--scale-mm-per-unit"),
+        (features(polygon(ring(13.37, 52.5, 1e-4))), "degrees.*EPSG:32633.*--scale-mm-per-unit"),
         ("[1]", "type is missing"),
     ],
 )

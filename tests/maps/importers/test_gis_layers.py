@@ -61,7 +61,7 @@ def test_the_unit_is_that_of_the_reference_system(tmp_path, suffix, crs, mm):
     assert world.size_mm == pytest.approx((40.0 * mm, 30.0 * mm), rel=1e-9)
     assert world.obstacles[0].area == pytest.approx(2.0 * mm**2, rel=1e-6)
     assert world.facts["scale_mm_per_unit"] == pytest.approx(mm, rel=1e-9)
-    assert ("taken" in world.facts["units"]) == (crs is None)
+    assert ("guess" in world.facts["unit"]) == (crs is None)
     model = import_map(path, ImportOptions(scale_mm_per_unit=10.0))
     assert model.size_mm == pytest.approx((400.0, 300.0), rel=1e-9)
 
@@ -120,7 +120,7 @@ def test_passages_of_several_kinds_of_geometry_are_united(tmp_path):
 def test_what_is_missing_or_of_another_kind_is_one_line(tmp_path, monkeypatch):
     path = written(tmp_path / "cave.shp", [ROOM, PILLAR], "EPSG:32632")
     (tmp_path / "cave.prj").unlink()
-    assert "no .prj" in import_map(path, ImportOptions()).facts["units"]
+    assert "no .prj" in import_map(path, ImportOptions()).facts["unit"]
     (tmp_path / "cave.shx").unlink()
     with pytest.raises(UnreadableFileError, match=r"needs cave[.]shx next to it"):
         import_map(path, ImportOptions())

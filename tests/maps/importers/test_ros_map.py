@@ -237,7 +237,7 @@ def test_a_scale_that_leaves_nothing_of_a_cell_is_named(importing: Import) -> No
 
 
 def test_other_problems_are_one_clear_line(importing: Import, tmp_path: Path) -> None:
-    with pytest.raises(UnreadableFileError, match=r"gone.pgm: there is no such file"):
+    with pytest.raises(BadInputError, match=r"there is no .gone.pgm.; put gone.pgm next to world"):
         importing(None, image="gone.pgm")
     with pytest.raises(UnreadableFileError, match="is not an image"):
         importing(b"P5 16 12 255\nshort")

@@ -77,7 +77,7 @@ def test_units_are_those_of_maps(capsys):
     assert drawn("a.dxf").trunk_length_mm == 100.0
     assert "unit cm" in capsys.readouterr().out
     assert drawn("a.dxf", "--scale-mm-per-unit", "25.4").trunk_length_mm == pytest.approx(254.0)
-    assert "unit as given" in capsys.readouterr().out
+    assert "unit cm, as given" in capsys.readouterr().out
     svg('<path d="M0 0V96"/>', head="")
     assert drawn("a.svg").trunk_length_mm == pytest.approx(25.4)
     svg('<g transform="scale(2)"><path d="M0 0V50"/></g>')

@@ -27,6 +27,7 @@ from vinefab.maps.cleanup.drawn_shapes import (
     SourceFrame,
     as_areas,
     closing_gap_mm,
+    free_apart,
     join,
     open_places,
     polygons_of,
@@ -467,6 +468,11 @@ def enclosed_by(
         spots = shapely.get_coordinates(shapely.point_on_surface(others))
         gaps_mm = shapely.distance(kept, others)
         changes.counts["separate_parts"] = len(parts)
+        largest = int(np.argmax([part is not kept for part in parts]))
+        inner = shapely.point_on_surface(parts[largest])
+        other = "--drawn obstacles reads the areas as obstacles, --join-mm closes gaps"
+        left_mm2 = whole_mm2 - float(kept.area)
+        changes.counts |= free_apart(left_mm2, (inner.x, inner.y), in_map=False, other=other)
         changes.counts["connected_share"] = round(kept.area / whole_mm2, 4)
         changes.counts["parts_left_out"] = [
             f"{part.area:.4g} mm2 at {changes.frame.place(spot)}, {gap:.4g} mm away"
@@ -788,6 +794,15 @@ def _start(world: Map, options: AssembleOptions) -> tuple[Start, dict[str, objec
             "free_regions": len(regions),
             "largest_free_region_share": round(max(areas) / math.fsum(areas), 4),
         }
+        kept = int(np.argmax(areas))
+        if options.start is not None:
+            spot = shapely.points(options.start.x_mm, options.start.y_mm)
+            kept = int(np.argmax(shapely.intersects(regions, spot)))
+        rest = [region for index, region in enumerate(regions) if index != kept]
+        inner = shapely.point_on_surface(max(rest, key=lambda region: region.area))
+        other = "--drawn free reads the areas as the free space"
+        mm2 = math.fsum(areas) - areas[kept]
+        facts |= free_apart(mm2, (inner.x, inner.y), in_map=True, other=other)
     least_clearance_mm = 2e-3
     if options.start is None:
         largest = regions[int(np.argmax(areas))]

@@ -124,6 +124,28 @@ def framed(points: Floats, frame: SourceFrame) -> tuple[SourceFrame, float]:
     )
 
 
+FREE_APART = "free_apart"
+"""Fact of a map: the free area that is not part of the region with the start."""
+
+
+def free_apart(
+    mm2: float, place_mm: Sequence[float], *, in_map: bool, other: str
+) -> dict[str, object]:
+    """Return the fact of free areas that are apart from the one that a map is made for.
+
+    Parameters
+    ----------
+    mm2, place_mm
+        Area of all; a place inside of the largest.
+    in_map
+        Whether they are free in the map too, though out of reach.
+    other
+        What reads the source the other way, as a sentence with its option.
+    """
+    place = [round(float(value), 3) for value in place_mm]
+    return {FREE_APART: {"mm2": mm2, "place_mm": place, "in_map": in_map, "other": other}}
+
+
 @dataclass(slots=True)
 class Changes:
     """Counts of the changes between a drawing and its map."""

@@ -13,6 +13,7 @@ lie up to half a cell off the wall; they may let a thin wall shrink to a needle;
 one bounds areas, not distances.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -25,6 +26,7 @@ from shapely import Polygon
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints, number, positive
+from vinefab.maps.cleanup.drawn_shapes import free_apart
 from vinefab.maps.generators.generated_map import rounded_points
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.poses import roomiest_start
@@ -648,6 +650,13 @@ class GridPlacement:
 
         return shapely.transform(polygon, place)
 
+    def at_cell(self, row: int, column: int) -> tuple[float, float]:
+        """Return the position of the middle of a cell, mm."""
+        cosine, sine = np.cos(self.turn_rad), np.sin(self.turn_rad)
+        along, up = self.cell_mm * (column + 0.5), self.cell_mm * (row + 0.5)
+        x, y = self.x_mm + cosine * along - sine * up, self.y_mm + sine * along + cosine * up
+        return float(x), float(y)
+
     def cell_at(self, pose: Pose) -> tuple[int, int]:
         """Return row (from the lowest) and column of the cell that holds a position."""
         x, y = pose.x_mm - self.x_mm, pose.y_mm - self.y_mm
@@ -783,4 +792,23 @@ def _region(
     }
     corner = np.array([columns.start, rows.start], dtype=np.float64)
     region = np.asarray(labels[rows, columns] == wanted, dtype=np.bool_)
+    kept, sizes[wanted] = int(sizes[wanted]), 0
+    # Less, as behind thin walls and of noise, says nothing about the map.
+    least_told_share = 0.1
+    if sizes.sum() > least_told_share * kept:
+        spot = placement.at_cell(*_inner_cell(labels, int(sizes.argmax())))
+        other = "--unknown free, or another --obstacles of a photo, reads its cells another way"
+        mm2 = float(sizes.sum()) * placement.cell_mm**2
+        left_out |= free_apart(mm2, spot, in_map=False, other=other)
     return region, corner, left_out
+
+
+def _inner_cell(labels: NDArray[np.signedinteger], wanted: int) -> tuple[int, int]:
+    """Return row and column of a cell far from the edge of a labelled region."""
+    rows, columns = scipy.ndimage.find_objects(labels, max_label=wanted)[wanted - 1]
+    crop = np.pad(labels[rows, columns] == wanted, 1)
+    most_cells = 1_000_000
+    step = max(1, math.isqrt(crop.size // most_cells))
+    depth = scipy.ndimage.distance_transform_cdt(crop[::step, ::step])
+    row, column = np.unravel_index(int(depth.argmax()), depth.shape)
+    return rows.start - 1 + int(row) * step, columns.start - 1 + int(column) * step

@@ -2,12 +2,13 @@
 
 Columns are ``polygon,x_mm,y_mm`` and optionally ``role`` (``bounds`` or ``obstacle``), in the
 order of a header or, without one, in this order; points of one polygon follow one another. With
-``x_mm,y_mm`` alone an empty line ends a polygon. Commas, semicolons or tabs separate; ``#`` begins
-a comment. Polygons need not repeat their first point.
+``x_mm,y_mm`` alone an empty line ends a polygon. Commas, semicolons or tabs separate; with the
+last two a number may have a decimal comma. ``#`` begins a comment. Polygons need not repeat their
+first point.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from vinefab.maps.importers.source_drawing import (
     Straight,
     drawing_map,
 )
+from vinefab.maps.importers.source_unit import SourceUnit
 from vinefab.model.files.shipped import read_text
 from vinefab.model.map import Map
 
@@ -52,7 +54,11 @@ def import_csv(path: Path, options: ImportOptions) -> Map:
     """Return the map in a file of comma-separated polygons."""
     options.refuse(("layers",), "a CSV file", path)
     with located(path):
-        polygons = _polygons(read_text(path, _LARGEST_BYTES))
+        text = read_text(path, _LARGEST_BYTES)
+        polygons = _polygons(text)
+    unit = SourceUnit(name="mm", mm=1.0, known="guess", by="a CSV of polygons is in mm")
+    if "x_mm" in text[: text.find("\n") + 1].lower():
+        unit = replace(unit, known="file", by="columns x_mm, y_mm")
     items = tuple(
         DrawingItem(
             rings=(Ring(pieces=(Straight(np.array(polygon.points)),)),),
@@ -61,9 +67,7 @@ def import_csv(path: Path, options: ImportOptions) -> Map:
         )
         for polygon in polygons
     )
-    return drawing_map(
-        path, SourceDrawing(items=items, facts={"units": "mm"}, curved=False), options
-    )
+    return drawing_map(path, SourceDrawing(items=items, unit=unit, curved=False), options)
 
 
 def _polygons(text: str) -> list[_Polygon]:
@@ -79,11 +83,14 @@ def _polygons(text: str) -> list[_Polygon]:
         separator = separator or next((mark for mark in ";\t," if mark in line), ",")
         cells = [cell.strip().strip('"') for cell in line.split(separator)]
         if not columns:
-            columns, is_header = _columns(number, cells)
+            columns, is_header = _columns(number, [_plain(cell, separator) for cell in cells])
             if is_header:
                 continue
         if len(cells) != len(columns):
-            raise BadInputError(f"line {number}", line, f"the columns {', '.join(columns)}")
+            allowed = f"the columns {', '.join(columns)}"
+            if separator == "," and len(cells) > len(columns):
+                allowed += "; decimal commas need columns separated by ; or by tabs"
+            raise BadInputError(f"line {number}", line, allowed)
         row = dict(zip(columns, cells, strict=True))
         name, role = row.get("polygon", ""), row.get("role", "").lower()
         if role not in _ROLES:
@@ -98,7 +105,8 @@ def _polygons(text: str) -> list[_Polygon]:
             names.add(polygons[-1].name)
         if role != polygons[-1].role:
             raise BadInputError(f"line {number}: role", role, "one role for each polygon")
-        polygons[-1].points.append((_coordinate(number, row["x"]), _coordinate(number, row["y"])))
+        place = (_coordinate(number, row[name], separator) for name in ("x", "y"))
+        polygons[-1].points.append((next(place), next(place)))
         fresh = False
     return polygons
 
@@ -118,10 +126,17 @@ def _columns(number: int, cells: list[str]) -> tuple[tuple[str, ...], bool]:
     return _ORDER[len(cells)], False
 
 
-def _coordinate(number: int, text: str) -> float:
-    if not _is_number(text):
+def _coordinate(number: int, text: str, separator: str) -> float:
+    plain = _plain(text, separator)
+    if not _is_number(plain):
         raise BadInputError(f"line {number}", text, "a finite number, such as 12.5")
-    return float(text)
+    return float(plain)
+
+
+def _plain(text: str, separator: str) -> str:
+    """Return a number with a decimal point; ``12,5`` has a comma where others separate columns."""
+    comma = separator != "," and "." not in text and text.count(",") == 1
+    return text.replace(",", ".") if comma else text
 
 
 def _is_number(text: str) -> bool:

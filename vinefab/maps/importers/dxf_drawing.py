@@ -42,7 +42,10 @@ from vinefab.maps.importers.source_drawing import (
     SourceDrawing,
     Straight,
     drawing_map,
+    drawn_points,
 )
+from vinefab.maps.importers.source_unit import SourceUnit
+from vinefab.maps.summary import PLAUSIBLE_MM
 from vinefab.model.files.shipped import read_bytes
 from vinefab.model.map import Map
 
@@ -351,6 +354,8 @@ def _document(path: Path) -> tuple[Document, int]:
     if b"$INSUNITS" not in data:
         # ezdxf assumes metres then; the file names no unit.
         document.header["$INSUNITS"] = 0
+    if b"$MEASUREMENT" not in data:
+        document.header["$MEASUREMENT"] = 1
     return document, repaired
 
 
@@ -378,23 +383,38 @@ def _drawing(document: Document, layers: tuple[str, ...]) -> SourceDrawing:
             raise UnknownNameError("layer", name, known)
     walk = _Walk(frozenset(name.lower() for name in layers), document=document)
     items = walk.items(space)
-    code = int(document.header.get("$INSUNITS", 0))
-    unit, mm_per_unit = _MM.get(code, ("mm (taken; the file names none)", 1.0))
-    # ``$LIMMAX`` of a template in inches, which GDAL before 3.11 copies into every drawing.
-    gdal_limits = (12.0, 9.0)
-    if unit == "inches" and tuple(document.header.get("$LIMMAX", ()))[:2] == gdal_limits:
-        unit += " (GDAL and QGIS write so whatever the unit is; --scale-mm-per-unit if not)"
     return SourceDrawing(
         items=tuple(items),
         points=tuple(walk.points),
-        mm_per_unit=mm_per_unit,
+        unit=_unit(document, items),
         layered=len(drawn_on) > 1,
         facts={
             "dxf_version": document.acad_release,
-            "units": unit,
             **walk.facts(layers, "entities"),
         },
     )
+
+
+def _unit(document: Document, items: list[DrawingItem]) -> SourceUnit:
+    """Return the unit of a drawing: ``$INSUNITS``, else what ``$MEASUREMENT`` leaves."""
+    code = int(document.header.get("$INSUNITS", 0))
+    if code in _MM:
+        name, mm = _MM[code]
+        # ``$LIMMAX`` of a template in inches, which GDAL before 3.11 copies into every drawing.
+        gdal_limits = (12.0, 9.0)
+        if name == "inches" and tuple(document.header.get("$LIMMAX", ()))[:2] == gdal_limits:
+            by = "$INSUNITS; GDAL and QGIS write so whatever the unit is"
+            return SourceUnit(name=name, mm=mm, known="guess", by=by)
+        return SourceUnit(name=name, mm=mm, known="file", by="$INSUNITS")
+    if document.header.get("$MEASUREMENT") != 0:
+        return SourceUnit(name="mm", mm=1.0, known="guess", by="the file names none")
+    by = "the file names none; $MEASUREMENT is English"
+    # As mm no robot would fit; as inches it may.
+    points = drawn_points(items) if items else np.zeros((1, 2))
+    if float(np.ptp(points, axis=0).max()) < PLAUSIBLE_MM[0]:
+        return SourceUnit(name="inches", mm=25.4, known="guess", by=by)
+    by += ", so --scale-mm-per-unit 25.4 if it is inches"
+    return SourceUnit(name="mm", mm=1.0, known="guess", by=by)
 
 
 def _layer(entity: DXFGraphic) -> str:

@@ -1,5 +1,6 @@
 """GeoJSON of other programs: any geometry, also an invalid one."""
 
+import json
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -10,18 +11,21 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from vinefab.core.errors import BadInputError, UnfitInputError, located
+from vinefab.core.errors import BadInputError, UnfitInputError, UnreadableFileError, located
 from vinefab.core.validation import positive
+from vinefab.maps.importers.doubts import with_notes
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.source_drawing import (
-    PROJECT_ADVICE,
     DrawingItem,
     DrawnPoint,
     Ring,
     SourceDrawing,
     Straight,
     drawing_map,
+    drawn_points,
 )
+from vinefab.maps.importers.source_unit import TRIANGLES_ADVICE, SourceUnit, unit_of
+from vinefab.model.files.shipped import read_text
 from vinefab.model.map import Map, feature_key, geojson_document
 
 
@@ -88,8 +92,8 @@ def import_geojson(path: Path, options: ImportOptions) -> Map:
         scale = 1.0 if options.scale_mm_per_unit is None else options.scale_mm_per_unit
         world = _scaled_map(Map.read(path), scale)
         return replace(world, facts={**world.facts, "source": path.name})
-    drawing = _source(path, document, options)
-    return replace(drawing_map(path, drawing, options), environment="geojson")
+    world = drawing_map(path, _source(path, document, options), options)
+    return with_notes(replace(world, environment="geojson"), *_sequence_note(document))
 
 
 def geojson_source(path: Path, options: ImportOptions) -> SourceDrawing:
@@ -99,8 +103,13 @@ def geojson_source(path: Path, options: ImportOptions) -> SourceDrawing:
 
 
 def _document(path: Path) -> dict[str, Any]:
-    """Return the GeoJSON object in a file."""
-    document = geojson_document(path)
+    """Return the GeoJSON object in a file; a text sequence is one collection of features."""
+    try:
+        document = geojson_document(path)
+    except UnreadableFileError:
+        document = text_sequence(path)
+        if document is None:
+            raise
     kind = None
     if isinstance(document, dict) and document.get("type") == "Topology":
         kind = "TopoJSON"
@@ -113,15 +122,45 @@ def _document(path: Path) -> dict[str, Any]:
     return document
 
 
+def text_sequence(path: Path) -> dict[str, Any] | None:
+    """Return the features of a GeoJSON text sequence as one collection; None of other files.
+
+    A feature stands in each line, perhaps after a record separator (RFC 8142), as GDAL and
+    tippecanoe write them.
+    """
+    lines = [line for line in read_text(path).replace("\x1e", "").splitlines() if line.strip()]
+    if len(lines) < 2 or not all(line.lstrip().startswith("{") for line in lines[:2]):
+        return None
+    try:
+        records = [json.loads(line) for line in lines]
+    except (ValueError, RecursionError):
+        return None
+    features = [
+        feature
+        for record in records
+        for feature in (record.get("features", [record]) if isinstance(record, dict) else [record])
+    ]
+    return {"type": "FeatureCollection", "features": features, _SEQUENCE: len(lines)}
+
+
+_SEQUENCE = "vinefab:records"
+
+
+def _sequence_note(document: dict[str, Any]) -> tuple[str, ...]:
+    count = document.get(_SEQUENCE)
+    return (f"a GeoJSON text sequence: {count} records, read as one collection",) if count else ()
+
+
 def _source(path: Path, document: dict[str, Any], options: ImportOptions) -> SourceDrawing:
     with located(path):
-        if options.scale_mm_per_unit is None:
-            system = document.get("crs")
-            named = system.get("properties") if isinstance(system, dict) else None
-            name = str(named.get("name")) if isinstance(named, dict) else ""
-            if name.endswith((":CRS84", ":CRS84h", ":4326", ":4979")):
-                raise UnfitInputError("crs", f"{name} is in degrees", PROJECT_ADVICE)
-        return _drawing(document)
+        drawing = _drawing(document)
+        if options.scale_mm_per_unit is not None or not drawing.items:
+            return drawing
+        system = document.get("crs")
+        named = system.get("properties") if isinstance(system, dict) else None
+        name = str(named.get("name") or "") if isinstance(named, dict) else ""
+        unit = unit_of(name, drawn_points(drawing.items), drawing.unit)
+        return replace(drawing, unit=unit)
 
 
 def _drawing(document: dict[str, Any]) -> SourceDrawing:
@@ -145,13 +184,13 @@ def _drawing(document: dict[str, Any]) -> SourceDrawing:
         rings = [ring.hull() for item in found if item.closed for ring in item.rings]
         unclosed += sum(bool((points[0] != points[-1]).any()) for points in rings)
         items += found
-    facts: dict[str, object] = {
-        "units": "mm (taken; GeoJSON names none)",
-        "geometries": dict(kinds),
-    }
+    facts: dict[str, object] = {"geometries": dict(kinds)}
     if unclosed:
         facts["rings_closed"] = unclosed
-    return SourceDrawing(items=tuple(items), points=tuple(points), facts=facts, curved=False)
+    unit = SourceUnit(name="mm", mm=1.0, known="guess", by="GeoJSON names none")
+    return SourceDrawing(
+        items=tuple(items), unit=unit, points=tuple(points), facts=facts, curved=False
+    )
 
 
 def _geometries(document: dict[str, Any]) -> Iterator[_Leaf]:
@@ -210,6 +249,8 @@ def _items(key: str, geometry: dict[str, Any], role: Any) -> list[DrawingItem]: 
         return [DrawingItem(rings=(rings[0],), where=key, filled=True, holes=holes, role=role)]
     if kind == "Point":
         return []
+    if kind in ("TIN", "Triangle", "PolyhedralSurface"):
+        raise UnfitInputError(key, f"is a surface of triangles ({kind}), no plan", TRIANGLES_ADVICE)
     raise BadInputError(f"{key}.geometry.type", kind, "a GeoJSON geometry")
 
 

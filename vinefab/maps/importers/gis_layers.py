@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,13 +24,14 @@ from vinefab.core.extras import ensure_extra
 from vinefab.core.front_door import imported_later
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.source_drawing import (
-    PROJECT_ADVICE,
     DrawingItem,
     Ring,
     SourceDrawing,
     Straight,
     drawing_map,
+    drawn_points,
 )
+from vinefab.maps.importers.source_unit import TRIANGLES_ADVICE, SourceUnit, unit_of
 from vinefab.model.files.shipped import existing_file
 from vinefab.model.map import Map
 
@@ -122,16 +122,20 @@ def _drawing(path: Path, options: ImportOptions) -> SourceDrawing:
         problem = f"they have {systems} reference systems"
         raise UnfitInputError("layers", problem, "give layers of one")
     system = next(iter(found.systems.values()), "")
-    given = options.scale_mm_per_unit is not None
-    unit, mm_per_unit = ("as given", 1.0) if given else _unit(system, path)
+    beside = " (no .prj next to it)" if path.suffix.lower() == ".shp" else ""
+    missing = f"the file names no reference system{beside}"
+    unit = SourceUnit(name="mm", mm=1.0, known="guess", by=missing)
+    if options.scale_mm_per_unit is not None:
+        unit = SourceUnit(name="unit", mm=1.0, known="file")
+    elif found.items:
+        unit = unit_of(system, drawn_points(found.items), unit)
     points = {kind: count for kind, count in found.kinds.items() if "Point" in kind}
     return SourceDrawing(
         items=tuple(found.items),
-        mm_per_unit=mm_per_unit,
+        unit=unit,
         curved=False,
         layered=len(found.systems) > 1,
         facts={
-            "units": unit,
             "reference_system": system[:60] or "none",
             "layers": sorted(found.systems),
             "geometries": {k: n for k, n in found.kinds.items() if k not in points},
@@ -144,6 +148,9 @@ def _drawing(path: Path, options: ImportOptions) -> SourceDrawing:
 
 def _read_layer(path: Path, name: str, found: _Read, *, several: bool) -> None:
     info = pyogrio.read_info(path, layer=name)
+    if re.search("TIN|Polyhedral|Triangle", info["geometry_type"] or ""):
+        problem = f"holds a surface of triangles ({info['geometry_type']}), not a plan"
+        raise UnfitInputError(f"layer {name}", problem, TRIANGLES_ADVICE)
     found.systems[name] = info["crs"] or ""
     columns = ["role"] if "role" in info["fields"] else []
     _, fids, wkb, columns_read = pyogrio.raw.read(
@@ -185,61 +192,3 @@ def _leaves(shape: BaseGeometry) -> list[BaseGeometry]:
 
 def _ring(line: BaseGeometry) -> Ring:
     return Ring(pieces=(Straight(shapely.get_coordinates(line)),))
-
-
-def _unit(system: str, path: Path) -> tuple[str, float]:
-    """Return the unit of a reference system as text, and its mm."""
-    if not system:
-        beside = " (no .prj next to it)" if path.suffix.lower() == ".shp" else ""
-        return f"mm (taken; the file names no reference system{beside})", 1.0
-    text = _well_known_text(system)
-    if re.match(r"\s*GEO(GCS|GCRS|DCRS|GRAPHICCRS)\s*\[", text):
-        raise UnfitInputError("reference system", f"{system[:40]} is in degrees", PROJECT_ADVICE)
-    found = _length_unit(text)
-    if found is None:
-        problem = f"the unit of {system[:40]} is unknown"
-        remedy = "give --scale-mm-per-unit, how many mm a unit is"
-        raise UnfitInputError("reference system", problem, remedy)
-    name, metres = found
-    return f"{name} ({system[:40]})", float(f"{1000.0 * metres:.12g}")
-
-
-def _well_known_text(system: str) -> str:
-    """Return the definition of a reference system that may be a code such as ``EPSG:32632``."""
-    if "[" in system:
-        return system
-    # GDAL holds the table of codes; it gives the meaning of a code in the .prj of a Shapefile.
-    with TemporaryDirectory() as folder:
-        place = Path(folder) / "unit.shp"
-        spot = np.array([shapely.to_wkb(shapely.Point(0.0, 0.0))], dtype=np.object_)
-        try:
-            pyogrio.raw.write(str(place), spot, [], [], geometry_type="Point", crs=system)
-        except (pyogrio.errors.DataSourceError, pyogrio.errors.CRSError):
-            return ""
-        projection = _beside(place, ".prj")
-        return projection.read_text(encoding="utf-8") if projection else ""
-
-
-def _length_unit(text: str) -> tuple[str, float] | None:
-    """Return name and metres of the unit of a projected system: the last one at its own level.
-
-    >>> _length_unit('PROJCS["x",GEOGCS["y",UNIT["Degree",0.0175]],UNIT["Meter",1.0]]')
-    ('Meter', 1.0)
-    """
-    body = re.sub(r'^\s*COMPD_CS\s*\["[^"]*",', "", text)
-    body = re.sub(r'^\s*COMPOUNDCRS\s*\["[^"]*",', "", body)
-    depth, found = 0, None
-    for match in re.finditer(
-        r'"(?:[^"]|"")*"|[\[\]]|(?:LENGTH)?UNIT\["([^"]+)",([0-9.eE+-]+)', body
-    ):
-        if match[1] is not None:
-            own = depth == 1 or (depth == 2 and match[0].startswith("LENGTH"))
-            found = (match[1], float(match[2])) if own else found
-            depth += 1
-        elif match[0] == "[":
-            depth += 1
-        elif match[0] == "]":
-            depth -= 1
-            if depth == 0:
-                break
-    return found

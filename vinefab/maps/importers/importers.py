@@ -26,6 +26,9 @@ else:
     np = imported_later("numpy")
 
 
+_ROOM = "vinefab.maps.importers"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapImporter:
     """Reads maps in one format.
@@ -43,10 +46,10 @@ class MapImporter:
         # Later steps refuse sizes near the limits of floats, or find them equal.
         with np.errstate(all="ignore"), reading(path):
             world: Map = getattr(import_module(module), function)(path, options)
-        return world
+            checked: Map = import_module(f"{_ROOM}.doubts").with_doubts(world)
+        return checked
 
 
-_ROOM = "vinefab.maps.importers"
 IMPORTERS: Registry[MapImporter] = Registry(
     "map format",
     {

@@ -17,6 +17,7 @@ from vinefab.core.rng import child
 from vinefab.core.validation import Floats
 from vinefab.maps.cleanup.raster import GridPlacement, Mask, raster_map
 from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
+from vinefab.maps.importers.source_unit import SourceUnit
 from vinefab.model.map import MARKER_SIDE_CELLS, Map
 from vinefab.photos.found_markers import FoundMarker, measured_markers, square_points
 from vinefab.photos.photo import (
@@ -496,4 +497,8 @@ def _world(
             f"below {least_mm2:g}"
         )
         raise UnfitInputError("", "no obstacles are seen in the photo", remedy)
-    return replace(world, environment="photo")
+    by = "--marker-mm" if scene.markers_mm.size else "--points"
+    if options.scale_mm_per_unit is not None:
+        by = "--scale-mm-per-unit"
+    unit = SourceUnit(name="pixel of the plan", mm=view.mm_per_pixel, known="option", by=by)
+    return unit.of(replace(world, environment="photo"))

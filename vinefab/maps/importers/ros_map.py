@@ -2,6 +2,7 @@
 
 import io
 import math
+import re
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +13,7 @@ import yaml
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from vinefab.core.errors import BadInputError, UnreadableFileError, located
+from vinefab.core.errors import BadInputError, UnfitInputError, UnreadableFileError, located
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import visible
 from vinefab.core.validation import number, positive
@@ -23,7 +24,9 @@ from vinefab.maps.cleanup.raster import (
     Mask,
     raster_map,
 )
+from vinefab.maps.importers.doubts import with_notes
 from vinefab.maps.importers.import_options import ImportOptions
+from vinefab.maps.importers.source_unit import SourceUnit
 from vinefab.model.files.shipped import path_inside, read_bytes, read_text
 from vinefab.model.map import Map
 
@@ -79,7 +82,7 @@ _ONLY_DRAWINGS = ("join_mm", "layers", "drawn", "bounds", "margin_mm", "wall_mm"
 class _RosMap:
     """The YAML file: the map's metadata, as the map_server calls it."""
 
-    image: Path  # path of the image
+    image: object  # path of the image, as the file names it
     resolution_m: float  # width of a cell
     # x (m), y (m) and yaw (rad, counter-clockwise) of the lower left corner of the image's lower
     # left pixel
@@ -128,11 +131,22 @@ def import_ros(path: Path, options: ImportOptions) -> Map:
         raise BadInputError("unknown", unknown, "obstacle or free")
     source = _read_ros_yaml(path)
     largest_image_bytes = 1 << 30
-    data = read_bytes(source.image, largest_image_bytes)
-    occupied, free = _classify(*_read_values(source.image, data), source)
+    with located(path):
+        image, notes = _image(source.image, path)
+    data = read_bytes(image, largest_image_bytes)
+    values, opacity = _read_values(image, data)
+    occupied, free = _classify(values, opacity, source)
+    if source.mode == "trinary" and not source.negate and opacity is None and _is_saved(values):
+        unsure = values == _SAVED_UNKNOWN
+        if (free & unsure).any():
+            notes.append(
+                f"cells of {_SAVED_UNKNOWN} are unknown, as savers of maps write them; read by "
+                f"free_thresh {source.free_thresh:g} they would be free (--unknown free)"
+            )
+        occupied, free = occupied & ~unsure, free & ~unsure
     facts = {
         "source": path.name,
-        "image": source.image.name,
+        "image": image.name,
         "image_sha256": sha256_of(data),
         "resolution_m": source.resolution_m,
         "origin": list(source.origin),
@@ -140,7 +154,6 @@ def import_ros(path: Path, options: ImportOptions) -> Map:
         "occupied_thresh": source.occupied_thresh,
         "free_thresh": source.free_thresh,
         "mode": source.mode,
-        "scale_mm_per_unit": scale,
         "unknown": unknown,
         "cells": list(free.shape[::-1]),
         "cells_free": int(free.sum()),
@@ -155,7 +168,21 @@ def import_ros(path: Path, options: ImportOptions) -> Map:
             options,
             facts,
         )
-    return replace(world, environment="ros")
+    unit = SourceUnit(name="metre", mm=full_size, known="file", by="a ROS map")
+    world = unit.scaled(options.scale_mm_per_unit).of(world)
+    return with_notes(replace(world, environment="ros"), *notes)
+
+
+_SAVED_UNKNOWN = 205
+
+
+def _is_saved(values: Values) -> bool:
+    """Return whether an image has the three values that map savers write, unknown and free."""
+    if values.dtype == np.uint8:
+        held = set(np.flatnonzero(np.bincount(values.ravel(), minlength=256)).tolist())
+    else:
+        held = set(np.unique(values).tolist())
+    return {_SAVED_UNKNOWN, 254} <= held <= {0, _SAVED_UNKNOWN, 254}
 
 
 def _classify(values: Values, opacity: Values | None, source: _RosMap) -> tuple[Mask, Mask]:
@@ -234,7 +261,7 @@ def _read_ros_yaml(path: Path) -> _RosMap:
         if (negate := data.get("negate")) not in (0, 1):
             raise BadInputError("negate", negate, "0 or 1")
         return _RosMap(
-            image=path_inside("image", image, (path.parent,), path),
+            image=image,
             resolution_m=resolution_m,
             origin=(x, y, yaw),
             negate=bool(negate),
@@ -242,6 +269,29 @@ def _read_ros_yaml(path: Path) -> _RosMap:
             free_thresh=_number("free_thresh", data.get("free_thresh")),
             mode=str(data.get("mode", "trinary")),
         )
+
+
+def _image(given: object, path: Path) -> tuple[Path, list[str]]:
+    """Return the image that a map names, or the one of that name next to it, and a note on that.
+
+    Paths in such files are often those of the machine on which the map was saved.
+    """
+    try:
+        found = path_inside("image", given, (path.parent,), path)
+        problem = None if found.is_file() else f"there is no {str(given)!r}"
+    except BadInputError as error:
+        if not isinstance(given, str):
+            raise
+        found, problem = path, str(error.value)
+    if problem is None:
+        return found, []
+    name = re.split(r"[/\\]", str(given))[-1]
+    beside = path.parent / name
+    if name and name not in (".", "..") and beside.is_file():
+        note = f"image {beside.name} is the one next to {path.name}, which names {given}"
+        return path_inside("image", name, (path.parent,), path), [note]
+    remedy = f"put {name} next to {path.name} and write image: {name}"
+    raise UnfitInputError("image", problem, remedy, path)
 
 
 def _number(key: str, value: object) -> float:

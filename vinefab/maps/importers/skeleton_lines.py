@@ -124,7 +124,7 @@ def _of_drawing(path: Path, options: ImportOptions, chord_mm: float) -> Skeleton
     with reading(path), np.errstate(all="ignore"):
         drawing: SourceDrawing = getattr(import_module(module), function)(path, options)
     given = options.scale_mm_per_unit
-    scale = drawing.mm_per_unit if given is None else given
+    scale = drawing.unit.mm if given is None else given
     with located(path):
         x, y = drawing.origin
         frame = SourceFrame(scale_mm_per_unit=scale, x=x, y=y, down=drawing.down)
@@ -152,7 +152,7 @@ def _of_drawing(path: Path, options: ImportOptions, chord_mm: float) -> Skeleton
             held = drawing.facts.get("ignored") or "nothing"
             problem = f"the drawing has no lines: {held}"
             raise UnfitInputError("", problem, "draw lines or polylines")
-    unit = "as given" if given is not None else str(drawing.facts["units"])
+    unit = drawing.unit.scaled(given).words
     return SkeletonLines(
         segments_mm=np.concatenate(rows),
         widths_mm=np.array(widths),

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Protocol
@@ -15,13 +15,8 @@ from vinefab.core.validation import Floats, number, positive
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
 from vinefab.maps.cleanup.drawn_shapes import Drawn, DrawnShape, SourceFrame, framed
 from vinefab.maps.importers.import_options import ImportOptions
+from vinefab.maps.importers.source_unit import SourceUnit
 from vinefab.model.map import Map
-
-PROJECT_ADVICE = (
-    "project the layer in your GIS program (QGIS: Export, Save "
-    "Features As, a projected CRS), or ogr2ogr -t_srs EPSG:32632 (your zone) metres.gpkg FILE"
-)
-"""For coordinates in degrees."""
 
 
 class CurvePiece(Protocol):
@@ -184,8 +179,8 @@ class SourceDrawing:
     """The content of a drawing file."""
 
     items: tuple[DrawingItem, ...]  # what can be walls
+    unit: SourceUnit  # of its coordinates
     points: tuple[DrawnPoint, ...] = ()
-    mm_per_unit: float = 1.0  # as the file says, or assumed
     down: bool = False  # whether y points down
     origin: tuple[float, float] = (0.0, 0.0)  # position in the file that becomes the map's origin
     facts: Mapping[str, object] = field(default_factory=dict)  # what was read and left out
@@ -211,6 +206,17 @@ class DrawingReader:
         }
 
 
+def drawn_points(items: Sequence[DrawingItem]) -> Floats:
+    """Return the corners of every item's bounding box, in units of the source, shape (n, 2)."""
+    corners = []
+    for item in items:
+        hull = np.concatenate([ring.hull() for ring in (*item.rings, *item.holes)])
+        if not np.isfinite(hull).all():
+            raise UnfitInputError(item.where, "a coordinate is not finite", "draw it anew")
+        corners += [hull.min(axis=0), hull.max(axis=0)]
+    return np.array(corners)
+
+
 def drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> Map:
     """Return the map that a drawing shows, see `assemble`."""
     with located(path):
@@ -219,22 +225,18 @@ def drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> M
             held = drawing.facts.get("ignored") or "nothing"
             problem = f"the drawing has no outlines: {held}"
             raise UnfitInputError("", problem, "draw lines, outlines or areas")
-        given = options.scale_mm_per_unit
-        scale = drawing.mm_per_unit if given is None else given
-        corners = []  # of every item's bounding box
-        for item in drawing.items:
-            hull = np.concatenate([ring.hull() for ring in (*item.rings, *item.holes)])
-            if not np.isfinite(hull).all():
-                raise UnfitInputError(item.where, "a coordinate is not finite", "draw it anew")
-            corners += [hull.min(axis=0), hull.max(axis=0)]
+        unit = drawing.unit.scaled(options.scale_mm_per_unit)
         frame, size_mm = framed(
-            np.array(corners),
+            drawn_points(drawing.items),
             SourceFrame(
-                scale_mm_per_unit=scale, x=drawing.origin[0], y=drawing.origin[1], down=drawing.down
+                scale_mm_per_unit=unit.mm,
+                x=drawing.origin[0],
+                y=drawing.origin[1],
+                down=drawing.down,
             ),
         )
         chosen, tolerance_mm = _assembling(options, size_mm, curved=drawing.curved)
-        shapes = tuple(item.flat(tolerance_mm / scale) for item in drawing.items)
+        shapes = tuple(item.flat(tolerance_mm / unit.mm) for item in drawing.items)
         points = sum(len(ring) for shape in shapes for ring in (*shape.rings, *shape.holes))
         if points > _MOST_POINTS:
             problem = f"the drawing has {counted(points, 'point')}, and {_MOST_POINTS} are allowed"
@@ -242,12 +244,12 @@ def drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> M
         facts = {
             "source": path.name,
             **drawing.facts,
-            "scale_mm_per_unit": scale,
             "shapes_read": len(shapes),
             "curves_within_mm": tolerance_mm,
             "simplify_mm": chosen.simplify_mm,
         }
-        return assemble(visible(path.stem), shapes, frame, chosen, facts, layered=drawing.layered)
+        name = visible(path.stem)
+        return unit.of(assemble(name, shapes, frame, chosen, facts, layered=drawing.layered))
 
 
 def _assembling(

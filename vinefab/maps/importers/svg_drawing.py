@@ -33,6 +33,7 @@ from vinefab.maps.importers.source_drawing import (
     Straight,
     drawing_map,
 )
+from vinefab.maps.importers.source_unit import SourceUnit
 from vinefab.model.files.shipped import read_bytes
 from vinefab.model.map import Map
 
@@ -172,14 +173,13 @@ def length_px(node: Node, name: str) -> float:
     return float(match[1]) * _UNITS_PX[match[2].lower()]
 
 
-def page_frame(root: Node) -> tuple[Floats, float, str]:
+def page_frame(root: Node) -> tuple[Floats, SourceUnit]:
     """Return the frame set by the outermost element.
 
     Returns
     -------
     tuple
-        View box as x, y, width, height in user units (zeros where there is none); millimetres
-        per user unit in x; and the origin of that scale, as text.
+        View box as x, y, width, height in user units (zeros where there is none), and the unit.
     """
     box = _view_box(root)
     texts = [root.attributes.get(name, "").strip().lower() for name in ("width", "height")]
@@ -190,15 +190,18 @@ def page_frame(root: Node) -> tuple[Floats, float, str]:
     mm_per_px = 25.4 / 96.0
     if box is None:
         whole = np.array([0.0, 0.0, *np.maximum(size, 0.0)])
-        return whole, mm_per_px, "px of 1/96 inch (no viewBox)"
+        return whole, SourceUnit(name="px", mm=mm_per_px, known="guess", by="1/96 inch; no viewBox")
     known = [side / part for side, part in zip(size, box[2:], strict=True) if side > 0.0]
     if not known:
-        return box, mm_per_px, "px of 1/96 inch (no absolute width or height)"
+        by = "1/96 inch; no absolute width or height"
+        return box, SourceUnit(name="px", mm=mm_per_px, known="guess", by=by)
     # Rounded: 210 mm for 210 units is 1 mm, whatever the last bit of 96 / 25.4 says.
     mm_per_unit = float(f"{min(known) * mm_per_px:.12g}")
     if any(text.removesuffix("px")[-1:].isalpha() for text in texts):
-        return box, mm_per_unit, "width, height and viewBox"
-    return box, mm_per_unit, "px of 1/96 inch (taken; width and height name no other unit)"
+        by = "width, height and viewBox"
+        return box, SourceUnit(name="user unit", mm=mm_per_unit, known="file", by=by)
+    by = "1/96 inch; width and height name no other unit"
+    return box, SourceUnit(name="px", mm=mm_per_unit, known="guess", by=by)
 
 
 def _view_box(node: Node) -> Floats | None:
@@ -448,7 +451,7 @@ def _source(path: Path, options: ImportOptions, *, lines_only: bool) -> SourceDr
 
 
 def _drawing(root: Node, options: ImportOptions, *, lines_only: bool) -> SourceDrawing:
-    box, mm_per_unit, units = page_frame(root)
+    box, unit = page_frame(root)
     walls, free = options.wall_mm is not None, options.drawn == "free"
     walk = _Walk(
         frozenset(options.layers),
@@ -464,12 +467,11 @@ def _drawing(root: Node, options: ImportOptions, *, lines_only: bool) -> SourceD
         raise UnknownNameError("layer or group", unknown[0], walk.names)
     return SourceDrawing(
         items=tuple(items),
-        mm_per_unit=mm_per_unit,
+        unit=unit,
         down=True,
         layered=len(walk.drawn_in) > 1,
         origin=(float(box[0]), float(box[1] + box[3])),
         facts={
-            "units": units,
             **walk.facts(options.layers, "elements"),
             **({"page": _PAGE_IS_AREA} if walk.backgrounds and options.drawn is None else {}),
         },

@@ -38,7 +38,8 @@ from vinefab.core.view import (
 )
 from vinefab.fabrication.calibration.coupons import JointReading
 from vinefab.growth.options import growth_text
-from vinefab.maps.importers.svg_drawing import Node, after, read_nodes, svg_outlines, transform
+from vinefab.maps.importers.svg_document import Node, after, read_nodes, transform
+from vinefab.maps.importers.svg_shapes import svg_outlines
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import json_object, read_text

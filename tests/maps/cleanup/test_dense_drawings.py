@@ -45,6 +45,8 @@ def test_lines_that_cross_or_meet_everywhere_and_outlines_in_each_other(tmp_path
     limits.setattr(bounded, "_CPU_S", 1)
     limits.setattr(bounded, "_CPU_S_PER_MB", 0)
     path = tmp_path / "m.svg"
-    path.write_text(f'<svg viewBox="0 0 300 200"><rect width="300" height="200"/>{body}</svg>')
+    path.write_text(
+        f'<svg stroke="red" viewBox="0 0 300 200"><rect width="300" height="200"/>{body}</svg>'
+    )
     with pytest.raises(UnreadableFileError, match=r"m\.svg: cannot be read within 1 s and 1"):
         import_map(path, ImportOptions())

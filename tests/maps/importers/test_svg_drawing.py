@@ -13,7 +13,7 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
 from vinefab.maps.importers.source_drawing import run_flat
-from vinefab.maps.importers.svg_drawing import path_outlines
+from vinefab.maps.importers.svg_shapes import path_outlines
 from vinefab.model.map import map_text
 
 PAGE = 'xmlns="http://www.w3.org/2000/svg" width="200mm" height="100mm" viewBox="0 0 200 100"'
@@ -42,11 +42,16 @@ SHAPES = {
     "circle": ('<circle cx="50" cy="50" r="20"/>', 400 * math.pi),
     "ellipse": ('<ellipse cx="50" cy="50" rx="20" ry="5"/>', 100 * math.pi),
     "polygon": ('<polygon points="10,10 30,10,25 3e1 10+30"/>', 350),
-    "closed polyline": ('<polyline points="10,10 30,10 30,30 10,10" fill="none"/>', 200),
+    "closed polyline": (
+        '<polyline points="10,10 30,10 30,30 10,10" fill="none" stroke="red"/>',
+        200,
+    ),
     "filled polyline": ('<polyline points="10,10 30,10 30,30"/>', 200),
     "relative path": ('<path d="m10 10h20v20H10z"/>', 400),
     "arcs": ('<path d="M40 50a10 10 0 0120 0 10 10 0 01-20 0z"/>', 100 * math.pi),
-    "two subpaths": ('<path d="M10 10h30v30h-30z m10 10h10v10h-10z"/>', 800),
+    "two subpaths": ('<path d="M10 10h30v30h-30z m10 10v10h10v-10z"/>', 800),
+    "subpaths the same way round": ('<path d="M10 10h30v30h-30z m10 10h10v10h-10z"/>', 900),
+    "even odd": ('<path fill-rule="evenodd" d="M9 9h30v30h-30z m10 10h10v10h-10z"/>', 800),
     "transforms": (
         '<g transform="translate(60 20) rotate(30)"><g transform="scale(2 3) skewX(20)">'
         '<rect width="5" height="4"/></g></g>',
@@ -180,7 +185,8 @@ def test_groups_are_chosen_by_id_or_label(drawn):
 
 def test_a_floor_plan_of_stroked_lines_becomes_walls(drawn):
     body = (
-        '<path d="M5 5H195V95H5Z" fill="none"/><line x1="80" y1="5" x2="80" y2="60"/>'
+        '<g stroke="red"><path d="M5 5H195V95H5Z" fill="none"/>'
+        '<line x1="80" y1="5" x2="80" y2="60"/></g>'
         '<rect x="120" y="40" width="10" height="10" fill="#888"/>'
     )
     world = drawn(body, ImportOptions(wall_mm=2.0), frame="")
@@ -224,17 +230,27 @@ REFUSED = {
     ),
     "no move": ('<path d="L 5 5"/>', "path data such as M"),
     "no number": ('<circle r="wide"/>', r"circle \(line 1\): r is 'wide'"),
-    "percent": ('<rect width="10%" height="9"/>', "width is '10%'"),
+    "unit": ('<rect width="10furlong" height="9"/>', "width is '10furlong'"),
+    "mask": ('<mask id="m"><circle r="9" fill="grey"/></mask><g mask="url(#m)"/>', "by degrees"),
+    "clip": ('<rect width="9" height="9" clip-path="inset(2px)"/>', "clip-path 'inset.* not read"),
+    "media": ("<style>@media (min-width: 9px) {rect {fill: none}}</style>", "@media .min-width"),
+    "import": ("<style>@import url(walls.css);</style>", "@import .*plain SVG"),
+    "animation": ('<rect width="9" height="9"><animateMotion/></rect>', "an animation moves"),
+    "variable": ('<rect style="display:var(--a)" width="9" height="9"/>', "display: var"),
+    "offset": ('<rect style="translate:9px" width="9" height="9"/>', "translate: 9px is not read"),
     "negative": ('<rect width="-10" height="9"/>', "width is -10.0; allowed: at least 0"),
     "odd": ('<polygon points="1 2 3"/>', "3 numbers"),
     "infinite": ('<circle r="1e999"/>', "r is '1e999'"),
-    "huge": ('<circle r="1e11" fill="none"/>', "drawing is"),
+    "huge": ('<circle r="1e11" fill="none" stroke="red"/>', "drawing is"),
     "transform": ('<rect transform="turn(3)" width="1" height="1"/>', "transform is"),
     "flat": ('<rect transform="scale(0)" width="1" height="1"/>', "not singular"),
     "missing": ('<use href="#nothing"/>', "href is '#nothing'"),
     "elsewhere": ('<use href="file:///etc/passwd#x"/>', "id of an element in the file"),
     "endless": ('<g id="a"><use href="#a"/></g>', "a use that contains itself"),
-    "open": ('<path d="M20 20 L 90 90" fill="none"/>', r"from \(20, 20\) to \(90, 90\)"),
+    "open": (
+        '<path d="M20 20 L 90 90" fill="none" stroke="red"/>',
+        r"from \(20, 20\) to \(90, 90\)",
+    ),
     "outside": (
         '<circle cx="300" cy="50" r="5"/>',
         r"circle \(line 1\) at \(300, [\d.]+\).*outside",
@@ -304,3 +320,56 @@ def test_many_obstacles_give_the_same_map_as_few(drawn, monkeypatch):
     few = drawn(row)
     monkeypatch.setattr(assemble, "_MANY_OBSTACLES", 0)
     assert map_text(drawn(row)) == map_text(few)
+
+
+@pytest.mark.parametrize(
+    ("head", "mm"),
+    [
+        ("<!-- Generator: Adobe Illustrator 24.0.1, SVG Export Plug-In -->", 25.4 / 72),
+        ("<!-- made by hand -->", 25.4 / 96),
+    ],
+)
+def test_pixels_are_those_of_the_program_that_wrote_them(drawn, head, mm):
+    page = 'xmlns="http://www.w3.org/2000/svg" width="200px" height="100px" viewBox="0 0 200 100"'
+    world = drawn(f"{head}<svg {page}>{BOUNDS}</svg>", page=None)
+    assert world.size_mm == pytest.approx((200 * mm, 100 * mm))
+    assert world.facts["unit_known_by"] == ("program" if mm > 0.3 else "guess")
+
+
+@pytest.mark.parametrize(("version", "per_inch"), [("0.48.5 r10040", 90), ("1.2", 96)])
+def test_pixels_of_an_old_inkscape_are_larger(drawn, version, per_inch):
+    prefix = 'xmlns:i="x" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"'
+    page = f'width="200" height="100" {prefix} inkscape:version="{version}"'
+    assert drawn("", page=page).size_mm[0] == pytest.approx(200 * 25.4 / per_inch)
+
+
+CARD = '<rect x="4" y="3" width="192" height="94" fill="white"/>'
+ROOM = '<path d="M6 6H194V94H6Z" fill="none" stroke="red"/>'
+
+
+def test_a_background_is_painted_first_covers_the_page_and_holds_the_rest(drawn):
+    table = '<rect x="50" y="50" width="20" height="10"/>'
+    world = drawn(CARD + ROOM + table, frame="")
+    assert world.free_space.area == pytest.approx(188 * 88 - 200)
+    assert world.facts["ignored"] == {"background of the page": 1}
+    for body in (ROOM + table + CARD, CARD.replace("4", "30", 1) + table, CARD + table):
+        assert "ignored" not in drawn(body, frame="").facts
+
+
+def test_letters_by_use_are_text(drawn):
+    glyph = '<defs><g id="glyph0-1"><path d="M0 0h6v-8h-6zM1 -1v-6h4v6z"/></g></defs>'
+    world = drawn(f'{glyph}<g fill="#000"><use href="#glyph0-1" x="9" y="90"/></g>')
+    assert world.facts["ignored"] == {"text": 1}
+    assert not world.obstacles
+
+
+def test_attributes_of_a_prefix_that_no_one_declares_are_passed_over(drawn):
+    assert len(drawn('<path sodipodi:nodetypes="cc" d="M9 9h9v9z"/>').obstacles) == 1
+
+
+def test_a_page_of_another_shape_than_its_box_is_stretched(drawn):
+    page = 'width="400mm" height="100mm" viewBox="0 0 200 100" preserveAspectRatio="none"'
+    world = drawn('<circle cx="100" cy="50" r="10"/>', page=page)
+    assert world.size_mm == pytest.approx((400, 100))
+    left, low, right, high = world.obstacles[0].bounds
+    assert (right - left, high - low) == pytest.approx((40, 20), rel=1e-3)

@@ -142,6 +142,17 @@ class Ring:
         """Return points whose bounding box contains all pieces."""
         return np.concatenate([piece.hull() for piece in self.pieces])
 
+    def flattened(self) -> Floats:
+        """Return points on it, within 1e-5 of its size."""
+        size = float(np.ptp(self.hull(), axis=0).max())
+        return run_flat(self.pieces, max(1e-5 * size, 1e-12))
+
+    def is_rectangle(self) -> bool:
+        """Return whether it is the outline of a rectangle along the axes."""
+        corners = np.unique(self.hull(), axis=0)
+        sides = [np.unique(corners[:, axis]) for axis in (0, 1)]
+        return len(corners) == 4 and all(len(side) == 2 for side in sides)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawingItem(Drawn[Ring]):
@@ -150,6 +161,7 @@ class DrawingItem(Drawn[Ring]):
     names: tuple[str, ...] = ()  # layer, groups or feature that it stands in, and its own
     width: float | None = None  # of a line that has one, in units of the source
     unjoined: bool = False  # whether the line ends apart, though its fill counts as closed
+    bare: bool = False  # whether it is a fill without a line around it
 
     def flat(self, tolerance: float) -> DrawnShape:
         """Return it with chords for curves, within a tolerance in units of the source."""

@@ -1,432 +1,131 @@
-"""SVG drawings: path data, shapes, groups, uses and styles.
+"""SVG drawings as a browser shows them: groups, uses, clips and styles, down to outlines.
 
-`svgelements` reads path data and transforms. Their grammar is checked here: it accepts unknown
-commands, infinite coordinates and paths without a move, and its errors name no position. Elements
-are walked and moved here: it draws symbols that are not used, knows no view box of those that are,
-and keeps the axes of a sheared arc at right angles (0.5 % of a rounded rectangle under skewX(20)).
+Elements are walked and moved here: `svgelements` draws symbols that are not used, and knows no view
+box of those that are.
 """
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
-from xml.parsers import expat
+from typing import Any
 
 import numpy as np
-import svgelements as svg
-from svgelements import Matrix, Viewbox
+import shapely
+import tinycss2.color4
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError, located
-from vinefab.core.foreign import reading_element
-from vinefab.core.plain_text import counted
+from vinefab.core.errors import BadInputError, UnfitInputError, UnknownNameError, located
 from vinefab.core.validation import Floats
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.source_drawing import (
-    Arc,
-    Bezier,
-    CurvePiece,
     DrawingItem,
     DrawingReader,
     Ring,
     SourceDrawing,
     Straight,
     drawing_map,
+    run_flat,
 )
-from vinefab.maps.importers.source_unit import SourceUnit
-from vinefab.model.files.shipped import read_bytes
+from vinefab.maps.importers.svg_document import (
+    INHERITED,
+    Node,
+    View,
+    about,
+    after,
+    cascade,
+    font_px,
+    length_px,
+    page_frame,
+    read_nodes,
+    transform,
+    transform_origin,
+    viewport,
+)
+from vinefab.maps.importers.svg_shapes import SHAPES, Subpath, moved, svg_outlines
 from vinefab.model.map import Map
 
 WIDTH_ATTRIBUTE = "data-width"
 """Of a line of a skeleton: its lay-flat width in user units; strokes are for the eye."""
 
-LARGEST_NUMBER = 1e12
-"""Of a coordinate, length or factor: products of a few stay finite, and no drawing needs more."""
-
-
-@dataclass(slots=True)
-class Node:
-    """An element."""
-
-    tag: str  # without namespace
-    attributes: dict[str, str]  # by name without namespace
-    line: int  # where it begins
-    children: list["Node"] = field(default_factory=list)  # in order
-    text: str = ""  # characters directly in it
-
-    @property
-    def where(self) -> str:
-        """Its name in messages."""
-        name = self.attributes.get("id")
-        return f"{self.tag}{f' {name!r}' if name else ''} (line {self.line})"
-
-
-def read_nodes(path: Path) -> Node:
-    """Return the root of an SVG file."""
-    data = read_bytes(path)
-    if not data.strip():
-        raise UnreadableFileError(path, "is empty")
-    builder = _Builder(path)
-    parser = expat.ParserCreate(namespace_separator="}")
-    parser.buffer_text = True
-    builder.parser = parser
-    parser.StartElementHandler = builder.start
-    parser.EndElementHandler = builder.end
-    parser.CharacterDataHandler = builder.characters
-    parser.EntityDeclHandler = builder.entity
-    try:
-        parser.Parse(data, True)  # noqa: FBT003  expat's isfinal
-    except (expat.ExpatError, ValueError, LookupError) as error:
-        raise UnreadableFileError(path, f"is not SVG: {error}") from None
-    if builder.root is None or builder.root.tag != "svg":
-        raise UnreadableFileError(path, "is not SVG: its root is not <svg>")
-    return builder.root
-
-
-class _Builder:
-    """Builds nodes from a parser's events."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.parser: expat.XMLParserType | None = None
-        self.root: Node | None = None
-        self.open: list[Node] = []
-
-    @property
-    def line(self) -> int:
-        return self.parser.CurrentLineNumber if self.parser is not None else 0
-
-    def start(self, name: str, attributes: dict[str, str]) -> None:
-        plain: dict[str, str] = {}
-        for key, value in attributes.items():
-            # An attribute without namespace precedes one of the same name with.
-            if "}" not in key or _plain(key) not in attributes:
-                plain[_plain(key)] = value
-        node = Node(_plain(name), plain, self.line)
-        if self.open:
-            self.open[-1].children.append(node)
-        else:
-            self.root = node
-        self.open.append(node)
-
-    def end(self, name: str) -> None:  # noqa: ARG002  expat passes it
-        self.open.pop()
-
-    def characters(self, text: str) -> None:
-        if self.open and self.open[-1].tag == "style":
-            self.open[-1].text += text
-
-    def entity(
-        self,
-        name: str,
-        is_parameter: int,  # noqa: ARG002  expat passes it
-        value: str | None,
-        *outside: str | None,  # noqa: ARG002  expat passes them
-    ) -> None:
-        if value is None or "&" in value or "%" in value:
-            raise UnreadableFileError(
-                self.path, f"declares the entity {name!r}, which is nested or external"
-            )
-
-
-def _plain(name: str) -> str:
-    return name.rpartition("}")[2]
-
-
-_UNITS_PX = {
-    "": 1.0,
-    "px": 1.0,
-    "mm": 96.0 / 25.4,
-    "cm": 960.0 / 25.4,
-    "q": 24.0 / 25.4,
-    "in": 96.0,
-    "pt": 96.0 / 72.0,
-    "pc": 16.0,
-}
-NUMBER = r"[+-]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][+-]?\d++)?+"
-_LENGTH = re.compile(rf"\s*+({NUMBER})\s*+([a-zA-Z%]*+)\s*+")
-_TRANSFORM = re.compile(r"[\s,]*+(\w++)\s*+\(([^)]*+)\)[\s,]*+")
-_OPERANDS = {
-    "matrix": (6,),
-    "translate": (1, 2),
-    "scale": (1, 2),
-    "rotate": (1, 3),
-    "skewX": (1,),
-    "skewY": (1,),
-}
-IDENTITY = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-
-
-def length_px(node: Node, name: str) -> float:
-    """Return an attribute that is a length, in user units (px); 0 where it is left out."""
-    text = node.attributes.get(name)
-    if text is None or text.strip() == "auto":
-        return 0.0
-    match = _LENGTH.fullmatch(text)
-    if (
-        match is None
-        or match[2].lower() not in _UNITS_PX
-        or not abs(float(match[1])) <= LARGEST_NUMBER
-    ):
-        allowed = "a number up to 1e12, perhaps with px, mm, cm, in, pt or pc"
-        raise BadInputError(f"{node.where}: {name}", text, allowed)
-    return float(match[1]) * _UNITS_PX[match[2].lower()]
-
-
-def page_frame(root: Node) -> tuple[Floats, SourceUnit]:
-    """Return the frame set by the outermost element.
-
-    Returns
-    -------
-    tuple
-        View box as x, y, width, height in user units (zeros where there is none), and the unit.
-    """
-    box = _view_box(root)
-    texts = [root.attributes.get(name, "").strip().lower() for name in ("width", "height")]
-    size = [
-        length_px(root, name) if text and not text.endswith("%") else 0.0
-        for name, text in zip(("width", "height"), texts, strict=True)
-    ]
-    mm_per_px = 25.4 / 96.0
-    if box is None:
-        whole = np.array([0.0, 0.0, *np.maximum(size, 0.0)])
-        return whole, SourceUnit(name="px", mm=mm_per_px, known="guess", by="1/96 inch; no viewBox")
-    known = [side / part for side, part in zip(size, box[2:], strict=True) if side > 0.0]
-    if not known:
-        by = "1/96 inch; no absolute width or height"
-        return box, SourceUnit(name="px", mm=mm_per_px, known="guess", by=by)
-    # Rounded: 210 mm for 210 units is 1 mm, whatever the last bit of 96 / 25.4 says.
-    mm_per_unit = float(f"{min(known) * mm_per_px:.12g}")
-    if any(text.removesuffix("px")[-1:].isalpha() for text in texts):
-        by = "width, height and viewBox"
-        return box, SourceUnit(name="user unit", mm=mm_per_unit, known="file", by=by)
-    by = "1/96 inch; width and height name no other unit"
-    return box, SourceUnit(name="px", mm=mm_per_unit, known="guess", by=by)
-
-
-def _view_box(node: Node) -> Floats | None:
-    """Return x, y, width and height of a view box, None if there is none."""
-    text = node.attributes.get("viewBox")
-    if text is None:
-        return None
-    values = _numbers(text, f"{node.where}: viewBox")
-    if len(values) != 4 or values[2] <= 0.0 or values[3] <= 0.0:
-        raise BadInputError(f"{node.where}: viewBox", text, "x y width height, sizes above 0")
-    return np.array(values)
-
-
-def viewport(node: Node) -> Floats:
-    """Return the affine map of a nested ``svg`` or a used ``symbol``, shape (2, 3)."""
-    x, y = length_px(node, "x"), length_px(node, "y")
-    box = _view_box(node)
-    if box is None or not {"width", "height"} <= set(node.attributes):
-        return np.array([[1.0, 0.0, x], [0.0, 1.0, y]])
-    place = (x, y, length_px(node, "width"), length_px(node, "height"))
-    aspect = node.attributes.get("preserveAspectRatio", "xMidYMid")
-    return _affine(Viewbox.viewbox_transform(*place, *box.tolist(), aspect))
-
-
-def transform(node: Node) -> Floats:
-    """Return the affine map in a node's ``transform``, shape (2, 3)."""
-    text = node.attributes.get("transform", "")
-    at, end = 0, len(text.rstrip())
-    while at < end:
-        # svgelements leaves out elements that it does not know, or that lack numbers.
-        match = _TRANSFORM.match(text, at)
-        if match is None:
-            raise _bad_transform(node, text)
-        values = _numbers(match[2], f"{node.where}: transform")
-        if len(values) not in _OPERANDS.get(match[1], ()):
-            raise _bad_transform(node, f"{match[1]}({values})")
-        at = match.end()
-    with reading_element(f"{node.where}: transform", text):
-        matrix = _affine(text)
-    if abs(np.linalg.det(matrix[:, :2])) < 1e-30:
-        raise BadInputError(f"{node.where}: transform", text, "one that is not singular")
-    return matrix
-
-
-def after(outer: Floats, inner: Floats) -> Floats:
-    """Return the affine map that applies first the inner, then the outer one."""
-    linear = outer[:, :2] @ inner[:, :2]
-    return np.column_stack([linear, outer[:, :2] @ inner[:, 2] + outer[:, 2]])
-
-
-def _affine(text: str) -> Floats:
-    found = Matrix(text)
-    return np.array([[found.a, found.c, found.e], [found.b, found.d, found.f]])
-
-
-def numbers(node: Node, name: str) -> list[float]:
-    """Return an attribute that is a list of numbers."""
-    return _numbers(node.attributes.get(name, ""), f"{node.where}: {name}")
-
-
-def _numbers(text: str, key: str) -> list[float]:
-    # Signs and second points may separate numbers: 1-2 and .5.5 are two each.
-    words = re.findall(rf"{NUMBER}|[^\s,]", text)
-    try:
-        values = [float(word) for word in words]
-    except ValueError:
-        raise BadInputError(key, text, "numbers") from None
-    if not all(abs(value) <= LARGEST_NUMBER for value in values):
-        raise BadInputError(key, text, f"numbers up to {LARGEST_NUMBER:g}")
-    return values
-
-
-def _bad_transform(node: Node, text: str) -> BadInputError:
-    allowed = "matrix, translate, scale, rotate, skewX and skewY with their numbers"
-    return BadInputError(f"{node.where}: transform", text, allowed)
-
-
-_PATH_DATA = f"path data such as M 0 0 L 9 9 Z, numbers up to {LARGEST_NUMBER:g}"
-_N = rf"[\s,]*+{NUMBER}"
-_FLAG = r"[\s,]*+[01]"
-_PATH = re.compile(
-    rf"(?:[\s,]*+(?:[MmLlTt](?:{_N}{_N})++|[HhVv](?:{_N})++|[SsQq](?:(?:{_N}){{4}})++"
-    rf"|[Cc](?:(?:{_N}){{6}})++|[Aa](?:{_N}{_N}{_N}{_FLAG}{_FLAG}{_N}{_N})++|[Zz]))*+[\s,]*+"
-)
-_VALUE = re.compile(NUMBER)
-
-
-@dataclass(slots=True)
-class Subpath:
-    """A part of a path between two moves."""
-
-    pieces: list[CurvePiece] = field(default_factory=list)
-    closed: bool = False
-
-
-def path_outlines(data: str) -> list[Subpath]:
-    """Return the subpaths of a path's ``d``.
-
-    Examples
-    --------
-    >>> [(len(run.pieces), run.closed) for run in path_outlines("M0 0h9v9z m20 0 l5,5")]
-    [(2, True), (1, False)]
-    """
-    read = _PATH.match(data)
-    end = read.end() if read is not None else 0
-    if data[: end + 1].strip(" \t\r\n\f,")[:1] not in ("", "M", "m"):
-        end = 0
-    huge = (one for one in _VALUE.finditer(data) if not abs(float(one[0])) <= LARGEST_NUMBER)
-    end = min(end, next((one.start() for one in huge), end))
-    if end < len(data):
-        rest = " ".join(data[end:].split())[:30]
-        raise BadInputError(f"d, character {end + 1}", rest, _PATH_DATA)
-    runs: list[Subpath] = []
-    for segment in svg.Path(data):
-        if isinstance(segment, svg.Move):
-            runs.append(Subpath())
-        elif isinstance(segment, svg.Close):
-            runs[-1].closed = True
-        else:
-            if runs[-1].closed:
-                # A segment after a close begins a new subpath at the same place.
-                runs.append(Subpath())
-            runs[-1].pieces += _curve(segment)
-    return [run for run in runs if run.pieces]
-
-
-def _curve(segment: object) -> list[CurvePiece]:
-    least_radius = 1e-12  # of an arc: below, it is a straight line
-    match segment:
-        case svg.CubicBezier():
-            points = (segment.start, segment.control1, segment.control2, segment.end)
-            return [Bezier(np.array(points, dtype=np.float64))]
-        case svg.QuadraticBezier():
-            start, control, end = np.array([segment.start, segment.control, segment.end])
-            thirds = (start + 2.0 * control) / 3.0, (end + 2.0 * control) / 3.0
-            return [Bezier(np.array([start, *thirds, end]))]
-        case svg.Arc() if segment.start == segment.end:
-            return []
-        case svg.Arc() if min(segment.rx, segment.ry) >= least_radius:
-            middle, first, second = np.array([segment.center, segment.prx, segment.pry])
-            arc = Arc(
-                middle=middle,
-                first=first - middle,
-                second=second - middle,
-                start_rad=segment.get_start_t(),
-                turn_rad=segment.sweep,
-            )
-            return [arc]
-        case svg.PathSegment():
-            return [Straight(np.array([segment.start, segment.end], dtype=np.float64))]
-    raise TypeError(f"a segment of the unknown kind {type(segment).__name__}")
-
-
-def _rectangle(
-    x: float, y: float, size: tuple[float, float], radii: tuple[float, float]
-) -> Subpath:
-    """Return a rectangle, its corners rounded by elliptical radii (0 for sharp ones)."""
-    width, height = size
-    rx, ry = min(radii[0], 0.5 * width), min(radii[1], 0.5 * height)
-    if rx <= 0.0 or ry <= 0.0:
-        corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
-        return Subpath([Straight(np.array(corners, dtype=np.float64))], closed=True)
-    pieces: list[CurvePiece] = []
-    for index, (side_x, side_y) in enumerate(((1, 1), (0, 1), (0, 0), (1, 0))):
-        middle = (x + rx + side_x * (width - 2 * rx), y + ry + side_y * (height - 2 * ry))
-        arc = Arc(
-            middle=np.array(middle),
-            first=np.array([rx, 0.0]),
-            second=np.array([0.0, ry]),
-            start_rad=0.5 * math.pi * index,
-            turn_rad=0.5 * math.pi,
-        )
-        pieces.append(arc)
-    return Subpath(pieces, closed=True)
-
-
-def _moved(piece: CurvePiece, matrix: Floats) -> CurvePiece:
-    """Return a piece transformed by an affine map, shape (2, 3)."""
-    linear, shift = matrix[:, :2], matrix[:, 2]
-    if isinstance(piece, Straight):
-        return Straight(piece.points @ linear.T + shift)
-    if isinstance(piece, Bezier):
-        return Bezier(piece.controls @ linear.T + shift)
-    if not isinstance(piece, Arc):
-        raise TypeError(f"no affine map for {type(piece).__name__}")
-    return Arc(
-        middle=linear @ piece.middle + shift,
-        first=linear @ piece.first,
-        second=linear @ piece.second,
-        start_rad=piece.start_rad,
-        turn_rad=piece.turn_rad,
-    )
-
-
 _GROUPS = {"svg", "g", "a", "switch", "symbol"}
-_SHAPES = {"path", "rect", "circle", "ellipse", "line", "polyline", "polygon"}
-_DRAWN = _GROUPS | _SHAPES | {"use"}
+_DRAWN = _GROUPS | SHAPES | {"use"}
 _SILENT = {
     "defs", "title", "desc", "metadata", "style", "script", "namedview", "clipPath", "mask",
     "marker", "pattern", "linearGradient", "radialGradient", "filter", "symbol",
 }  # fmt: skip
+_ANIMATIONS = {"animateTransform", "animateMotion", "animate", "set"}
+_PAINT_ONLY = {"fill", "stroke", "color", "stroke-width", "stroke-dashoffset", "stop-color"}
+_GLYPH = re.compile(
+    r"#(?:glyph[-_]?\d|font_\d+_\d+$|MJX-|g\d+-\d+$|[A-Z]\w*(?:Sans|Serif|Mono|Math|Cm)\w*-)"
+)
+"""What programs call the letters that they draw by ``use``: cairo (also pdftocairo), MuPDF,
+MathJax, dvisvgm, matplotlib."""
 _PAGE_IS_AREA = (
     "its background is an outline too; --drawn free if the areas on it are the free space"
 )
-_COMMENT = re.compile(r"/\*.*?(?:\*/|\Z)", re.DOTALL)
-_PROPERTIES = {"clip-path", "display", "fill", "fill-rule", "stroke", "visibility"}
 
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Properties that an element inherits."""
+    """What an element takes from those around it."""
 
     matrix: Floats
     layers: tuple[str, ...]
-    filled: bool
-    even_odd: bool = False
+    style: dict[str, str]  # inherited properties
+    view: View
+    clip: BaseGeometry | None = None  # what is shown, in user units of the page; None for all
     uses: tuple[str, ...] = ()  # names of the elements that are used around it
+    size: tuple[float, float] | None = None  # of a symbol or svg, by the use around it
+
+    @property
+    def fills(self) -> bool:
+        """Whether areas are painted."""
+        return _is_painted(self.style["fill"]) and not _is_nil(self.style["fill-opacity"])
+
+    @property
+    def strokes(self) -> bool:
+        """Whether lines are painted."""
+        nil = _is_nil(self.style["stroke-opacity"]) or _is_nil(self.style["stroke-width"])
+        return _is_painted(self.style["stroke"]) and not nil
+
+    @property
+    def even_odd(self) -> bool:
+        """Whether what is enclosed twice is outside."""
+        return self.style["fill-rule"] == "evenodd"
+
+
+@lru_cache(1000)
+def _is_painted(paint: str) -> bool:
+    if paint == "none":
+        return False
+    color = tinycss2.color4.parse_color(paint)
+    return color is None or color == "currentcolor" or bool(color.alpha > 0.0)
+
+
+@lru_cache(1000)
+def _is_white(paint: str) -> bool:
+    color: Any = tinycss2.color4.parse_color(paint)
+    return color not in (None, "currentcolor") and min(color.coordinates) > 0.99
+
+
+@lru_cache(1000)
+def _is_nil(amount: str) -> bool:
+    try:
+        return float(amount.strip().rstrip("%px")) <= 0.0
+    except ValueError:
+        return False
 
 
 def import_svg(path: Path, options: ImportOptions) -> Map:
     """Return the map in an SVG drawing.
 
-    All shapes are outlines or lines, whatever their colour. With ``wall_mm`` shapes without fill
-    are walls of that thickness, filled ones outlines. The lower left corner of the page is the
-    map's origin.
+    All shapes that a browser shows are outlines or lines, whatever their colour. With ``wall_mm``
+    shapes without fill are walls of that thickness, filled ones outlines. The lower left corner of
+    the page is the map's origin.
     """
     drawing = _source(path, options, lines_only=False)
     return replace(drawing_map(path, drawing, options), environment="svg")
@@ -435,42 +134,41 @@ def import_svg(path: Path, options: ImportOptions) -> Map:
 def svg_source(path: Path, options: ImportOptions) -> SourceDrawing:
     """Return the lines of an SVG drawing in the groups that are asked for, curves as curves.
 
-    The background of the page is left out.
+    The background of the page is left out; lines without stroke are read too.
     """
     return _source(path, options, lines_only=True)
 
 
 def _source(path: Path, options: ImportOptions, *, lines_only: bool) -> SourceDrawing:
-    root = read_nodes(path)
     # What overflows in nested transforms is found, and named, by `drawing_map`.
-    try:
-        with located(path), np.errstate(over="ignore", invalid="ignore"):
-            return _drawing(root, options, lines_only=lines_only)
-    except RecursionError:
-        raise UnreadableFileError(path, "has elements nested too deep") from None
+    with located(path), np.errstate(over="ignore", invalid="ignore"):
+        root = read_nodes(path)
+        cascade(root)
+        return _drawing(root, options, lines_only=lines_only)
 
 
 def _drawing(root: Node, options: ImportOptions, *, lines_only: bool) -> SourceDrawing:
-    box, unit = page_frame(root)
+    page = page_frame(root)
     walls, free = options.wall_mm is not None, options.drawn == "free"
     walk = _Walk(
         frozenset(options.layers),
         root=root,
-        page=box,
+        page=page.box,
         walls=walls,
         free=free,
         lines_only=lines_only,
     )
-    items = walk.items()
+    stretch = np.array([[1.0, 0.0, 0.0], [0.0, page.stretch, 0.0]])
+    items = walk.items(about(stretch, page.box[:2]))
     unknown = sorted(set(options.layers) - walk.names)
     if unknown:
         raise UnknownNameError("layer or group", unknown[0], walk.names)
     return SourceDrawing(
         items=tuple(items),
-        unit=unit,
+        unit=page.unit,
         down=True,
         layered=len(walk.drawn_in) > 1,
-        origin=(float(box[0]), float(box[1] + box[3])),
+        origin=(float(page.box[0]), float(page.box[1] + page.stretch * page.box[3])),
         facts={
             **walk.facts(options.layers, "elements"),
             **({"page": _PAGE_IS_AREA} if walk.backgrounds and options.drawn is None else {}),
@@ -490,201 +188,392 @@ class _Walk(DrawingReader):
     names: set[str] = field(default_factory=set)
     drawn_in: set[tuple[str, ...]] = field(default_factory=set)  # groups of the elements read
     by_id: dict[str, Node] = field(default_factory=dict)
-    styles: dict[str, dict[str, str]] = field(default_factory=dict)
     backgrounds: list[DrawingItem] = field(default_factory=list)
     seen: int = 0
 
-    def items(self) -> list[DrawingItem]:
-        nodes = [self.root]
-        while nodes:
-            node = nodes.pop()
-            nodes += reversed(node.children)
-            self.by_id.setdefault(node.attributes.get("id", ""), node)
-            if node.tag == "style":
-                self.styles |= _rules(node.text)
-        place = _Place(IDENTITY, (), filled=True)
-        found = [item for node in self.root.children for item in self._items(node, place)]
+    def items(self, matrix: Floats) -> list[DrawingItem]:
+        for node in self.root.nodes():
+            self.by_id.setdefault(node.get("id", ""), node)
+        em = font_px(self.root, View())
+        view = View(float(self.page[2]), float(self.page[3]), em, em)
+        found = list(self._items(self.root, _Place(matrix, (), INHERITED, view)))
+        self.backgrounds = self._page_backgrounds(found)
+        rest = [item for item in found if not any(item is page for page in self.backgrounds)]
         if self.lines_only:
-            return [item for item in found if not any(item is page for page in self.backgrounds)]
-        return self._without_backgrounds(found)
+            return rest
+        if self.backgrounds and self._is_enclosed(rest):
+            self.ignored["background of the page"] += len(self.backgrounds)
+            self.backgrounds.clear()
+            return rest
+        return found
 
     def _items(self, node: Node, place: _Place) -> Iterator[DrawingItem]:
         self.seen += 1
-        style = self._style(node)
-        if self._left_out(node, style, place):
+        if self._left_out(node, place):
             return
-        place = self._inner(node, style, place)
-        if node.tag in _GROUPS:
+        place = self._inner(node, place)
+        if node.tag == "switch":
+            shown = next((one for one in node.children if _meets_conditions(one)), None)
+            yield from () if shown is None else self._items(shown, place)
+        elif node.tag in _GROUPS:
             for child in node.children:
                 yield from self._items(child, place)
         elif node.tag == "use":
             yield from self._used(node, place)
         else:
-            yield from self._drawn(node, style, place)
+            yield from self._drawn(node, place)
 
-    def _left_out(self, node: Node, style: dict[str, str], place: _Place) -> bool:
+    def _left_out(self, node: Node, place: _Place) -> bool:
         """Return whether an element draws nothing; count it if it might be expected to."""
         if node.tag in _SILENT and not (node.tag == "symbol" and place.uses):
             return True
+        style = node.style
         if node.tag not in _DRAWN:
             self.ignored[node.tag] += 1
         elif style.get("display") == "none":
             self.ignored["display:none"] += 1
+        elif _is_nil(style.get("opacity", "1")):
+            self.ignored["opacity 0"] += 1
+        elif not _meets_conditions(node):
+            self.ignored["of another language or program"] += 1
         else:
-            if style.get("clip-path", "none") != "none":
-                self.ignored["clip-path"] += 1
+            for child in node.children:
+                if child.tag in _ANIMATIONS and child.get("attributeName") not in _PAINT_ONLY:
+                    remedy = "take it out, or export a still picture"
+                    raise UnfitInputError(child.where, "an animation moves or hides shapes", remedy)
             return False
         return True
 
-    def _style(self, node: Node) -> dict[str, str]:
-        """Return an element's own properties: attributes, then style sheets, then its style."""
-        attributes = node.attributes
-        names = [node.tag, *(f".{name}" for name in attributes.get("class", "").split())]
-        found = dict(attributes)
-        for name in [*names, f"#{attributes.get('id', '')}"]:
-            found |= self.styles.get(name, {})
-        return found | _declarations(attributes.get("style", ""))
-
-    def _inner(self, node: Node, style: dict[str, str], place: _Place) -> _Place:
-        matrix = after(place.matrix, transform(node))
-        if node.tag in ("svg", "symbol"):
-            matrix = after(matrix, viewport(node))
+    def _inner(self, node: Node, place: _Place) -> _Place:
+        style = dict(place.style)
+        for name, initial in INHERITED.items():
+            value = node.style.get(name, "inherit").strip()
+            if value not in ("inherit", "unset", "revert"):
+                style[name] = initial if value == "initial" else value
+        view, clip = replace(place.view, font_px=font_px(node, place.view)), place.clip
+        matrix = self._moved(node, place.matrix, view)
+        if node.tag in ("svg", "symbol") and node is not self.root:
+            inner = viewport(node, view, place.size)
+            if node.style.get("overflow", "hidden") not in ("visible", "auto") and inner.size[0]:
+                x, y, width, height = inner.frame.tolist()
+                corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+                clip = _both(clip, Polygon(_placed(np.array(corners), matrix)))
+            matrix = after(matrix, inner.matrix)
+            view = replace(view, width=inner.size[0], height=inner.size[1])
         layers = place.layers
-        if node.tag in _GROUPS or node.tag == "use":
-            names = [node.attributes[key] for key in ("id", "label") if key in node.attributes]
+        if node is not self.root and (node.tag in _GROUPS or node.tag == "use"):
+            names = [node.attrib[key] for key in ("id", "label") if key in node.attrib]
             self.names.update(names)
             layers = (*layers, *names)
-        fill = style.get("fill", "inherit").strip()
-        filled = place.filled if fill == "inherit" else fill not in ("none", "transparent")
-        rule = style.get("fill-rule", "inherit").strip()
-        even_odd = place.even_odd if rule == "inherit" else rule == "evenodd"
-        return _Place(matrix, layers, filled, even_odd, place.uses)
+        inside = _Place(matrix, layers, style, view, clip, place.uses)
+        for name in ("clip-path", "mask"):
+            value = node.style.get(name, "none").strip()
+            if value not in ("none", "initial", "unset"):
+                region = self._region(node, name, value, inside)
+                inside = replace(inside, clip=_both(inside.clip, region))
+        return inside
 
-    def _used(self, node: Node, place: _Place) -> Iterator[DrawingItem]:
-        name = node.attributes.get("href", "")
+    def _moved(self, node: Node, matrix: Floats, view: View) -> Floats:
+        own = transform(node, view)
+        text = node.style.get("transform", "none").strip()
+        if node is self.root and text not in ("none", ""):
+            remedy = "move the drawing in a group in it"
+            raise UnfitInputError(node.where, "the whole page is transformed", remedy)
+        origin, box = node.style.get("transform-origin"), None
+        by_box = node.style.get("transform-box", "view-box") != "view-box"
+        if text in ("none", "") or not (origin or by_box):
+            return after(matrix, own)
+        if by_box:
+            box = self._box(node, view, "transform-box")
+        return after(matrix, about(own, transform_origin(node, view, box)))
+
+    def _box(self, node: Node, view: View, why: str) -> Floats:
+        """Return x, y, width and height of the bounding box of a shape, in its coordinates."""
+        points = (
+            [Ring(pieces=tuple(run.pieces)).flattened() for run in svg_outlines(node, view)]
+            if node.tag in SHAPES
+            else []
+        )
+        if not points:
+            problem = f"{why} refers to the box of a {node.tag}"
+            raise UnfitInputError(node.where, problem, "save as plain SVG, or ungroup it")
+        low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
+        return np.concatenate([low, high - low])
+
+    def _target(self, node: Node, name: str) -> Node:
         target = self.by_id.get(name.removeprefix("#")) if name.startswith("#") else None
         if target is None:
             raise BadInputError(f"{node.where}: href", name, "the id of an element in the file")
+        return target
+
+    def _used(self, node: Node, place: _Place) -> Iterator[DrawingItem]:
+        name = node.get("href", "")
+        if _GLYPH.match(name):
+            self.ignored["text"] += 1
+            return
+        target = self._target(node, name)
         if name in place.uses:
             raise BadInputError(node.where, "a use that contains itself", "uses of other elements")
-        shift = np.array([[1.0, 0.0, length_px(node, "x")], [0.0, 1.0, length_px(node, "y")]])
-        place = replace(place, matrix=after(place.matrix, shift), uses=(*place.uses, name))
-        if target.tag in ("symbol", "svg"):
-            size = {k: v for k, v in node.attributes.items() if k in ("width", "height")}
-            target = replace(target, attributes=target.attributes | size)
+        x, y = (length_px(node, key, place.view) for key in ("x", "y"))
+        shift = np.array([[1.0, 0.0, x], [0.0, 1.0, y]])
+        size = None
+        if {"width", "height"} & set(node.style):
+            given = (key if key in node.style else "" for key in ("width", "height"))
+            size = tuple(
+                length_px(node, key, place.view) if key else place.view.reference(other)
+                for key, other in zip(given, ("width", "height"), strict=True)
+            )
+        matrix = after(place.matrix, shift)
+        place = replace(place, matrix=matrix, uses=(*place.uses, name), size=size)  # type: ignore[arg-type]
         yield from self._items(target, place)
 
-    def _drawn(self, node: Node, style: dict[str, str], place: _Place) -> Iterator[DrawingItem]:
+    # --- What is shown of a shape -----------------------------------------------------------------
+
+    def _region(self, node: Node, name: str, value: str, place: _Place) -> BaseGeometry:
+        """Return what a clip path or a mask shows, in user units of the page."""
+        match = re.fullmatch(r"url\(\s*[\"']?#([^\"')]+)[\"']?\s*\)", value)
+        target = self.by_id.get(match[1]) if match is not None else None
+        if match is not None and target is None:
+            return shapely.box(*(-1e15, -1e15, 1e15, 1e15))  # browsers pass a missing one over
+        if target is None or target.tag not in ("clipPath", "mask"):
+            remedy = "it may hide shapes: cut them in the drawing program, or take it out"
+            raise UnfitInputError(node.where, f"{name} {value[:40]!r} is not read", remedy)
+        if target.get("id", "") in place.uses:
+            raise BadInputError(node.where, f"a {name} that contains itself", "others")
+        matrix = self._moved(target, place.matrix, place.view)
+        units = "clipPathUnits" if target.tag == "clipPath" else "maskContentUnits"
+        view = place.view
+        if target.get(units) == "objectBoundingBox":
+            x, y, width, height = self._box(node, view, units).tolist()
+            matrix = after(matrix, np.array([[width, 0.0, x], [0.0, height, y]]))
+        uses = (*place.uses, target.get("id", ""))
+        own = _Place(matrix, (), INHERITED, view, None, uses)
+        parts = [part for child in target.children for part in self._parts(child, own, target)]
+        area = shapely.union_all(parts) if parts else Polygon()
+        nested = target.style.get("clip-path", "none").strip()
+        if nested != "none":
+            area = shapely.intersection(area, self._region(node, name, nested, own))
+        return area
+
+    def _parts(self, node: Node, place: _Place, region: Node) -> Iterator[BaseGeometry]:
+        """Yield the areas of a part of a clip path or mask, in user units of the page."""
+        if node.tag in _SILENT or node.style.get("display") == "none":
+            return
+        if node.tag not in SHAPES | {"use"} | ({"g"} if region.tag == "mask" else set()):
+            problem = f"{region.tag} {region.get('id', '')!r} has a {node.tag} in it"
+            raise UnfitInputError(node.where, problem, "cut the shapes in the drawing program")
+        place = self._inner(node, place)
+        if place.style["visibility"] != "visible":
+            return
+        if node.tag == "use":
+            x, y = (length_px(node, key, place.view) for key in ("x", "y"))
+            matrix = after(place.matrix, np.array([[1.0, 0.0, x], [0.0, 1.0, y]]))
+            name = node.get("href", "")
+            if name in place.uses:
+                raise BadInputError(node.where, "a use that contains itself", "others")
+            inner = replace(place, matrix=matrix, uses=(*place.uses, name))
+            yield from self._parts(self._target(node, name), inner, region)
+        elif node.tag == "g":
+            for child in node.children:
+                yield from self._parts(child, place, region)
+        else:
+            if region.tag == "mask" and not self._is_whole(place, region):
+                problem = f"mask {region.get('id', '')!r} hides by degrees"
+                raise UnfitInputError(node.where, problem, "cut the shapes, or take the mask out")
+            rule = place.style["clip-rule" if region.tag == "clipPath" else "fill-rule"]
+            runs = svg_outlines(node, place.view)
+            area = _area(runs, place.matrix, even_odd=rule == "evenodd")
+            yield area if place.clip is None else shapely.intersection(area, place.clip)
+
+    @staticmethod
+    def _is_whole(place: _Place, region: Node) -> bool:
+        """Return whether what a shape of a mask covers is shown whole."""
+        opaque = place.fills and place.style["fill-opacity"] in ("1", "100%")
+        by_alpha = "alpha" in region.get("style", "") + region.get("mask-type", "")
+        return opaque and not place.strokes and (by_alpha or _is_white(place.style["fill"]))
+
+    def _drawn(self, node: Node, place: _Place) -> Iterator[DrawingItem]:
         if self.layers and not self.layers & set(place.layers):
             self.ignored["in other groups"] += 1
             return
-        if style.get("visibility") in ("hidden", "collapse"):
+        if place.style["visibility"] in ("hidden", "collapse"):
             self.ignored["hidden"] += 1
             return
-        self.read[node.tag] += 1
-        self.drawn_in.add(place.layers)
-        own = [node.attributes[key] for key in ("id", "label") if key in node.attributes]
+        fills = place.fills and node.tag != "line"
+        if not (fills or place.strokes or self.lines_only):
+            self.ignored["neither fill nor stroke"] += 1
+            return
+        runs = svg_outlines(node, place.view)
+        shown = [(run, tuple(moved(piece, place.matrix) for piece in run.pieces)) for run in runs]
+        if fills and len(shown) > 1:
+            keep = _bounding(
+                [run_flat(pieces, math.inf) for _, pieces in shown], even_odd=place.even_odd
+            )
+            shown = [one for one, kept in zip(shown, keep, strict=True) if kept]
+        own = [node.attrib[key] for key in ("id", "label") if key in node.attrib]
         width = 0.0
         if self.lines_only:
             stretch = math.sqrt(abs(float(np.linalg.det(place.matrix[:, :2]))))
-            width = length_px(node, WIDTH_ATTRIBUTE) * stretch
-        for run in svg_outlines(node):
-            pieces = tuple(_moved(piece, place.matrix) for piece in run.pieces)
+            width = length_px(node, WIDTH_ATTRIBUTE, place.view) * stretch
+        found = []
+        for run, pieces in shown:
             ring = Ring(pieces=pieces)
             # A fill closes an open path with a straight line.
-            fills = place.filled and len(ring.hull()) > 2
+            area = fills and len(ring.hull()) > 2
             item = DrawingItem(
                 rings=(ring,),
                 where=node.where,
-                closed=run.closed or fills,
-                role="obstacle" if self.walls and fills else None,
-                paint=self.seen if fills else None,
+                closed=run.closed or area,
+                role="obstacle" if self.walls and area else None,
+                paint=self.seen if area else None,
                 even_odd=place.even_odd,
                 names=(*place.layers, *own),
                 width=width or None,
                 unjoined=not run.closed,
+                bare=area and not place.strokes,
             )
-            if fills and style.get("stroke", "none") == "none" and self._is_page(ring):
-                self.backgrounds.append(item)
-            yield item
+            found.append(item)
+        if found and place.clip is not None:
+            whole = [_hull_box(item) for item in found]
+            if not all(shapely.contains(place.clip, box) for box in whole):
+                found = _clipped(found, place.clip, runs, place)
+        if found or place.clip is None:
+            self.read[node.tag] += 1
+            self.drawn_in.add(place.layers)
+        else:
+            self.ignored["clipped away"] += 1
+        yield from found
 
-    def _without_backgrounds(self, items: list[DrawingItem]) -> list[DrawingItem]:
-        """Return items without the page's background, unless it is the bounds of the others."""
-        rest = [item for item in items if not any(item is page for page in self.backgrounds)]
-        if not self.backgrounds or len(rest) < 2:
-            return items
-        painted = any(item.paint is not None for item in rest)
-        if not (self.free and painted):
-            hulls = [item.rings[0].hull() for item in rest]
-            low = np.array([hull.min(axis=0) for hull in hulls])
-            high = np.array([hull.max(axis=0) for hull in hulls])
-            around = (low <= low.min(axis=0)).all(axis=1) & (high >= high.max(axis=0)).all(axis=1)
-            if not around.any():
-                return items
-        self.ignored["background of the page"] += len(self.backgrounds)
-        self.backgrounds.clear()
-        return rest
+    # --- Backgrounds ------------------------------------------------------------------------------
 
-    def _is_page(self, ring: Ring) -> bool:
-        """Return whether an outline is the rectangle of the page."""
-        points, corner, size = ring.hull(), self.page[:2], self.page[2:]
+    def _page_backgrounds(self, items: Sequence[DrawingItem]) -> list[DrawingItem]:
+        """Return what is painted first, covers nearly all of the page and holds everything else."""
+        least_share, found = 0.9, list[DrawingItem]()
+        page_area = float(self.page[2] * self.page[3])
+        for index, item in enumerate(items):
+            if item.bare and item.rings[0].is_rectangle() and page_area > 0.0:
+                low, high = _extent([item])
+                covers = float(np.prod(high - low)) >= least_share * page_area
+                exact = self._is_page(low, high)
+                if exact or (covers and len(found) == index and _holds(low, high, items)):
+                    found.append(item)
+        return found
+
+    def _is_page(self, low: Floats, high: Floats) -> bool:
+        corner, size = self.page[:2], self.page[2:]
         page_slack = 5e-5  # of the page's larger side: programs round the corners of its background
-        slack = page_slack * float(size.max())
-        low = np.abs(points.min(axis=0) - corner).max()
-        high = np.abs(points.max(axis=0) - corner - size).max()
-        if not (size.min() > 0.0 and low <= slack and high <= slack):
+        off = max(np.abs(low - corner).max(), np.abs(high - corner - size).max())
+        return bool(off <= page_slack * size.max())
+
+    def _is_enclosed(self, rest: list[DrawingItem]) -> bool:
+        """Return whether one of the other shapes is the bounds of them, or areas are free."""
+        if not rest:
             return False
-        return len(np.unique(points, axis=0)) == 4
+        if self.free and any(item.paint is not None for item in rest):
+            return True
+        low, high = _extent(rest)
+        return len(rest) > 1 and any(_holds(*_extent([item]), [], low, high) for item in rest)
 
 
-def svg_outlines(node: Node) -> list[Subpath]:
-    """Return the subpaths of a shape, in its own coordinates."""
-    try:
-        if node.tag == "path":
-            data = node.attributes.get("d", "")
-            with reading_element("d", data):
-                return path_outlines(data)
-    except BadInputError as error:
-        raise error.under(f"{node.where}: {error.key}") from None
-    if node.tag in ("polyline", "polygon"):
-        values = numbers(node, "points")
-        if len(values) % 2:
-            raise BadInputError(
-                f"{node.where}: points", counted(len(values), "number"), "x,y pairs"
-            )
-        points = np.array(values).reshape(-1, 2)
-        run = Subpath([Straight(points)], closed=node.tag == "polygon")
-        return [run] if len(points) >= 2 else []
-    names = ("x", "y", "width", "height", "rx", "ry", "r", "cx", "cy", "x1", "y1", "x2", "y2")
-    at = {name: length_px(node, name) if name in node.attributes else 0.0 for name in names}
-    for name in ("width", "height", "rx", "ry", "r"):
-        if at[name] < 0.0:
-            raise BadInputError(f"{node.where}: {name}", at[name], "at least 0")
-    if node.tag == "line":
-        return [Subpath([Straight(np.array([[at["x1"], at["y1"]], [at["x2"], at["y2"]]]))])]
-    rx, ry = (at[name] or at[other] for name, other in (("rx", "ry"), ("ry", "rx")))
-    if node.tag == "rect":
-        size = (at["width"], at["height"])
-        return [_rectangle(at["x"], at["y"], size, (rx, ry))] if min(size) > 0.0 else []
-    radii = (at["r"], at["r"]) if node.tag == "circle" else (rx, ry)
-    middle = np.array([at["cx"], at["cy"]])
-    whole = Arc(middle=middle, first=np.array([radii[0], 0.0]), second=np.array([0.0, radii[1]]))
-    return [Subpath([whole], closed=True)] if min(radii) > 0.0 else []
+def _extent(items: Sequence[DrawingItem]) -> tuple[Floats, Floats]:
+    hulls = np.concatenate([item.rings[0].hull() for item in items])
+    return hulls.min(axis=0), hulls.max(axis=0)
 
 
-def _rules(sheet: str) -> dict[str, dict[str, str]]:
-    """Return the declarations of a style sheet's simple selectors: tag, .class and #id."""
-    found: dict[str, dict[str, str]] = {}
-    for block in _COMMENT.sub("", sheet).split("}"):
-        head, brace, body = block.rpartition("{")
-        declared = _declarations(body) if brace else {}
-        # Of `@media print { rect` the selectors stand after the other brace.
-        for selector in head.rpartition("{")[2].split(",") if declared else ():
-            found.setdefault(selector.strip(), {}).update(declared)
+def _holds(
+    low: Floats,
+    high: Floats,
+    items: Sequence[DrawingItem],
+    least: Floats | None = None,
+    most: Floats | None = None,
+) -> bool:
+    """Return whether a box contains all items, or another box."""
+    if least is None or most is None:
+        least, most = _extent(items)
+    slack = 1e-9 * float((high - low).max())
+    return bool((low <= least + slack).all() and (high >= most - slack).all())
+
+
+def _meets_conditions(node: Node) -> bool:
+    """Return whether a browser in English shows an element that has conditions."""
+    languages = node.get("systemLanguage")
+    english = languages is None or any(
+        one.strip().lower().startswith("en") for one in languages.split(",")
+    )
+    return english and not node.get("requiredExtensions", "")
+
+
+def _both(one: BaseGeometry | None, other: BaseGeometry) -> BaseGeometry:
+    return other if one is None else shapely.intersection(one, other)
+
+
+def _placed(points: Floats, matrix: Floats) -> Floats:
+    return np.asarray(points @ matrix[:, :2].T + matrix[:, 2])
+
+
+def _bounding(rings: list[Floats], *, even_odd: bool) -> list[bool]:
+    """Return which rings of one fill bound it: by the nonzero rule one in another may not."""
+    keep = [True] * len(rings)
+    if even_odd or any(len(ring) < 3 for ring in rings):
+        return keep
+    polygons = np.array([Polygon(ring) for ring in rings], dtype=np.object_)
+    if not shapely.is_valid(polygons).all():
+        return keep
+    signs = np.where(shapely.is_ccw(shapely.get_exterior_ring(polygons)), 1, -1)
+    around, inside = shapely.STRtree(polygons).query(polygons, predicate="contains_properly")
+    outer = np.bincount(inside, weights=signs[around], minlength=len(rings))
+    return list(((outer == 0) != (outer + signs == 0)).tolist())
+
+
+def _area(runs: Sequence[Subpath], matrix: Floats, *, even_odd: bool) -> BaseGeometry:
+    """Return the area that subpaths enclose, moved."""
+    points = [_placed(Ring(pieces=tuple(run.pieces)).flattened(), matrix) for run in runs]
+    points = [ring for ring in points if len(ring) >= 3]
+    keep = _bounding(points, even_odd=even_odd)
+    area: BaseGeometry = Polygon()
+    for ring, kept in zip(points, keep, strict=True):
+        if not kept:
+            continue
+        own: BaseGeometry = Polygon(ring)
+        if not own.is_valid:
+            own = shapely.make_valid(own, method="linework" if even_odd else "structure")
+        apart = shapely.contains(area, own) or shapely.disjoint(area, own)
+        area = (area ^ own) if even_odd or apart else (area | own)
+    return area
+
+
+def _hull_box(item: DrawingItem) -> BaseGeometry:
+    low, high = _extent([item])
+    return shapely.box(*low, *high)
+
+
+def _clipped(
+    items: list[DrawingItem], clip: BaseGeometry, runs: Sequence[Subpath], place: _Place
+) -> list[DrawingItem]:
+    """Return the parts of a shape's items that a clip shows."""
+    found = []
+    lines = [item for item in items if item.paint is None]
+    areas = [item for item in items if item.paint is not None]
+    if areas:
+        shown = shapely.intersection(_area(runs, place.matrix, even_odd=place.even_odd), clip)
+        rings = (
+            ring
+            for part in shapely.get_parts(shown)
+            if isinstance(part, Polygon) and not part.is_empty
+            for ring in (part.exterior, *part.interiors)
+        )
+        for ring in rings:
+            outline = Straight(np.asarray(ring.coords)[:-1])
+            found.append(replace(areas[0], rings=(Ring(pieces=(outline,)),), closed=True))
+    for item in lines:
+        points = item.rings[0].flattened()
+        points = np.vstack([points, points[:1]]) if item.closed else points
+        if shapely.contains(clip, shapely.LineString(points)):
+            found.append(item)
+            continue
+        shown = shapely.line_merge(shapely.intersection(shapely.LineString(points), clip))
+        for part in shapely.get_parts(shown):
+            if part.length > 0.0:
+                line = Ring(pieces=(Straight(np.asarray(part.coords)),))
+                found.append(replace(item, rings=(line,), closed=False))
     return found
-
-
-def _declarations(text: str) -> dict[str, str]:
-    pairs = (part.partition(":") for part in text.split(";"))
-    named = ((name.strip(), value.strip()) for name, colon, value in pairs if colon)
-    return {name: value for name, value in named if name in _PROPERTIES}

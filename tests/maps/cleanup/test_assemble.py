@@ -10,7 +10,7 @@ from shapely import Polygon
 
 from vinefab.core.errors import BadInputError
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
-from vinefab.maps.cleanup.drawn_shapes import DrawnShape, SourceFrame, framed
+from vinefab.maps.cleanup.drawn_shapes import Changes, DrawnShape, SourceFrame, framed
 from vinefab.maps.generators.grid import grid_map
 
 OPTIONS = AssembleOptions(join_mm=0.1, sliver_mm2=0.01)
@@ -25,7 +25,7 @@ def square(x, y, size, **more):
 
 
 def made(*shapes, frame=None, options=OPTIONS):
-    return assemble("made", shapes, frame or SourceFrame(), options, {"source": "test"})
+    return assemble("made", shapes, Changes(frame or SourceFrame()), options, {"source": "test"})
 
 
 def test_outlines_become_bounds_obstacles_and_holes():

@@ -15,6 +15,12 @@ from vinefab.maps.importers.importers import import_map
 LAYERS = ("one", "two")
 
 ADVICE = {
+    r"--wall-mm ([\d.e+-]+) --open wall --bounds box --margin-mm 0 --out": lambda m, _: {
+        "wall_mm": float(m[1]),
+        "open_lines": "wall",
+        "bounds": "box",
+        "margin_mm": 0.0,
+    },
     r"here --join-mm ([0-9.e+-]+) would do": lambda match, _: {"join_mm": float(match[1])},
     r"smaller --join-mm": lambda _, options: {"join_mm": 0.1 * (options.join_mm or 1e-3)},
     r"--wall-mm": lambda *_: {"wall_mm": 0.5},
@@ -50,8 +56,9 @@ def followed(path, options):
         ["--join-mm"],  # the option whose value is shown
     )
     count = 0
+    single, _, command = error.allowed.partition("; or, as of a room")
     for pattern, change in ADVICE.items():
-        match = re.search(pattern, error.allowed)
+        match = re.search(pattern, command if "--out" in pattern else single)
         if match is None:
             continue
         count += 1

@@ -24,8 +24,8 @@ from vinefab.maps.cleanup.drawn_shapes import (
     DrawnShape,
     Line,
     Role,
-    SourceFrame,
     as_areas,
+    chained,
     closing_gap_mm,
     free_apart,
     join,
@@ -533,18 +533,18 @@ class AssembleOptions(ImportOptions):
         for name in ("bounds", "wall_mm") if self.drawn == "free" else ():
             if getattr(self, name) is not None:
                 raise UnfitInputError(name, "means nothing with --drawn free", "leave it out")
-        if self.open_lines not in (None, "refuse", "drop"):
-            raise BadInputError("open", self.open_lines, "refuse or drop")
+        if self.open_lines not in (None, "refuse", "drop", "wall"):
+            raise BadInputError("open", self.open_lines, "refuse, drop or wall")
+        if self.open_lines == "wall" and self.wall_mm is None:
+            raise UnfitInputError("open", "wall needs a thickness", "give --wall-mm")
 
 
 def assemble(
     name: str,
     shapes: tuple[DrawnShape, ...],
-    frame: SourceFrame,
+    changes: Changes,
     options: AssembleOptions,
     facts: Mapping[str, object],
-    *,
-    layered: bool = False,
 ) -> Map:
     """Return the map that a drawing shows.
 
@@ -556,10 +556,10 @@ def assemble(
 
     Parameters
     ----------
-    layered
-        Whether the source has layers to choose from.
+    changes
+        The frame of the drawing; counts of what is changed go in.
     """
-    changes = Changes(frame, layered=layered)
+    frame = changes.frame
     enclosed = _enclosed(shapes, options, changes)
     obstacles = _on_grid(list(enclosed.obstacles), options.sliver_mm2, changes)
     rounded = polygons_of(shapely.set_precision(enclosed.bounds, _GRID_MM))
@@ -593,7 +593,7 @@ def _enclosed(
         changes.counts["drawn"] = "free (as asked for): the areas are the free space"
         return enclosed_by(found, options.start, options.sliver_mm2, changes)
     parts = _regions(shapes, options, changes)
-    advice = ""
+    advice = "" if options.wall_mm is None else " (with --margin-mm 0 right at the walls)"
     # Whether reading areas as obstacles must fail, and as free space may not.
     may_be_free = (
         options.drawn is None
@@ -627,7 +627,13 @@ def _enclosed(
 def _regions(
     shapes: tuple[DrawnShape, ...], options: AssembleOptions, changes: Changes
 ) -> list[SolidRegion]:
-    found = [*_filled(shapes, options, changes), *_outlines(shapes, options, changes)]
+    wide = [shape for shape in shapes if shape.wide is not None]
+    shapes = tuple(shape for shape in shapes if shape.wide is None)
+    found = [
+        *_filled(shapes, options, changes),
+        *(_outlines(shapes, options, changes) if shapes or not wide else ()),
+        *_drawn_walls(wide, changes),
+    ]
     if not found:
         dropped = changes.counts.get("slivers_dropped")
         problem = "the drawing has no outlines"
@@ -667,6 +673,26 @@ def _filled(
     return found
 
 
+def _drawn_walls(shapes: list[DrawnShape], changes: Changes) -> list[SolidRegion]:
+    """Return lines that have a width in their drawing as areas of that width."""
+    found = []
+    for shape in shapes:
+        points = without_repeats(changes.frame.to_map(shape.rings[0]), changes)
+        if len(points) < 2:
+            changes.add("single_points_left_out")
+            continue
+        closed = shape.closed and len(points) > 2
+        middle = shapely.LinearRing(points) if closed else shapely.LineString(points)
+        reach_mm = 0.5 * (shape.wide or 0.0) * changes.frame.scale_mm_per_unit
+        area = shapely.buffer(middle, reach_mm, cap_style="flat", join_style="mitre")
+        found += [
+            SolidRegion(polygon=part, where=shape.where, filled=True, wall=True)
+            for part in polygons_of(area)
+        ]
+    changes.add("lines_with_a_width_made_walls", len(shapes))
+    return found
+
+
 def _shells(polygons: list[Polygon]) -> list[Polygon]:
     """Return every ring of some polygons as a polygon without holes."""
     holed = shapely.get_num_interior_rings(np.array(polygons, dtype=np.object_)) > 0
@@ -693,11 +719,20 @@ def _outlines(
             points = np.vstack([points, points[:1]])
         line = Line(points_mm=points, where=shape.where)
         encloses = shape.closed or line.closed
-        if shape.role is None and (options.wall_mm is not None or not encloses):
+        all_walls = options.wall_mm is not None and options.open_lines != "wall"
+        if shape.role is None and (all_walls or not encloses):
             loose.append(line)
         else:
             rings.append((line, shape))
     if options.wall_mm is not None:
+        if options.open_lines == "wall":
+            joined_lines = chained(loose, options.join_mm, changes)
+            rings += [
+                (line, DrawnShape(rings=(), where=line.where))
+                for line in joined_lines
+                if line.closed
+            ]
+            loose = [line for line in joined_lines if not line.closed]
         walls = walls_along(loose, options.wall_mm, options.join_mm, changes)
         return [
             SolidRegion(polygon=wall, where="a wall", filled=True, wall=True) for wall in walls
@@ -705,7 +740,8 @@ def _outlines(
     joined = join(loose, options.join_mm, changes)
     if joined.open and options.open_lines != "drop":
         closing_mm = closing_gap_mm(loose, joined.open, options.most_join_mm, changes)
-        raise refuse_open(joined.open, options.join_mm, changes, closing_mm)
+        size_mm = float(np.ptp(np.concatenate([one.points_mm for one in loose]), axis=0).max())
+        raise refuse_open(joined.open, options.join_mm, changes, closing_mm, size_mm)
     if joined.open:
         changes.add("open_lines_left_out", len(joined.open))
         changes.counts["open_lines"] = open_places(joined.open[:_MOST_NAMED], changes)

@@ -42,6 +42,7 @@ class Drawn(Generic[R]):
     # number of the painted element of an SVG drawing that an outline belongs to, None for others
     paint: int | None = None
     even_odd: bool = False  # whether what a ring encloses twice is outside, as the source says
+    wide: float | None = None  # width of a line that is drawn as wide, in units of the source
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,6 +155,7 @@ class Changes:
     # by kind of change: number, or largest size
     counts: dict[str, object] = field(default_factory=dict)
     layered: bool = False  # whether the source has layers that ``--layer`` can choose
+    command: str = "vinefab map import FILE"  # that imports the source, as it was given
 
     @property
     def layer_advice(self) -> str:
@@ -245,6 +247,13 @@ class Line:
 
     points_mm: Floats  # shape (n, 2), n at least 2
     where: str  # its name in messages
+    # both ends of the line that is called so, as drawn, shape (2, 2); of a chain, of one part
+    drawn_mm: Floats | None = None
+
+    @property
+    def ends_mm(self) -> Floats:
+        """Both ends of the line as drawn, shape (2, 2)."""
+        return self.points_mm[[0, -1]] if self.drawn_mm is None else self.drawn_mm
 
     @property
     def closed(self) -> bool:
@@ -312,7 +321,8 @@ def _chains(lines: list[Line]) -> list[Line]:
             points = np.concatenate(parts)
             if len(points) >= 4 and node_of[far] == node_of[first]:
                 points[-1] = points[0]
-            chains.append(Line(points_mm=points, where=lines[first // 2].where))
+            named = lines[first // 2]
+            chains.append(Line(points_mm=points, where=named.where, drawn_mm=named.ends_mm))
     return chains
 
 
@@ -327,7 +337,7 @@ def _named(parts: list[Floats], lines: list[Line]) -> list[Line]:
     tree = shapely.STRtree(_line_strings([line.points_mm for line in lines]))
     nearest = np.asarray(tree.nearest(begins)).tolist()
     return [
-        Line(points_mm=own, where=lines[index].where)
+        Line(points_mm=own, where=lines[index].where, drawn_mm=lines[index].ends_mm)
         for own, index in zip(parts, nearest, strict=True)
     ]
 
@@ -356,7 +366,10 @@ def _bridged(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
             points[end // 2][-1 if end % 2 else 0] = corner
         changes.add("gaps_joined")
         changes.most("largest_gap_joined_mm", float(gaps[order]))
-    return [Line(points_mm=new, where=line.where) for new, line in zip(points, lines, strict=True)]
+    return [
+        Line(points_mm=new, where=line.where, drawn_mm=line.ends_mm)
+        for new, line in zip(points, lines, strict=True)
+    ]
 
 
 def _leg(lines: list[Line], end: int) -> Floats:
@@ -416,12 +429,12 @@ def join(lines: list[Line], join_mm: float, changes: Changes) -> Joined:
     rest = [line for line in chains if not line.closed]
     if len(rest) == 0:
         return Joined(rings=rings, open=[])
-    more, left = _cut_at_crossings(rest, join_mm, changes)
+    more, left = _cut_at_crossings(rest, lines, join_mm, changes)
     return Joined(rings=rings + more, open=left)
 
 
 def _cut_at_crossings(
-    lines: list[Line], join_mm: float, changes: Changes
+    lines: list[Line], drawn: list[Line], join_mm: float, changes: Changes
 ) -> tuple[list[Line], list[Line]]:
     points = [line.points_mm for line in lines]
     strings = _line_strings(points)
@@ -447,7 +460,8 @@ def _cut_at_crossings(
         changes.add("ends_led_onto_lines")
         changes.most("largest_gap_joined_mm", gap_mm)
     extended = [
-        Line(points_mm=new, where=line.where) for new, line in zip(points, lines, strict=True)
+        Line(points_mm=new, where=line.where, drawn_mm=line.ends_mm)
+        for new, line in zip(points, lines, strict=True)
     ]
     noded = shapely.union_all(_line_strings([line.points_mm for line in extended]))
     faces, cuts, dangles, _ = shapely.polygonize_full(shapely.get_parts(noded))
@@ -457,7 +471,7 @@ def _cut_at_crossings(
     changes.add("overshoots_trimmed", len(trimmed))
     rings = shapely.get_rings(shapely.get_parts(faces))
     enclosing, left = (
-        _named([shapely.get_coordinates(part) for part in found], lines)
+        _named([shapely.get_coordinates(part) for part in found], drawn)
         for found in (rings, parts[long])
     )
     return enclosing, left
@@ -469,9 +483,16 @@ def _direction(points: Floats, *, last: bool) -> Floats:
 
 
 def refuse_open(
-    lines: list[Line], join_mm: float, changes: Changes, closing_mm: float | None
+    lines: list[Line],
+    join_mm: float,
+    changes: Changes,
+    closing_mm: float | None,
+    size_mm: float,
 ) -> BadInputError:
     """Return the error that names the open lines, their ends and the options that help."""
+    wall_share = 5e-3  # of the drawing's size: a thickness to begin with (assumed)
+    wall_mm = float(f"{wall_share * size_mm:.1g}")
+    walls = f"--wall-mm {wall_mm:g} --open wall --bounds box --margin-mm 0 --out map.geojson"
     count = len(lines)
     named = "; ".join(open_places(lines[:_MOST_NAMED], changes))
     more = f"; and {count - _MOST_NAMED} more" if count > _MOST_NAMED else ""
@@ -480,8 +501,9 @@ def refuse_open(
     return UnfitInputError(
         "",
         f"{lines_do} not close within --join-mm ({join_mm:.4g}): {named}{more}",
-        f"join the ends{here}, {changes.layer_advice}give --wall-mm W to make lines walls, or "
-        "--open drop to leave them out",
+        f"join the ends{here}, {changes.layer_advice}--open drop to leave them out; or, as of "
+        f"a room with door gaps, make them walls ({wall_mm:g} mm thick, assumed): "
+        f"{changes.command} {walls}",
     )
 
 
@@ -507,10 +529,10 @@ def closing_gap_mm(
 
 
 def open_places(lines: list[Line], changes: Changes) -> list[str]:
-    """Return the name and the ends of each line, in the coordinates of the source."""
+    """Return the name and the ends of each line as drawn, in the coordinates of the source."""
     return [
-        f"{line.where} from {changes.frame.place(line.points_mm[0])} "
-        f"to {changes.frame.place(line.points_mm[-1])}"
+        f"{line.where} from {changes.frame.place(line.ends_mm[0])} "
+        f"to {changes.frame.place(line.ends_mm[1])}"
         for line in lines
     ]
 

@@ -28,7 +28,12 @@ from ezdxf.math import OCS, BSpline, ConstructionEllipse, UVec, Vec2, Vec3
 from scipy.interpolate import BSpline as Interpolated
 from scipy.interpolate import make_interp_spline
 
-from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
+from vinefab.core.errors import (
+    BadInputError,
+    UnfitInputError,
+    UnknownNameError,
+    UnreadableFileError,
+)
 from vinefab.core.foreign import reading_element
 from vinefab.core.validation import Floats
 from vinefab.maps.importers.import_options import ImportOptions
@@ -49,7 +54,7 @@ from vinefab.maps.summary import PLAUSIBLE_MM
 from vinefab.model.files.shipped import read_bytes
 from vinefab.model.map import Map
 
-_FLAT = "flat drawings: equal z all along an entity, seen from straight above or below"
+_FLAT = "flat drawings: cut it at one height, and save the section"
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,14 +95,14 @@ _DRAWN = {*_CURVES, *_AREAS, *_HATCHES}
 """Types of entities that are read."""
 
 
-def _items_of(entity: Any, where: str) -> list[DrawingItem]:  # noqa: ANN401  each type has its own
+def _items_of(entity: Any, where: str, heights: "_Heights") -> list[DrawingItem]:  # noqa: ANN401  each type has its own
     """Return the items that an entity draws, in world coordinates."""
     kind = entity.dxftype()
     if kind in _HATCHES:
-        rings = _hatch_rings(entity, where)
+        rings = _hatch_rings(entity, where, heights)
         return [DrawingItem(rings=rings, where=where, filled=True)] if rings else []
     with reading_element(where, str(entity)):
-        pieces = _pieces(entity, where)
+        pieces = _pieces(entity, where, heights)
     filled = kind in _AREAS
     closed = filled or kind == "CIRCLE"
     if kind == "ELLIPSE":
@@ -106,41 +111,96 @@ def _items_of(entity: Any, where: str) -> list[DrawingItem]:  # noqa: ANN401  ea
         closed = entity.is_closed
     elif kind in ("LWPOLYLINE", "SPLINE", "HELIX"):
         closed = bool(entity.closed)
-    width = float(entity.dxf.get("const_width", 0.0)) if kind == "LWPOLYLINE" else 0.0
+    widths = _widths(entity) if kind.endswith("POLYLINE") and pieces else []
+    wide = max(widths, default=0.0)
     item = DrawingItem(
         rings=(Ring(pieces=pieces),),
         where=where,
         closed=closed,
         filled=filled,
-        width=width or None,
+        width=wide or None,
+        wide=wide or None,
     )
+    if wide and max(widths) - min(widths) > 1e-9 * wide:
+        return _tapered(entity, item)
     return [item] if pieces else []
 
 
-def _pieces(entity: Any, where: str) -> tuple[Any, ...]:  # noqa: ANN401  each type has its own
+def _widths(entity: Any) -> list[float]:  # noqa: ANN401  of two types
+    """Return the widths of a polyline at both ends of each of its parts, in order."""
+    closed = entity.closed if entity.dxftype() == "LWPOLYLINE" else entity.is_closed
+    if entity.dxftype() == "LWPOLYLINE":
+        const = entity.dxf.get("const_width", 0.0)
+        if const:
+            return [const]
+        ends = [(start, end) for _, _, start, end, _ in entity.get_points()]
+    else:
+        whole = [entity.dxf.get(f"default_{end}_width", 0.0) for end in ("start", "end")]
+        ends = [
+            (one.dxf.get("start_width", whole[0]), one.dxf.get("end_width", whole[1]))
+            for one in entity.vertices
+        ]
+    parts = ends if closed else ends[:-1]
+    return [abs(float(width)) for pair in parts for width in pair]
+
+
+def _tapered(entity: Any, whole: DrawingItem) -> list[DrawingItem]:  # noqa: ANN401  of two types
+    """Return the parts of a polyline whose width changes: arcs have the mean of both ends."""
+    items = []
+    copy = entity.copy()
+    for part, (start, end) in zip(copy.virtual_entities(), _pairs(_widths(entity)), strict=False):
+        pieces = _pieces(part, whole.where, _Heights(flatten=True))
+        mean = 0.5 * (start + end)
+        if part.dxftype() == "LINE" and start != end and mean:
+            first, last = pieces[0].points[[0, -1]]
+            along = (last - first) / max(math.dist(first, last), 1e-300)
+            aside = 0.5 * np.array([-along[1], along[0]])
+            corners = [
+                first + start * aside,
+                first - start * aside,
+                last - end * aside,
+                last + end * aside,
+            ]
+            ring = Ring(pieces=(Straight(np.array(corners)),))
+            items.append(replace(whole, rings=(ring,), closed=True, filled=True, wide=None))
+        else:
+            ring = Ring(pieces=pieces)
+            items.append(replace(whole, rings=(ring,), closed=False, wide=mean or None))
+    return items
+
+
+def _pairs(values: list[float]) -> list[tuple[float, float]]:
+    return list(zip(values[::2], values[1::2], strict=True))
+
+
+def _pieces(entity: Any, where: str, heights: "_Heights") -> tuple[Any, ...]:  # noqa: ANN401  each type has its own
     """Return the curves of an entity other than a hatch."""
     dxf = entity.dxf
     match entity.dxftype():
         case "LINE":
-            return (_straight(where, [dxf.start, dxf.end]),)
+            return (_straight(where, [dxf.start, dxf.end], heights),)
         case "CIRCLE" | "ARC" as kind:
             angles = (0.0, 360.0) if kind == "CIRCLE" else (dxf.start_angle, dxf.end_angle)
             circle = (dxf.center, abs(dxf.radius), dxf.extrusion)
-            return (_arc(where, ConstructionEllipse.from_arc(*circle, *angles)),)
+            return (_arc(where, ConstructionEllipse.from_arc(*circle, *angles), heights),)
         case "ELLIPSE":
-            return (_arc(where, entity.construction_tool()),)
+            return (_arc(where, entity.construction_tool(), heights),)
         case "SPLINE" | "HELIX":
             points = () if entity.control_point_count() else entity.fit_points
             ends = [dxf.get(end) for end in ("start_tangent", "end_tangent")]
             through = _spline_through(points, ends) if len(points) else entity.construction_tool()
-            return (_spline(where, through),)
+            return (_spline(where, through, heights),)
         case "POLYLINE" | "LWPOLYLINE":
-            return _polyline(entity, where)
+            return _polyline(entity, where, heights)
         case _:
-            return (_straight(where, entity.wcs_vertices()),)
+            return (_straight(where, entity.wcs_vertices(), heights),)
 
 
-def _polyline(entity: Any, where: str) -> tuple[CurvePiece, ...]:  # noqa: ANN401  of two types
+def _polyline(
+    entity: Any,  # noqa: ANN401  of two types
+    where: str,
+    heights: "_Heights",
+) -> tuple[CurvePiece, ...]:
     spline_frame = 16
     if entity.dxftype() == "LWPOLYLINE":
         points, closed = list(entity.vertices_in_wcs()), entity.closed
@@ -153,15 +213,17 @@ def _polyline(entity: Any, where: str) -> tuple[CurvePiece, ...]:  # noqa: ANN40
         points, closed = list(entity.points_in_wcs()), entity.is_closed
     if len(points) < 2:
         return ()
-    straight = _straight(where, [*points, points[0]] if closed else points)
+    straight = _straight(where, [*points, points[0]] if closed else points, heights)
     if not entity.has_arc:
         return (straight,)
-    return tuple(piece for part in entity.virtual_entities() for piece in _pieces(part, where))
+    return tuple(
+        piece for part in entity.virtual_entities() for piece in _pieces(part, where, heights)
+    )
 
 
-def _arc(where: str, tool: ConstructionEllipse) -> Arc:
+def _arc(where: str, tool: ConstructionEllipse, heights: "_Heights") -> Arc:
     axes = (tool.center + tool.major_axis, tool.center + tool.minor_axis)
-    middle, first, second = _flat_points(where, [tool.center, *axes])
+    middle, first, second = heights.flat(where, [tool.center, *axes])
     turn = (tool.end_param - tool.start_param) % math.tau
     return Arc(
         middle=middle,
@@ -172,8 +234,8 @@ def _arc(where: str, tool: ConstructionEllipse) -> Arc:
     )
 
 
-def _spline(where: str, spline: BSpline) -> _SplineCurve:
-    _flat_points(where, spline.control_points)
+def _spline(where: str, spline: BSpline, heights: "_Heights") -> _SplineCurve:
+    heights.flat(where, spline.control_points)
     curve = _SplineCurve(spline)
     curve.flat(math.inf)  # finds wrong knots while the entity is known
     return curve
@@ -201,21 +263,25 @@ def _spline_through(points: Sequence[UVec], tangents: Sequence[UVec | None]) -> 
     return BSpline([Vec3(place) for place in controls], order=4, knots=np.asarray(curve.t).tolist())
 
 
-def _hatch_rings(hatch: Any, where: str) -> tuple[Ring, ...]:  # noqa: ANN401  HATCH or MPOLYGON
+def _hatch_rings(
+    hatch: Any,  # noqa: ANN401  HATCH or MPOLYGON
+    where: str,
+    heights: "_Heights",
+) -> tuple[Ring, ...]:
     is_mpolygon = hatch.dxftype() == "MPOLYGON"
     shift = Vec2(hatch.dxf.get("offset_vector", Vec2())) if is_mpolygon else Vec2()
     ocs = hatch.ocs()
     rings = []
     for path in hatch.paths:
         if isinstance(path, EdgePath):
-            pieces = [_edge(edge, where, ocs) for edge in path.edges]
+            pieces = [_edge(edge, where, ocs, heights) for edge in path.edges]
             rings += [Ring(pieces=tuple(loop)) for loop in _loops(pieces)]
         elif len(path.vertices) >= 2:
             ring = LWPolyline.new(dxfattribs={"extrusion": ocs.uz})
             ring.closed = True
             corners = [(x + shift.x, y + shift.y, bulge) for x, y, bulge in path.vertices]
             ring.append_points(corners, format="xyb")
-            rings.append(Ring(pieces=_pieces(ring, where)))
+            rings.append(Ring(pieces=_pieces(ring, where, heights)))
     return tuple(rings)
 
 
@@ -237,26 +303,29 @@ def _loops(pieces: Iterable[CurvePiece]) -> list[list[CurvePiece]]:
     return loops
 
 
-def _edge(edge: object, where: str, ocs: OCS) -> CurvePiece:
+def _edge(edge: object, where: str, ocs: OCS, heights: "_Heights") -> CurvePiece:
     match edge:
         case LineEdge():
-            return _straight(where, list(ocs.points_to_wcs([Vec3(edge.start), Vec3(edge.end)])))
+            ends = list(ocs.points_to_wcs([Vec3(edge.start), Vec3(edge.end)]))
+            return _straight(where, ends, heights)
         case ArcEdge():
             angles = (edge.start_angle, edge.end_angle)
             circle = ConstructionEllipse.from_arc(Vec3(edge.center), edge.radius, ocs.uz, *angles)
-            return _arc(where, circle)
+            return _arc(where, circle, heights)
         case EllipseEdge():
             flat = edge.construction_tool()
             middle, major = ocs.points_to_wcs([flat.center, flat.major_axis])
             params = (flat.start_param, flat.end_param)
-            return _arc(where, ConstructionEllipse(middle, major, ocs.uz, flat.ratio, *params))
+            return _arc(
+                where, ConstructionEllipse(middle, major, ocs.uz, flat.ratio, *params), heights
+            )
         case SplineEdge() if not edge.control_points:
             points = list(ocs.points_to_wcs([Vec3(point) for point in edge.fit_points]))
-            return _spline(where, _spline_through(points, (None, None)))
+            return _spline(where, _spline_through(points, (None, None)), heights)
         case SplineEdge():
             points = list(ocs.points_to_wcs([Vec3(point) for point in edge.control_points]))
             knots, weights = edge.knot_values or None, edge.weights or None
-            return _spline(where, BSpline(points, edge.degree + 1, knots, weights))
+            return _spline(where, BSpline(points, edge.degree + 1, knots, weights), heights)
     raise TypeError(f"an edge of the unknown kind {type(edge).__name__}")
 
 
@@ -264,22 +333,56 @@ def _near(one: Floats, other: Floats) -> bool:
     return math.dist(one, other) <= 1e-9 * (1.0 + float(np.abs(one).max()))
 
 
-def _straight(where: str, points: Sequence[UVec]) -> Straight:
-    return Straight(_flat_points(where, points))
+def _straight(where: str, points: Sequence[UVec], heights: "_Heights") -> Straight:
+    return Straight(heights.flat(where, points))
 
 
-def _flat_points(where: str, points: Sequence[UVec]) -> Floats:
-    """Return x and y of points, or raise BadInputError if their heights differ."""
-    array = np.array([Vec3(point).xyz for point in points]).reshape(-1, 3)
-    if not np.isfinite(array).all():
-        raise BadInputError(where, "a coordinate that is not finite", "finite numbers")
-    rise = np.ptp(array, axis=0) if len(array) else np.zeros(3)
-    least_slope = 1e-6
-    if rise[2] > least_slope * max(rise[0], rise[1]):
-        low, high = array[:, 2].min(), array[:, 2].max()
-        place = f"{where} at ({array[0, 0]:.8g}, {array[0, 1]:.8g})"
-        raise BadInputError(place, f"3-D, z from {low:.6g} to {high:.6g}", _FLAT)
-    return np.asarray(array[:, :2])
+@dataclass(slots=True)
+class _Heights:
+    """What is done with heights, and what was."""
+
+    flatten: bool  # whether any height is seen from above
+    flattened: int = 0  # entities with heights
+    most: float = 0.0  # the largest rise among them
+    vertical: int = 0  # entities that are points when seen from above
+
+    def flat(self, where: str, points: Sequence[UVec]) -> Floats:
+        """Return x and y of points, shape (n, 2).
+
+        Raises
+        ------
+        UnfitInputError
+            If their heights differ so much that a view from above may not be a plan.
+        """
+        array = np.array([Vec3(point).xyz for point in points]).reshape(-1, 3)
+        if not np.isfinite(array).all():
+            raise BadInputError(where, "a coordinate that is not finite", "finite numbers")
+        rise = np.ptp(array, axis=0) if len(array) else np.zeros(3)
+        least_slope, most_slope = 1e-6, 0.05  # the second one shortens a line by 0.13 %
+        length = float(max(rise[0], rise[1]))
+        if rise[2] > least_slope * length:
+            is_vertical = length <= least_slope * rise[2]
+            if not (is_vertical or self.flatten or rise[2] <= most_slope * length):
+                low, high = array[:, 2].min(), array[:, 2].max()
+                place = f"{where} at ({array[0, 0]:.8g}, {array[0, 1]:.8g})"
+                problem = f"is 3-D, z from {low:.6g} to {high:.6g}"
+                remedy = "--flatten sees all from above; or draw a plan: equal z along an entity"
+                raise UnfitInputError(place, problem, remedy)
+            self.vertical += is_vertical
+            self.flattened += not is_vertical
+            self.most = max(self.most, float(rise[2]))
+        return np.asarray(array[:, :2])
+
+    @property
+    def facts(self) -> dict[str, object]:
+        """What was done, as facts of a map."""
+        if not (self.flattened or self.vertical):
+            return {}
+        return {
+            "heights_flattened": self.flattened,
+            "vertical_lines_left_out": self.vertical,
+            "largest_rise_in_units": round(self.most, 6),
+        }
 
 
 _DWG = b"AC10"
@@ -327,12 +430,12 @@ def dxf_source(path: Path, options: ImportOptions) -> SourceDrawing:
     """Return what a DXF drawing shows on the layers that are asked for, curves as curves."""
     document, repaired = _document(path)
     try:
-        drawing = _drawing(document, options.layers)
+        drawing = _drawing(document, options)
     except (BadInputError, UnknownNameError) as error:
         raise error.at(path) from None
     except _BROKEN as error:
         problem = " ".join(str(error).split()) or type(error).__name__
-        raise UnreadableFileError(path, f"is a damaged DXF file: {problem[:120]}") from None
+        raise UnreadableFileError(path, f"cannot be read by ezdxf: {problem[:120]}") from None
     if repaired:
         drawing = replace(drawing, facts={**drawing.facts, "faults_mended_by_reader": repaired})
     return drawing
@@ -372,7 +475,8 @@ def _recovered(path: Path, data: bytes) -> tuple[Document, int]:
     return document, len(auditor.fixes)
 
 
-def _drawing(document: Document, layers: tuple[str, ...]) -> SourceDrawing:
+def _drawing(document: Document, options: ImportOptions) -> SourceDrawing:
+    layers = options.layers
     known = {layer.dxf.name for layer in document.layers}
     space = list(document.modelspace())
     drawn_on = {_layer(entity) for entity in space}
@@ -381,7 +485,8 @@ def _drawing(document: Document, layers: tuple[str, ...]) -> SourceDrawing:
     for name in layers:
         if name.lower() not in by_key:
             raise UnknownNameError("layer", name, known)
-    walk = _Walk(frozenset(name.lower() for name in layers), document=document)
+    chosen = frozenset(name.lower() for name in layers)
+    walk = _Walk(chosen, document=document, heights=_Heights(options.flatten))
     items = walk.items(space)
     return SourceDrawing(
         items=tuple(items),
@@ -391,6 +496,7 @@ def _drawing(document: Document, layers: tuple[str, ...]) -> SourceDrawing:
         facts={
             "dxf_version": document.acad_release,
             **walk.facts(layers, "entities"),
+            **walk.heights.facts,
         },
     )
 
@@ -427,6 +533,7 @@ class _Walk(DrawingReader):
     """Traversal of model space and the blocks inserted in it."""
 
     document: Document = field(kw_only=True)
+    heights: _Heights = field(kw_only=True)
 
     def items(self, space: Iterable[DXFGraphic]) -> list[DrawingItem]:
         found: list[DrawingItem] = []
@@ -444,7 +551,10 @@ class _Walk(DrawingReader):
                     self.points.append(DrawnPoint(place=(x, y), names=(layer,)))
             else:
                 try:
-                    found += [replace(one, names=(layer,)) for one in _items_of(entity, where)]
+                    vertical = self.heights.vertical
+                    items = _items_of(entity, where, self.heights)
+                    if self.heights.vertical == vertical:
+                        found += [replace(one, names=(layer,)) for one in items]
                 except BadInputError:
                     raise
                 except _INCONSISTENT as error:
@@ -460,6 +570,8 @@ class _Walk(DrawingReader):
             return "on other layers"
         if entity.dxf.hasattr("invisible") and entity.dxf.invisible:
             return "invisible"
+        if layer.lower() == "defpoints":
+            return "on layer Defpoints, which never plots"
         if layer in self.document.layers:
             state = self.document.layers.get(layer)
             if state.is_frozen() or state.is_off():
@@ -481,7 +593,8 @@ class _Walk(DrawingReader):
             if isinstance(entity, Insert):
                 yield from self._of_block(entity, layer, (*blocks, entity))
             elif kind == "MLINE":
-                parts = entity.virtual_entities()  # type: ignore[attr-defined]
+                with reading_element(where, str(entity)):
+                    parts = list(entity.virtual_entities())  # type: ignore[attr-defined]
                 yield from ((part, layer, where) for part in parts)
             else:
                 yield entity, layer, where
@@ -499,9 +612,18 @@ class _Walk(DrawingReader):
         if layer in self.document.layers and self.document.layers.get(layer).is_frozen():
             self.ignored[f"on layer {layer}, which is frozen"] += 1
             return
-        for single in insert.multi_insert() if insert.mcount > 1 else [insert]:
-            parts = single.virtual_entities(skipped_entity_callback=self._skipped)
-            yield from self._leaves(parts, layer, blocks)
+        # LibreCAD writes 0 for z, where other programs read 1; nothing is drawn 0 high.
+        for axis in ("xscale", "yscale", "zscale"):
+            if insert.dxf.get(axis, 1.0) == 0.0:
+                insert.dxf.set(axis, 1.0)
+        where = f"INSERT of block {name} (handle {insert.dxf.handle or blocks[0].dxf.handle})"
+        with reading_element(where, str(insert)):
+            parts = [
+                part
+                for single in (insert.multi_insert() if insert.mcount > 1 else [insert])
+                for part in single.virtual_entities(skipped_entity_callback=self._skipped)
+            ]
+        yield from self._leaves(parts, layer, blocks)
 
     def _skipped(self, entity: DXFGraphic, reason: str) -> None:
         if entity.dxftype() in _DRAWN:

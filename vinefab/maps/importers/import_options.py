@@ -182,7 +182,10 @@ class ImportOptions:
     wall_mm
         Thickness of walls that are drawn as lines; otherwise lines enclose.
     open_lines
-        ``refuse`` or ``drop`` lines that enclose nothing.
+        ``refuse`` or ``drop`` lines that enclose nothing; or make them a ``wall`` of ``wall_mm``,
+        while lines that enclose are outlines.
+    flatten
+        A drawing in space is seen from above, whatever its heights (DXF).
     photo
         The known facts of a photo or scan: its scale, and the look of its obstacles.
     """
@@ -198,13 +201,14 @@ class ImportOptions:
     bounds: Literal["outline", "largest", "wall", "box"] | None = None
     margin_mm: float | None = None
     wall_mm: float | None = None
-    open_lines: Literal["refuse", "drop"] | None = None
+    open_lines: Literal["refuse", "drop", "wall"] | None = None
+    flatten: bool = False
     photo: PhotoOptions | None = None
 
     def refuse(self, names: tuple[str, ...], kind: str, source: Path) -> None:
         """Raise BadInputError if an option was given that means nothing for a kind of file."""
         for name in names:
             value = getattr(self, name)
-            if value is not None and value != ():
+            if value not in (None, (), False):
                 option = {"open_lines": "open", "layers": "layer"}.get(name, name)
                 raise UnfitInputError(option, f"means nothing for {kind}", "leave it out", source)

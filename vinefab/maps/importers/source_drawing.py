@@ -1,6 +1,7 @@
 """Drawings as their readers give them: curves, items and options, and how they become a map."""
 
 import math
+import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -13,7 +14,7 @@ from vinefab.core.errors import BadInputError, UnfitInputError, located
 from vinefab.core.plain_text import counted, visible
 from vinefab.core.validation import Floats, number, positive
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
-from vinefab.maps.cleanup.drawn_shapes import Drawn, DrawnShape, SourceFrame, framed
+from vinefab.maps.cleanup.drawn_shapes import Changes, Drawn, DrawnShape, SourceFrame, framed
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.source_unit import SourceUnit
 from vinefab.model.map import Map
@@ -165,6 +166,8 @@ class DrawingItem(Drawn[Ring]):
 
     def flat(self, tolerance: float) -> DrawnShape:
         """Return it with chords for curves, within a tolerance in units of the source."""
+        if self.wide is not None:
+            tolerance *= 0.25  # its outer edge has a larger radius
         try:
             rings, holes = (
                 tuple(run_flat(ring.pieces, tolerance) for ring in group)
@@ -261,7 +264,12 @@ def drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> M
             "simplify_mm": chosen.simplify_mm,
         }
         name = visible(path.stem)
-        return unit.of(assemble(name, shapes, frame, chosen, facts, layered=drawing.layered))
+        layers = [word for layer in options.layers for word in ("--layer", layer)]
+        given = options.scale_mm_per_unit
+        scaled = [] if given is None else ["--scale-mm-per-unit", f"{given:g}"]
+        command = shlex.join(["vinefab", "map", "import", str(path), *layers, *scaled])
+        changes = Changes(frame, layered=drawing.layered, command=command)
+        return unit.of(assemble(name, shapes, changes, chosen, facts))
 
 
 def _assembling(

@@ -537,7 +537,7 @@ def transform_origin(node: Node, view: View, box: Floats | None) -> Floats:
     Parameters
     ----------
     box
-        x, y, width, height of the box of the shape where ``transform-box`` says so; else None, and shares
+        x, y, width, height of the shape where ``transform-box`` says so; else None, and shares
         refer to the viewport.
     """
     x, y, width, height = (0.0, 0.0, view.width, view.height) if box is None else box.tolist()

@@ -209,6 +209,31 @@ def test_the_sheet_leaves_a_moving_hand_alone_and_follows_one_that_rests(tab, gr
     tab.until("() => !document.querySelector('.stale-notes')")
 
 
+BUSY_MOVES = """(selector) => new Promise((resolve) => {
+  const [slider, ask, asked] = [document.querySelector(selector), studio.ask, []];
+  studio.ask = (panel, ...more) => { asked.push(panel); return ask(panel, ...more); };
+  let step = 0;
+  const move = () => {
+    if (step++ === 6) { studio.ask = ask; resolve(asked); return; }
+    requestAnimationFrame(move);
+    slider.stepUp();
+    slider.dispatchEvent(new Event("input", {bubbles: true}));
+    for (const began = performance.now(); performance.now() - began < 300;);
+  };
+  requestAnimationFrame(move);
+})"""
+"""Six moves of a slider, after each of which the page is busy for longer than a hand rests."""
+
+
+def test_a_busy_page_takes_no_moving_hand_for_one_that_rests(tab):
+    slider = f'input[type=range][data-key="{LENGTH}"]'
+    tab.drag(slider, (4, 0), drop=False)
+    asked = tab.page.evaluate(BUSY_MOVES, slider)
+    assert "live" in asked
+    assert "cut" not in asked
+    tab.until("() => !document.querySelector('.stale-notes')")
+
+
 def test_the_sheet_shows_the_inflated_body_until_the_design_changes(tab):
     toggle = tab.page.locator("#deployed-toggle")
     toggle.click()

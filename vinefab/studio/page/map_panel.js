@@ -1,6 +1,6 @@
 // The map: the robot grown on it, the start and the obstacles to be dragged, the length grown.
 
-import { button, el, fillSvg, number, optionsOf, paused, shownBlocks, svgEl, WAYS } from "studio/dom.js";
+import { button, el, fillSvg, number, optionsOf, paused, rested, shownBlocks, svgEl, WAYS } from "studio/dom.js";
 import { hasBranch } from "studio/branch_edits.js";
 import { isStale } from "studio/connection.js";
 import { isEdited } from "studio/files_panel.js";
@@ -264,8 +264,8 @@ export function mount(root, app) {
   }
 
   /** Ask how wide the scores are once everything rests: it takes a process that simulates. */
-  const askWidth = paused(async () => {
-    if (!app.live || answer?.engine !== "kernel" || dragging) return;
+  const askWidth = rested(async () => {
+    if (!app.live || answer?.engine !== "kernel") return;
     try {
       const found = await app.ask("width");
       width.hidden = !found.text;

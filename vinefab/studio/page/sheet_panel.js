@@ -330,6 +330,7 @@ export function mount(root, app) {
   let cut = /** @type {Answers["cut"] | null} */ (null);
   let cutAsked = "";
   let cutTimer = 0;
+  let cutFrame = 0;
   let present = /** @type {Answers["cut"] | null} */ (null);
   let selected = /** @type {string | null} */ (null); // fingerprint
   let waiving = "";
@@ -374,7 +375,9 @@ export function mount(root, app) {
   /** Ask when the state has been still for a while: a robot that is dragged has the processor to itself. */
   function follow() {
     clearTimeout(cutTimer);
-    if (isHeld()) cutTimer = setTimeout(askCut, RESTED_MS);
+    cancelAnimationFrame(cutFrame);
+    // Moves that came while the page was drawing are heard before the next frame.
+    if (isHeld()) cutTimer = setTimeout(() => { cutFrame = requestAnimationFrame(askCut); }, RESTED_MS);
     else askCut();
     deployed.follow();
     showFreshness();

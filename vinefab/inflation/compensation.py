@@ -107,12 +107,23 @@ class UnreachableJointError(VinefabError, ValueError):
         angles = ", ".join(f"{angle:.1f}" for angle in self.wanted.angles_deg)
         return f"no flat joint deploys at {angles} degrees: {self.why}"
 
+    @property
+    def mirrored(self) -> "UnreachableJointError":
+        """The same of the joint seen from below."""
+        nearest = None if self.nearest is None else self.nearest.mirrored
+        return UnreachableJointError(self.wanted.mirrored, nearest, self.why)
+
 
 class UnknownJointError(UnreachableJointError):
     """Neither the user's cache nor table or law know a joint; a simulation would tell."""
 
     def __init__(self, wanted: JointShape) -> None:
         super().__init__(wanted, None, "not simulated yet")
+
+    @property
+    def mirrored(self) -> "UnknownJointError":
+        """The same of the joint seen from below."""
+        return UnknownJointError(self.wanted.mirrored)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,6 +134,17 @@ class FlatJoint(JointFigures):
     source: str = "simulated"  # or "table", or "law"
     # How far a direct simulation on other triangles may deploy from this.
     within_deg: float = MESH_DEG
+
+    @property
+    def mirrored(self) -> "FlatJoint":
+        """The joint seen from below."""
+        return replace(
+            self,
+            flat=self.flat.mirrored,
+            deployed_deg=tuple(-angle for angle in reversed(self.deployed_deg)),
+            pull_backs=tuple(reversed(self.pull_backs)),
+            side_offsets=tuple(-offset for offset in reversed(self.side_offsets)),
+        )
 
     @classmethod
     def of(cls, found: InflatedJoint) -> "FlatJoint":

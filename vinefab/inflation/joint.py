@@ -125,7 +125,7 @@ class JointShape:
         """The joint seen from below."""
         return replace(
             self,
-            angles_deg=tuple(-angle for angle in reversed(self.angles_deg)),
+            angles_deg=tuple(0.0 - angle for angle in reversed(self.angles_deg)),
             widths=tuple(reversed(self.widths)),
             fillets=tuple(reversed(self.fillets)),
         )

@@ -169,8 +169,17 @@ def _solved(task: JointTask, how: How) -> tuple[tuple[float, ...], FlatJoint]:
 def _joint(wanted: JointShape, compensated: bool, gain: float, how: How) -> FlatJoint:  # noqa: FBT001  a key of the cache
     """Return a joint whose children turn so many times as far as simulated, as measured.
 
-    The simulated angles aimed at are moved until those with the gain are the wanted ones.
+    The simulated angles aimed at are moved until those with the gain are the wanted ones. One of a
+    joint and its mirror image is solved, so that mirrored robots mirror.
     """
+    seen = wanted.mirrored
+    if (wanted.angles_deg, wanted.widths, wanted.fillets) > (
+        seen.angles_deg, seen.widths, seen.fillets,
+    ):  # fmt: skip
+        try:
+            return _joint(seen, compensated, gain, how).mirrored
+        except UnreachableJointError as error:
+            raise error.mirrored from error
     if how == "simulated":
         flat_of, deployed_of = partial(flat_joint, exact=True), partial(deployed_joint, exact=True)
     else:

@@ -523,7 +523,7 @@ def test_findings_are_drawn_in_place_and_shown(tmp_path):
 
 
 def test_the_names_of_what_is_shipped_are_listed():
-    assert {"grid_explorer", "plain_vine"} <= set(vf.designs())
+    assert {"grid_explorer_levels", "plain_vine"} <= set(vf.designs())
     assert DEFAULT_RECIPE in vf.recipes()
     assert vf.profile(DEFAULT_RECIPE).summary[0].startswith("recipe ")
     assert "generic_220" in vf.printers()
@@ -697,7 +697,7 @@ WRONG = {
     "no run file": (lambda out: vf.optimize(out / "none.toml"), "no such file"),
     "workers of words": (lambda _: vf.optimize(run_settings(), workers="2"), "workers"),
     "resumed without a folder": (lambda _: vf.optimize(run_settings(), resume=True), "resume"),
-    "an unknown design": (lambda _: vf.check("grid_exploror"), "grid_explorer"),
+    "an unknown design": (lambda _: vf.check("grid_exploror"), "grid_explorer_levels"),
     "an unknown recipe": (lambda _: vf.check(VINE, "co2"), "recipe"),
     "a design as a recipe": (lambda _: vf.check(VINE, VINE), "recipe"),
     "an unknown rule": (lambda _: vf.check(VINE, limits={"VF-X": {"a": 1}}), "VF-X"),
@@ -869,7 +869,7 @@ def test_help_shows_what_the_constructor_of_a_table_takes():
     assert "build: vinefab.model.design.Build = Build()" in shown
     assert "\n |  trunk_length_mm, mm\n" in shown
     assert "schema_" not in shown.partition("Method resolution order")[0]
-    tree = vf.Design.read("grid_explorer_pieces")
+    tree = vf.Design.read("grid_explorer_pieces_levels")
     taken = {name: getattr(tree, name) for name in inspect.signature(vf.Design).parameters}
     assert vf.Design(**taken) == tree
 

@@ -180,15 +180,15 @@ def test_every_script_in_the_folder_is_tried():
 
 
 OPTIMIZED = (
-    "grid_explorer",
-    "grid_explorer_pieces",
-    "cave_explorer",
-    "cave_explorer_pieces",
+    "grid_explorer_levels",
+    "grid_explorer_pieces_levels",
+    "cave_explorer_levels",
+    "cave_explorer_pieces_levels",
     "six_branch_anchor",
 )
 
 
-PIECES = {"grid_explorer_pieces": 3, "cave_explorer_pieces": 2}
+PIECES = {"grid_explorer_pieces_levels": 3, "cave_explorer_pieces_levels": 2}
 """Of designs that are not cut as one: as their comments and the README say."""
 
 

@@ -167,7 +167,7 @@ def without_names(checks):
     return [{**one, "message": ""} for one in content["findings"]]
 
 
-@pytest.mark.parametrize("name", ["three_level_tree", "grid_explorer"])
+@pytest.mark.parametrize("name", ["three_level_tree", "grid_explorer_levels"])
 def test_a_design_of_levels_deploys_as_the_same_bytes_branch_by_branch(name):
     levels, world = vf.Design.read(name), vf.maps.grid(seed=3)
     grown = [vf.grow(one, world, history=4).json_text() for one in (levels, levels.by_branches)]

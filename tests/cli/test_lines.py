@@ -70,7 +70,7 @@ LINES = [
     ("rules", 0, "rules-1", "VF-C01"),
     ("rules vf-c01", 0, "rules-1", "broken: too little"),
     ("profiles", 0, "profiles-1", "co2_60w__stretchlon_200"),
-    ("designs", 0, "names-1", "grid_explorer"),
+    ("designs", 0, "names-1", "grid_explorer_levels"),
     ("examples", 0, "names-1", "grid_coverage.toml: A run of"),
 ]  # fmt: skip
 

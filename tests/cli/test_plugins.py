@@ -101,7 +101,7 @@ def test_a_rule_that_breaks_down_when_it_is_called_is_named(vinefab, their_packa
     module = their_package / "their_depth.py"
     ends = MODULE.replace("    found = float", f"    {broken}\n    found = float")
     module.write_text(f"class B(BaseException):\n    pass\n{ends}")
-    code, _, complaint = vinefab("check", "grid_explorer")
+    code, _, complaint = vinefab("check", "grid_explorer_levels")
     assert (code, complaint.count("\n")) == (2, 1)
     assert "rule 'MY-F01' of package theirs" in complaint
 
@@ -179,22 +179,22 @@ class Grown:
 
 def test_every_verb_that_scores_takes_a_task_as_an_object(grid, tmp_path):
     task, quiet = Grown(100.0), {"progress": False}
-    scored = vf.score("grid_explorer", task, maps=grid)
+    scored = vf.score("grid_explorer_levels", task, maps=grid)
     mean = scored.composite["mean"]
     assert mean > 0.1
     page = tmp_path / "page.html"
-    report = vf.report("grid_explorer", out=page, maps=grid, task=task, **quiet)
+    report = vf.report("grid_explorer_levels", out=page, maps=grid, task=task, **quiet)
     assert report.numbers["task"] == "grown"
     assert report.main.outcomes.spread(report.asked).mean == pytest.approx(mean)
     assert f"scores {mean:.4f} on task grown" in page.read_text()
-    both = vf.compare(["plain_vine", "grid_explorer"], grid, task=task, **quiet)
-    assert both.means["grid_explorer"] == pytest.approx(mean)
+    both = vf.compare(["plain_vine", "grid_explorer_levels"], grid, task=task, **quiet)
+    assert both.means["grid_explorer_levels"] == pytest.approx(mean)
     assert both.measure.key == "task_score"
     by_name = vf.compare(both.designs, grid, task=task, measure="task_score", **quiet)
     assert by_name.means == both.means
     seen = vf.compare(both.designs, grid, task=task, measure="seen_percent", **quiet)
     assert seen.measure.key == "seen_percent"
-    aimed = vf.aim("grid_explorer", grid, task, deployments=5000, alone=True, **quiet)
+    aimed = vf.aim("grid_explorer_levels", grid, task, deployments=5000, alone=True, **quiet)
     assert aimed.task is task
     assert aimed.mean > mean
 
@@ -228,7 +228,7 @@ def test_a_score_over_unseen_maps_is_that_of_the_comparison(vinefab, tmp_path):
     assert (code, complaint) == (0, "")
     score = json.loads((tmp_path / "score.json").read_text())
     out = ("--task", "depth", "--json", tmp_path / "both.json")
-    assert vinefab("compare", "plain_vine", "grid_explorer", *unseen, *out)[0] == 0
+    assert vinefab("compare", "plain_vine", "grid_explorer_levels", *unseen, *out)[0] == 0
     both = json.loads((tmp_path / "both.json").read_text())
     assert len(score["evaluations"]) == 9
     assert both["maps"] == len({one["map"] for one in score["evaluations"]}) == 3
@@ -240,7 +240,7 @@ def test_a_score_over_unseen_maps_is_that_of_the_comparison(vinefab, tmp_path):
     ("words", "said"),
     [
         (("score", "plain_vine"), "--maps"),
-        (("compare", "plain_vine", "grid_explorer", "--environment", "grid", "--set", "a=1"), "a"),
+        (("compare", "plain_vine", "grid_explorer_levels", "--environment", "grid", "--set", "a=1"), "a"),
         (("score", "plain_vine", "--environment", "grid", "--set", "a=1"), "task.a"),
     ],
 )

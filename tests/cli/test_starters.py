@@ -83,7 +83,7 @@ def test_a_copy_of_a_run_file_keeps_the_names_of_its_parts(tmp_path):
     assert (made.name, made.task.name) == ("mine", "reach")
 
 
-@pytest.mark.parametrize("name", ["grid_explorer", "plain_vine"])
+@pytest.mark.parametrize("name", ["grid_explorer_levels", "plain_vine"])
 def test_a_design_of_levels_is_written_branch_by_branch(name, capsys):
     assert main(["new", "design", "free.toml", "--from", name, "--branches"]) == 0
     free, levels = Design.read("free.toml"), Design.read(name)

@@ -51,10 +51,10 @@ CAVE = Design(
     ("design", "mean_mm", "most_mm"),
     [
         (CAVE, 45.0, 83.0),
-        (Design.read("grid_explorer"), 19.0, 27.0),
+        (Design.read("grid_explorer_levels"), 19.0, 27.0),
         (Design.read("three_level_tree"), 14.0, 23.0),
     ],
-    ids=["cave", "grid_explorer", "three_level_tree"],
+    ids=["cave", "grid_explorer_levels", "three_level_tree"],
 )
 def test_tips_of_designs_are_off_as_the_trial_says(design, mean_mm, most_mm):
     errors = inflated_robot(design).tip_errors_mm()

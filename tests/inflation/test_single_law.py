@@ -208,7 +208,7 @@ def test_the_quick_pattern_of_a_tree_is_near_the_simulated_one():
 
 
 def test_levels_have_the_quick_pattern_of_the_table(monkeypatch):
-    design = vf.Design.read("grid_explorer")
+    design = vf.Design.read("grid_explorer_levels")
     material = ChosenRecipe.of(design).profile.material
     here = quick_pattern(design, material)
     monkeypatch.setattr(law, "law_of", None)

@@ -84,17 +84,17 @@ COMMANDS = {
     "map import": "map import plain.geojson --start 152,132,2 --out imported.geojson",
     "map import, roomiest start": "map import plain.geojson --out imported.geojson",
     "map start": "map start map.geojson --out started.geojson --start",
-    "grow": "grow grid_explorer --map map.geojson --svg grown.svg",
-    "score": "score grid_explorer --map map.geojson --poses 3",
-    "aim": "aim grid_explorer --map map.geojson --deployments 5000 --out aim.html",
+    "grow": "grow grid_explorer_levels --map map.geojson --svg grown.svg",
+    "score": "score grid_explorer_levels --map map.geojson --poses 3",
+    "aim": "aim grid_explorer_levels --map map.geojson --deployments 5000 --out aim.html",
     "optimize": "optimize run.toml --out run",
-    "compare": "compare grid_explorer plain_vine --map map.geojson --out compared.html",
-    "check --map": "check grid_explorer --map map.geojson",
-    "report": "report grid_explorer --map map.geojson --out report.html",
+    "compare": "compare grid_explorer_levels plain_vine --map map.geojson --out compared.html",
+    "check --map": "check grid_explorer_levels --map map.geojson",
+    "report": "report grid_explorer_levels --map map.geojson --out report.html",
     "rig": "rig map.geojson --out rig",
     "observe": f"observe {PHOTO} --map map.geojson --design {SPRIG} --pose 152,132,2 "
     "--obstacle-height 30 --out seen.html",
-    "studio --snapshot": "studio grid_explorer --map map.geojson --snapshot state.html",
+    "studio --snapshot": "studio grid_explorer_levels --map map.geojson --snapshot state.html",
 }
 GROUP_WORDS = {"map start": ["area 100,100 200,200, heading 0+-20"]}
 

@@ -75,7 +75,7 @@ def test_a_scale_multiplies_lengths_and_places_of_bends_alone():
 
 
 @pytest.mark.parametrize(
-    "name", ["grid_explorer", "cave_explorer", "three_level_tree", "plain_vine"]
+    "name", ["grid_explorer_levels", "cave_explorer_levels", "three_level_tree", "plain_vine"]
 )
 def test_a_design_of_levels_is_the_same_branch_by_branch(name):
     design = vf.Design.read(name)

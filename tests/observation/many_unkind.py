@@ -36,9 +36,9 @@ FORK = Design(
     build=Build(widths_mm=(22.0, 17.0, 13.0), fillet_mm=(2.0, 2.0), tail_mm=20.0, pressure_kpa=0.0),
 )  # fmt: skip
 WORLDS = (
-    (FORK, maps.grid), (FORK, maps.pegs), ("grid_explorer", maps.grid), (FORK, maps.grid),
+    (FORK, maps.grid), (FORK, maps.pegs), ("grid_explorer_levels", maps.grid), (FORK, maps.grid),
     ("three_level_tree", maps.pegs), (FORK, maps.grid), ("six_branch_anchor", maps.pegs),
-    ("cave_explorer", maps.cave),
+    ("cave_explorer_levels", maps.cave),
 )  # fmt: skip
 FILMS = ((214, 88, 40), (60, 150, 70), (240, 205, 60), (150, 70, 150), (60, 110, 215))
 BLOCKS = ((90, 110, 140), (120, 95, 70), (70, 70, 72))

@@ -221,7 +221,7 @@ def test_a_body_that_is_a_line_is_drawn_as_one_and_the_picture_says_so():
 
 
 def test_ids_of_branches_lie_on_none_other():
-    design = Design.read("grid_explorer")
+    design = Design.read("grid_explorer_levels")
     grown = design.grow(world_of(700), pose=(350, 350, 90), body="centerline")
     (panel,) = deployment_plan(world_of(700), grown, np.zeros(len(grown.tree)), named=True).panels
     texts = written(panel)

@@ -46,7 +46,7 @@ def few_poses():
 
 @pytest.fixture(scope="module")
 def explorer():
-    return Design.read("grid_explorer")
+    return Design.read("grid_explorer_levels")
 
 
 @pytest.fixture(scope="module")

@@ -106,12 +106,12 @@ MOST_BYTES = 3_000_000
 
 @pytest.fixture(scope="module")
 def made():
-    design, profile = Design.read("grid_explorer"), read_profile(DEFAULT_RECIPE)
+    design, profile = Design.read("grid_explorer_levels"), read_profile(DEFAULT_RECIPE)
     small = {"columns": 3, "rows": 3, "size_mm": 300.0}
     given = unseen_maps("grid", 1, 9, small).worlds
     families = map_families(given, unseen_maps("grid", 4, 0, small))
     found = predict(design, profile, families, PredictionPlan(poses=2, seed=1))
-    origin = origin_of("vinefab report grid_explorer --seed 1", [design], profile, families)
+    origin = origin_of("vinefab report grid_explorer_levels --seed 1", [design], profile, families)
     found = replace(found, origin=origin)
     with pytest.MonkeyPatch.context() as patch:
         built = []

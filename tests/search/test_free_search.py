@@ -211,7 +211,7 @@ def test_several_objectives_are_refused():
 
 
 def test_a_design_of_branches_may_begin_a_search_of_free_trees_alone(tmp_path):
-    Design.read("grid_explorer").by_branches.write(tmp_path / "mine.toml")
+    Design.read("grid_explorer_levels").by_branches.write(tmp_path / "mine.toml")
     text = 'schema = "vinefab/run-1"\n[space]\ntree = "{}"\nlevels = [2, 4]\n'
     text += '[optimizer]\nstart_from = ["mine.toml"]\n'
     for tree in ("free", "levels"):

@@ -111,7 +111,7 @@ def test_ranges_are_those_that_branches_of_levels_may_have():
 
 
 def test_single_branches_come_and_go():
-    design = Design.read("grid_explorer")
+    design = Design.read("grid_explorer_levels")
     x = SPACE.vector(design)
     slots = SPACE.slots_that_may_branch(x)
     assert slots  # three children of four that are allowed
@@ -137,7 +137,7 @@ def test_single_branches_come_and_go():
 
 
 def test_active_coordinates_are_those_of_the_branches_that_there_are():
-    x = SPACE.vector(Design.read("grid_explorer"))
+    x = SPACE.vector(Design.read("grid_explorer_levels"))
     active, tree = SPACE.active(x), SPACE.tree(x)
     assert len(active) == 31 + 30
     for slot in range(SPACE.slots):
@@ -153,7 +153,7 @@ def test_a_design_with_more_branches_than_slots_is_refused():
     small = FreeSpace(SETTINGS.changed(most_branches=20), BUILD)
     assert small.slots == 20
     with pytest.raises(BadInputError, match="at most 20 branches"):
-        small.vector(Design.read("grid_explorer"))
+        small.vector(Design.read("grid_explorer_levels"))
 
 
 @pytest.mark.parametrize("compensation", ["none", "inflation"])

@@ -283,7 +283,7 @@ def test_designs_to_begin_at_are_points_of_the_space(tmp_path):
         "[[level]]\nbranches = 3\nlength = 60.0\nangle_deg = 90.0\n"
     )
     settings = read_run(
-        written(tmp_path, '[optimizer]\nstart_from = ["mine.toml", "grid_explorer"]')
+        written(tmp_path, '[optimizer]\nstart_from = ["mine.toml", "grid_explorer_levels"]')
     )
     space = Space(settings.space, settings.build)
     mine, shipped = (space.design(np.array(point)) for point in settings.start_from)
@@ -294,20 +294,20 @@ def test_designs_to_begin_at_are_points_of_the_space(tmp_path):
 
 
 def test_designs_that_no_search_can_begin_at_are_refused(tmp_path):
-    deep = '[space]\nlevels = [2, 3]\n[optimizer]\nstart_from = ["grid_explorer"]'
+    deep = '[space]\nlevels = [2, 3]\n[optimizer]\nstart_from = ["grid_explorer_levels"]'
     with pytest.raises(BadInputError, match=r"start_from\[1\].*4 levels.*2 to 3 levels"):
         read_run(written(tmp_path, deep))
     with pytest.raises(VinefabError, match="nowhere"):
         read_run(written(tmp_path, '[optimizer]\nstart_from = ["nowhere.toml"]'))
     swarm = '[evaluation]\nfabricable = false\n[optimizer]\nname = "pso"\n'
-    swarm += 'start_from = ["grid_explorer"]'
+    swarm += 'start_from = ["grid_explorer_levels"]'
     with pytest.raises(BadInputError, match="or use the optimizer islands"):
         Search.of(read_run(written(tmp_path, swarm)), (grid_map(1),))
 
 
 def test_a_search_begins_at_the_design_that_it_is_given(tmp_path):
     text = '[evaluation]\nfabricable = false\n[optimizer]\nname = "islands"\n'
-    text += 'start_from = ["grid_explorer"]'
+    text += 'start_from = ["grid_explorer_levels"]'
     search = Search.of(read_run(written(tmp_path, text)), (grid_map(1),))
     first = search.evaluator.space.design(search.optimizer.ask()[0])
     assert [level.branches for level in first.levels] == [3, 3, 2]

@@ -183,7 +183,7 @@ def test_runs_that_differ_have_other_keys():
 
 
 def test_a_design_is_kept_to_the_bit_without_its_origin():
-    design = Design.read("grid_explorer")
+    design = Design.read("grid_explorer_levels")
     cut = design.changed(build=design.build.changed(pieces=PieceSettings(most=3, lap_mm=12.0)))
     result = Trained(
         key="k", design=as_tested(cut), fitness=0.1, best=(), mean=(), evaluations=1, penalty=0.0

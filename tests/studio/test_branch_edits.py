@@ -102,7 +102,7 @@ def edited(design, do, branch=None, **more):
     return design_of(found["design"], "test"), found["branch"]
 
 
-@pytest.mark.parametrize("name", ["grid_explorer", "three_level_tree"])
+@pytest.mark.parametrize("name", ["grid_explorer_levels", "three_level_tree"])
 def test_a_freed_design_grows_as_before(name):
     design = Design.read(name)
     free, chosen = edited(design, "free", "0.1")

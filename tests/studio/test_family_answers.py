@@ -24,7 +24,7 @@ GRID = {"environment": "grid", "count": 4, "seed": 1000}
 TWICE = {**GRID, "poses": 2}
 
 
-def state_of(design="grid_explorer", trunk_scale=1.0, width_scale=1.0, **more):
+def state_of(design="grid_explorer_levels", trunk_scale=1.0, width_scale=1.0, **more):
     content = design_content(Design.read(design))
     content["trunk"]["length"] *= trunk_scale
     content["build"]["widths_mm"][0] *= width_scale
@@ -55,7 +55,7 @@ def worlds():
 
 
 def test_scores_are_those_of_the_library(answer, worlds):
-    expected = vf.score("grid_explorer", maps=worlds, poses=2)
+    expected = vf.score("grid_explorer_levels", maps=worlds, poses=2)
     scores = [score for entry in answer["maps"] for score in entry["scores"]]
     assert scores == expected.scores.tolist()
     assert answer["distribution"]["mean"] == pytest.approx(expected.composite["mean"], abs=1e-15)
@@ -173,7 +173,7 @@ def test_heat_of_one_map_is_where_the_body_lies():
     answer = answered(state_of(family=family))
     heat, (entry,) = answer["heat"], answer["maps"]
     share = heat_share(heat)
-    design, world = Design.read("grid_explorer"), generate("grid", 1003)
+    design, world = Design.read("grid_explorer_levels"), generate("grid", 1003)
     pose = Pose.of(tuple(entry["pose"].values()))
     deployment = grow_on(design, Terrain.of(world), pose)
     body = shapely.union_all(

@@ -158,18 +158,18 @@ def test_a_file_that_went_is_written_again_with_its_comments(store, folder):
 
 
 def test_save_as_takes_the_comments_along_and_asks_before_it_replaces(store, folder):
-    shipped = opened(store, "grid_explorer")
+    shipped = opened(store, "grid_explorer_levels")
     assert not shipped["writable"]
-    assert shipped["path"] == "grid_explorer"
-    ask = {"path": "copy.toml", "design": shipped["design"], "from": "grid_explorer"}
+    assert shipped["path"] == "grid_explorer_levels"
+    ask = {"path": "copy.toml", "design": shipped["design"], "from": "grid_explorer_levels"}
     assert store.save_design(ask)["saved"]
-    assert (folder / "copy.toml").read_text() == locate("design", "grid_explorer").read_text()
+    assert (folder / "copy.toml").read_text() == locate("design", "grid_explorer_levels").read_text()
     (folder / "other.toml").write_text(MINE)
     answer = store.save_design({**ask, "path": "other.toml"})
     assert (answer["saved"], answer["why"]) == (False, "exists")
     assert (folder / "other.toml").read_text() == MINE
     assert store.save_design({**ask, "path": "new.toml", "from": None})["saved"]
-    assert Design.read(folder / "new.toml") == Design.read("grid_explorer")
+    assert Design.read(folder / "new.toml") == Design.read("grid_explorer_levels")
 
 
 def test_shipped_and_own_designs_are_never_overwritten(folder, tmp_path):
@@ -177,7 +177,7 @@ def test_shipped_and_own_designs_are_never_overwritten(folder, tmp_path):
     designs.mkdir(parents=True)
     (designs / "kept.toml").write_text(MINE)
     store = FileStore(folder, [designs / "kept.toml"])
-    for path in (designs / "kept.toml", locate("design", "grid_explorer")):
+    for path in (designs / "kept.toml", locate("design", "grid_explorer_levels")):
         file = opened(store, str(path))
         assert not file["writable"]
         before = path.read_text()
@@ -327,7 +327,7 @@ def test_choices_are_what_lies_in_the_folders_and_what_ships(store, folder, tmp_
     here = {"mine.toml": "folder"}
     assert {e["path"]: e["where"] for e in found["designs"] if e["where"] == "folder"} == here
     assert [entry["path"] for entry in found["maps"]] == ["maps/a.geojson"]
-    assert {"name": "grid_explorer", "path": "grid_explorer", "where": "shipped"} in found[
+    assert {"name": "grid_explorer_levels", "path": "grid_explorer_levels", "where": "shipped"} in found[
         "designs"
     ]
     assert "recipe.toml" in [entry["path"] for entry in found["recipes"]]

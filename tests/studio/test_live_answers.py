@@ -40,7 +40,7 @@ def opened(name, pose, edits=()):
     )
 
 
-@pytest.mark.parametrize("name", ["grid_explorer", "three_level_tree", "plain_vine"])
+@pytest.mark.parametrize("name", ["grid_explorer_levels", "three_level_tree", "plain_vine"])
 @pytest.mark.parametrize(
     "pose", [(1000.0, 15.0, 90.0), (18.0, 956.5, 10.0), (1980.0, 1890.0, 220.0)]
 )
@@ -56,12 +56,12 @@ def test_a_robot_grows_as_on_the_whole_map(name, pose):
 
 
 def test_a_far_obstacle_that_is_moved_costs_no_walls():
-    state = opened("grid_explorer", (1000.0, 15.0, 90.0))
+    state = opened("grid_explorer_levels", (1000.0, 15.0, 90.0))
     _, terrain = grown(state, state.start)
-    moved = opened("grid_explorer", (1000.0, 15.0, 90.0), [["move", 505, 4.0, 3.0]])
+    moved = opened("grid_explorer_levels", (1000.0, 15.0, 90.0), [["move", 505, 4.0, 3.0]])
     assert moved.world.obstacles[505] != state.world.obstacles[505]
     assert grown(moved, moved.start)[1] is terrain
-    near = opened("grid_explorer", (1000.0, 15.0, 90.0), [["move", 11, 4.0, 3.0]])
+    near = opened("grid_explorer_levels", (1000.0, 15.0, 90.0), [["move", 11, 4.0, 3.0]])
     assert grown(near, near.start)[1] is not terrain
 
 
@@ -163,7 +163,7 @@ def test_interpreted_growth_is_bounded(monkeypatch):
     assert found["facts"]["branches"] == 1 + 13 + 13**2 + 13**2 * 10 > MOST_LIVE_INTERPRETED
 
 
-DESIGN = Design.read("grid_explorer")
+DESIGN = Design.read("grid_explorer_levels")
 CAVE = {"source": {"environment": "cave", "seed": 1}, "edits": []}
 
 

@@ -129,7 +129,7 @@ def lives_on(studio):
     """After every attack the server answers, within its memory, and has met no bug."""
     yield
     with tab(studio) as (_, state):
-        assert state["design"]["name"] == "grid_explorer"
+        assert state["design"]["name"] == "grid_explorer_levels"
     assert studio.memory_mb() < MOST_MB
     assert "Traceback" not in studio.said()
 

@@ -33,7 +33,7 @@ def narrow(content):
 
 
 def test_the_answer_is_that_of_the_check():
-    state, answer = answered("cave_explorer_pieces")
+    state, answer = answered("cave_explorer_pieces_levels")
     report = check_design(state.design, state.profile)
     assert answer["verdict"] == report.verdict
     assert {one["fingerprint"] for one in answer["findings"]} == {

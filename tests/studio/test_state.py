@@ -21,13 +21,13 @@ GRID = {"source": {"environment": "grid", "seed": 3}, "edits": []}
 
 
 def state(**changes):
-    design = json.loads(json.dumps(design_content(Design.read("grid_explorer"))))
+    design = json.loads(json.dumps(design_content(Design.read("grid_explorer_levels"))))
     return {"design": design, "map": copy.deepcopy(GRID), **changes}
 
 
 def test_a_state_gives_the_design_and_the_map_that_it_names():
     read = StudioState.of(state())
-    assert read.design == Design.read("grid_explorer")
+    assert read.design == Design.read("grid_explorer_levels")
     assert map_text(read.world) == map_text(grid(3))
     assert read.start == grid(3).starts[0].pose
 

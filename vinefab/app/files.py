@@ -116,7 +116,7 @@ def new(
     $ vinefab new map table.geojson
     $ vinefab grow scout --out skeleton.dxf
     $ vinefab new design drawn.toml --skeleton skeleton.dxf
-    $ vinefab new design free.toml --from grid_explorer --branches
+    $ vinefab new design free.toml --from grid_explorer_levels --branches
 
     >>> from tempfile import TemporaryDirectory
     >>> from vinefab.model.design import Design

@@ -699,7 +699,7 @@ def demo(
 
 @verb
 def studio(
-    design: Annotated[DesignLike, IN_PLACE] = "grid_explorer",
+    design: Annotated[DesignLike, IN_PLACE] = "grid_explorer_levels",
     map: MapLike | None = None,
     *,
     environment: UnseenEnvironment = "grid",

@@ -65,7 +65,7 @@ _PAUSE_S = 0.5
 class LaunchOptions:
     """Options of the command line."""
 
-    design: str = "grid_explorer"
+    design: str = "grid_explorer_levels"
     map_file: Path | None = None
     environment: str = "grid"
     seed: int = 3

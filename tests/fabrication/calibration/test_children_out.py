@@ -86,7 +86,7 @@ def test_calibration_adds_the_share_to_measured_contacts(tmp_path):
     options = GrowthOptions.of({"contacts": found})
     assert options.emergence == 0.9
     assert options.emergences == (found.emergence.high, 0.9, found.emergence.low)
-    text = growth_text(options, [Design.read("grid_explorer")])
+    text = growth_text(options, [Design.read("grid_explorer_levels")])
     assert (
         "probability 0.9 (measured: 18 of 20 children at 20 kPa, 95 % interval 0.72 to 0.98)"
         in text

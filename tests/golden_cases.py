@@ -235,7 +235,7 @@ map info area.geojson --json info.json""",
     "import_photo": TABLE,
     **{f"grow_{design}": _grow_case(design) for design in DESIGNS},
     "grow_history": f"""{GRID}
-grow grid_explorer_levels --map grid1.geojson --animate grown.svg --history 100,300 --json history.json
+grow grid_explorer --map grid1.geojson --animate grown.svg --history 100,300 --json history.json
 grow grid_explorer_levels --map grid1.geojson --animate grown.gif --frames 8""",
     **{f"score_{design}": _score_case(design) for design in DESIGNS},
     **{f"check_{design}": _check_case(design) for design in DESIGNS},
@@ -269,12 +269,12 @@ fit-observations seen_1.json seen_2.json --out contacts.toml
 score sprig.toml --task reach --maps arena.geojson --contacts contacts.toml --json score.json""",
     "aim": f"""{GRID}
 aim plain_vine --map grid1.geojson --deployments 5000 --out aim.html --json aim.json
-aim grid_explorer_levels --map grid1.geojson --task coverage --robots 2 --alone --deployments 5000"""
+aim grid_explorer --map grid1.geojson --task coverage --robots 2 --alone --deployments 5000"""
     " --out two.svg --json two.json",
-    "report": "report grid_explorer_levels --environment grid --count 4 --out page.html --json page.json",
+    "report": "report grid_explorer --environment grid --count 4 --out page.html --json page.json",
     "report_anchor": "report six_branch_anchor --environment cave --count 3 --out page.html"
     " --json page.json",
-    "compare": "compare grid_explorer_levels plain_vine --environment grid --count 4 --out page.html"
+    "compare": "compare grid_explorer plain_vine --environment grid --count 4 --out page.html"
     " --json page.json",
     **{
         f"optimize_{name}": f"optimize run_{name}.toml --out run --json run.json\n"
@@ -296,7 +296,7 @@ show("profile", vf.profile("co2_60w__stretchlon_200"))""",
 world = vf.maps.grid(seed=3)
 aimed = vf.aim("plain_vine", world, deployments=5000, progress=False, alone=True)
 show("aim", aimed)
-show("compare", vf.compare(["plain_vine", "grid_explorer_levels"], [world], poses=2, progress=False))
+show("compare", vf.compare(["plain_vine", "grid_explorer"], [world], poses=2, progress=False))
 show("run", vf.optimize("run_islands.toml", out="run", page=False, progress=False))
 show("runs", vf.runs("run"))
 show("settings", vf.RunSettings.read("run_pieces.toml"))

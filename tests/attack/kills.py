@@ -73,7 +73,7 @@ COMMAND_LINES = {
     "map grid": "map grid --seed {n} --columns 3 --rows 3 --size 300 --out m.geojson",
     "map import": "map import drawing{n}.svg --out m.geojson",
     "score": "score three_level_tree --map grid.geojson --seed {n} --json score.json",
-    "compare": "compare grid_explorer_levels three_level_tree --map grid.geojson --poses 1 --seed {n} "
+    "compare": "compare cave_explorer three_level_tree --map grid.geojson --poses 1 --seed {n} "
     "--out c.html --json c.json",
     "aim": "aim plain_vine --map grid.geojson --deployments 5000 --seed {n} --out a.html "
     "--json a.json",

@@ -286,7 +286,7 @@ LINES = {
     "inflate plain_vine --out shape.pdf": "--out",
     "inflate plain_vine --mesh shape.glb": "--mesh",
     "inflate plain_vine --recipe moon": "moon",
-    "inflate grid_explorer_levels --across 32": "--across is 32; allowed: 4 to 22 for grid_explorer_levels",
+    "inflate three_level_tree --across 32": "--across is 32; allowed: 4 to 22 for three_level_tree",
     # predictions
     "grow plain --map grid.geojson --history 5": "--json",
     "grow plain --map grid.geojson --json - --history 0": "--history is 0; allowed: a whole number",
@@ -340,7 +340,7 @@ LINES = {
     "new map a.geojson --branches": "--branches: a map has none; leave it out",
     "new recipe 'my film.toml'": "for a recipe a file name of letters",
     "new run a.toml --from contest/bench_reach.toml": "contest/bench_reach.toml",
-    "new design plain.toml --from cave_explorer_levels": "plain.toml: exists; --force overwrites it",
+    "new design plain.toml --from cave_explorer": "plain.toml: exists; --force overwrites it",
     "map import grid.geojson --out grid.geojson --force": "another file",
     "grow plain_vine --map grid.geojson --json thesis.json": "--force",
     "grow plain_vine --map grid.geojson --animate foreign.gif": "foreign.gif",

@@ -240,7 +240,18 @@ def test_a_score_over_unseen_maps_is_that_of_the_comparison(vinefab, tmp_path):
     ("words", "said"),
     [
         (("score", "plain_vine"), "--maps"),
-        (("compare", "plain_vine", "grid_explorer_levels", "--environment", "grid", "--set", "a=1"), "a"),
+        (
+            (
+                "compare",
+                "plain_vine",
+                "grid_explorer_levels",
+                "--environment",
+                "grid",
+                "--set",
+                "a=1",
+            ),
+            "a",
+        ),
         (("score", "plain_vine", "--environment", "grid", "--set", "a=1"), "task.a"),
     ],
 )

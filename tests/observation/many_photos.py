@@ -28,9 +28,10 @@ from vinefab.photos.photo import read_photo
 
 MOST_ERROR_MM = 2.0
 WORLDS = (
-    ("grid_explorer_levels", maps.grid), ("cave_explorer_levels", maps.cave), ("three_level_tree", maps.grid),
-    ("plain_vine", maps.pegs), ("six_branch_anchor", maps.pegs), ("grid_explorer_levels", maps.pegs),
-    ("cave_explorer_pieces_levels", maps.grid), ("three_level_tree", maps.pegs),
+    ("grid_explorer_levels", maps.grid), ("cave_explorer_levels", maps.cave),
+    ("three_level_tree", maps.grid), ("plain_vine", maps.pegs), ("six_branch_anchor", maps.pegs),
+    ("grid_explorer_levels", maps.pegs), ("cave_explorer_pieces_levels", maps.grid),
+    ("three_level_tree", maps.pegs),
 )  # fmt: skip
 FILMS = ((214, 88, 40), (60, 150, 70), (240, 205, 60), (150, 70, 150))
 

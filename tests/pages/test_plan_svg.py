@@ -39,7 +39,11 @@ from vinefab.prediction.deploy import deploy
 UP = np.array([1.0, -1.0])
 ROBOTS = {
     "bent round walls": ("grid_explorer_levels", cave_map(1, CaveOptions()), {"body": "inflated"}),
-    "a line among stones": ("cave_explorer_levels", grid_map(1, GridOptions()), {"body": "centerline"}),
+    "a line among stones": (
+        "cave_explorer_levels",
+        grid_map(1, GridOptions()),
+        {"body": "centerline"},
+    ),
     "most of it inside": ("three_level_tree", pegs_map(1, PegsOptions()), {"body": "inflated"}),
     "children of the stuck": (
         "grid_explorer_levels",
@@ -320,7 +324,9 @@ def measured(path):
     return length, area
 
 
-@pytest.mark.parametrize("name", ["three_level_tree", "grid_explorer_pieces_levels", "six_branch_anchor"])
+@pytest.mark.parametrize(
+    "name", ["three_level_tree", "grid_explorer_pieces_levels", "six_branch_anchor"]
+)
 def test_the_outline_of_a_robot_keeps_its_arcs(name):
     contour = body_outline(Design.read(name)).contour
     root = parsed(outline_svg(contour))

@@ -163,7 +163,9 @@ def test_save_as_takes_the_comments_along_and_asks_before_it_replaces(store, fol
     assert shipped["path"] == "grid_explorer_levels"
     ask = {"path": "copy.toml", "design": shipped["design"], "from": "grid_explorer_levels"}
     assert store.save_design(ask)["saved"]
-    assert (folder / "copy.toml").read_text() == locate("design", "grid_explorer_levels").read_text()
+    assert (folder / "copy.toml").read_text() == locate(
+        "design", "grid_explorer_levels"
+    ).read_text()
     (folder / "other.toml").write_text(MINE)
     answer = store.save_design({**ask, "path": "other.toml"})
     assert (answer["saved"], answer["why"]) == (False, "exists")
@@ -327,9 +329,11 @@ def test_choices_are_what_lies_in_the_folders_and_what_ships(store, folder, tmp_
     here = {"mine.toml": "folder"}
     assert {e["path"]: e["where"] for e in found["designs"] if e["where"] == "folder"} == here
     assert [entry["path"] for entry in found["maps"]] == ["maps/a.geojson"]
-    assert {"name": "grid_explorer_levels", "path": "grid_explorer_levels", "where": "shipped"} in found[
-        "designs"
-    ]
+    assert {
+        "name": "grid_explorer_levels",
+        "path": "grid_explorer_levels",
+        "where": "shipped",
+    } in found["designs"]
     assert "recipe.toml" in [entry["path"] for entry in found["recipes"]]
     cave = next(entry for entry in found["environments"] if entry["name"] == "cave")
     assert cave["options"]["size_mm"] > 0

@@ -13,8 +13,9 @@ import pytest
 
 from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError
-from vinefab.model.design import Design, design_content, design_of, design_text
+from vinefab.model.design import Branch, Design, design_content, design_of, design_text
 from vinefab.model.files.shipped import locate
+from vinefab.search.free_space import space_of
 from vinefab.search.front import FrontFile, front_of
 from vinefab.search.record.generations import Generation
 from vinefab.search.record.result import RunArchive
@@ -404,3 +405,39 @@ def test_the_page_reaches_every_function_by_name(searches):
         SEARCH_REQUESTS["search_stop"](searches, None, {})
     with pytest.raises(BadInputError, match="design is missing"):
         SEARCH_REQUESTS["search_start"](searches, {}, {})
+
+
+def free_page(design):
+    return page() | {"design": json.loads(json.dumps(design_content(design)))}
+
+
+def test_a_search_from_a_design_of_branches_is_one_of_free_trees_that_begins_there(tmp_path):
+    branches = [
+        Branch(name="left", angle_deg=55.0, length_mm=120.0, bends=((60.0, 20.0),)),
+        Branch(name="right", angle_deg=-40.0, length_mm=90.0, width_mm=13.0),
+        Branch(name="tip", of="left", angle_deg=10.0, length_mm=70.0),
+    ]
+    state = StudioState.of(free_page(Design.of_branches(branches, trunk_length_mm=100.0)))
+    proposed = run_proposal(state)
+    assert proposed["must_be_free"]
+    assert proposed["settings"]["free"]
+    assert proposed["notes"] == ["own widths of branches: a search takes those of their levels"]
+    for name, text in run_files(state, {}, tmp_path).items():
+        (tmp_path / name).write_text(text)
+    settings = read_run(tmp_path / RUN_FILE)
+    assert settings.space.tree == "free"
+    assert settings.space.bends == Bounds(low=0, high=1)
+    space = space_of(settings.space, settings.build)
+    begun = space.design(np.array(settings.start_from[0])).tree
+    drawn = state.design.tree
+    assert np.abs(np.degrees(begun.offset_rad - drawn.offset_rad)).max() < 0.01
+    assert np.abs(begun.length_mm - drawn.length_mm).max() < 0.01
+
+
+def test_a_design_of_levels_may_be_searched_branch_by_branch(tmp_path):
+    files = run_files(StudioState.of(page()), {"free": True, "optimizer": "cmaes"}, tmp_path)
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    settings = read_run(tmp_path / RUN_FILE)
+    assert settings.space.tree == "free"
+    assert len(settings.start_from) == 1

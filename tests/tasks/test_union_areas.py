@@ -21,7 +21,9 @@ def test_a_block_has_the_areas_of_its_growths(kind: str, task: Reach | Coverage)
     place = PreparedMap.of(getattr(vf.maps, kind)(seed=3))
     poses = poses_on([place], 8, [5])
     options = GrowthOptions()
-    plans = Plans.of([vf.Design.read("three_level_tree"), vf.Design.read("grid_explorer_levels")], options)
+    plans = Plans.of(
+        [vf.Design.read("three_level_tree"), vf.Design.read("grid_explorer_levels")], options
+    )
     batch = Batch(plans, Launches.of(TerrainSet([place.terrain]), poses), options)
     for found, wanted in batch.each(
         lambda block: (

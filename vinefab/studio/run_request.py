@@ -1,12 +1,14 @@
 """The form of a search on the page: its proposals, and the run file of the chosen values."""
 
+import math
 import os
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomli_w
 
 from vinefab.core.codec import Record
@@ -18,9 +20,9 @@ from vinefab.core.validation import whole
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import (
     MOST_LEVELS,
+    Branch,
     Design,
     Level,
-    check_levels,
     design_content,
     design_text,
 )
@@ -84,7 +86,12 @@ class DesignValue(Record):
 
 
 def design_values(design: Design, locks: frozenset[str]) -> tuple[DesignValue, ...]:
-    """Return the values of a design that are variables of a space, trunk first."""
+    """Return the values of a design that are variables of a space, trunk first.
+
+    Those of branches of their own stand together for each level, with ranges that hold them all.
+    """
+    if design.branches is not None:
+        return tuple(_values_of_branches(design))
     values = [("trunk.length", 1, "length_mm", design.trunk_length_mm)]
     for index, level in enumerate(design.levels):
         values += [
@@ -97,9 +104,36 @@ def design_values(design: Design, locks: frozenset[str]) -> tuple[DesignValue, .
     )
 
 
+def _values_of_branches(design: Design) -> Iterator[DesignValue]:
+    """Yield trunk length, then longest branch, widest fan and most children of each level."""
+    tree = design.tree
+    children = np.bincount(tree.parent[1:], minlength=len(tree))
+    trunk = design.trunk_length_mm
+    yield DesignValue.of("trunk.length", 1, "length_mm", trunk, locked=False)
+    for level in range(2, design.depth + 1):
+        rows = tree.level == level
+        shortest_mm = float(tree.length_mm[rows].min())
+        fan_deg = min(360.0, 2.0 * float(np.abs(np.degrees(tree.offset_rad[rows])).max()))
+        most = {
+            "length_mm": float(tree.length_mm[rows].max()),
+            "angle_deg": fan_deg,
+            "branches": float(children[tree.level == level - 1].max()),
+            "growth_percent": 100.0,
+        }
+        for name in (name for name in _LEVEL if name in most):
+            key = f"level.{level - 2}.{_LEVEL[name].name}"
+            value = DesignValue.of(key, level, name, most[name], locked=name == "growth_percent")
+            low, high = value.range
+            if name == "length_mm":
+                low = min(low, max(value.limits[0], math.floor(0.6 * shortest_mm)))
+            elif name in ("angle_deg", "branches"):
+                low = min(low, 1.0 if name == "branches" else 0.0)
+            yield replace(value, range=(low, high))
+
+
 def run_proposal(state: StudioState) -> dict[str, Any]:
     """Return the form of a search around the page's design, with its proposals."""
-    check_levels(state.design, "a search from the page changes levels")
+    is_free = state.design.branches is not None
     deeper, depth = SpaceSettings(), state.design.depth
     environment = state.world.environment if state.world else ""
     # What stands on the page is what is searched for: its targets, and its map.
@@ -115,6 +149,13 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
     tasks = TASKS.names()
     left = [name for name, given in (("taper", build.taper), ("collar", build.collar)) if given]
     notes = [f"{' and '.join(left)}: not in a search; what it finds has none"] if left else []
+    own = [
+        f"{name}s" if name != "pouch" else "pouches"
+        for name in ("width", "taper", "fillet", "pouch")
+        if is_free and any(_has_own(branch, name) for branch in state.design.branches or ())
+    ]
+    if own:
+        notes.append(f"own {', '.join(own)} of branches: a search takes those of their levels")
     if state.design.limits:
         notes.append("the design's own limits of rules: a search takes the recipe's")
     return {
@@ -145,8 +186,16 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
             "optimizer": "",
             "seed": 1,
             "start_here": True,
+            "free": is_free,
         },
+        "must_be_free": is_free,
     }
+
+
+def _has_own(branch: Branch, name: str) -> bool:
+    """Return whether a branch has a width, taper, fillet or pouch of its own."""
+    key = name if name in ("taper", "pouch") else f"{name}_mm"
+    return getattr(branch, key) is not None
 
 
 def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[str, str]:
@@ -156,12 +205,14 @@ def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[
     ----------
     ask
         ``task``, ``objectives``, ``maps``, ``levels``, ``ranges`` by key of the design,
-        ``fabricable``, ``population``, ``generations``, ``optimizer``, ``seed``, ``start_here``;
-        what is left out is as in `run_proposal`.
+        ``fabricable``, ``population``, ``generations``, ``optimizer``, ``seed``, ``start_here``,
+        ``free``: whether every branch has its own angle and length; what is left out is as in
+        `run_proposal`.
     folder
         Where the files will be; the run is called after it.
     """
     given = {**run_proposal(state)["settings"], **ask}
+    is_free = bool(given["free"]) or state.design.branches is not None
     objectives = texts_at("objectives", given["objectives"])
     files: dict[str, str] = {}
     content: dict[str, Any] = {"schema": "vinefab/run-1", "name": folder.name}
@@ -170,7 +221,7 @@ def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[
     if objectives:
         others = [name for name in objectives if name != given["task"]]
         content["task"]["objectives"] = [given["task"], *others]
-    content["space"] = _space(state, ask)
+    content["space"] = _space(state, ask) | (_free(state.design) if is_free else {})
     build = design_content(state.design)["build"]  # as the page's, without settings that no run has
     content["build"] = {name: build[name] for name in BuildSettings.model_fields if name in build}
     content["growth"] = {
@@ -183,7 +234,8 @@ def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[
         **{key: given[key] for key in ("population", "generations", "seed")},
     }
     usual = "islands" if given["fabricable"] and not objectives else "another"
-    if given["start_here"] and (given["optimizer"] or usual) == "islands":  # only they can
+    # Of the searches of levels only islands can.
+    if given["start_here"] and (is_free or (given["optimizer"] or usual) == "islands"):
         content["optimizer"]["start_from"] = [START_FILE]
         files[START_FILE] = design_text(state.design)
     recipe = "" if state.recipe == DEFAULT_RECIPE else state.recipe
@@ -251,6 +303,12 @@ def _space(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
             asked = ranges.get(value.key, list(value.range))
             table[value.name] = _tidy(value.value if value.locked else asked)
     return {"levels": [least, most], "level": list(tables.values())}
+
+
+def _free(design: Design) -> dict[str, Any]:
+    """Return what makes a space one of free trees, with as many bends as a design has."""
+    bends = int(np.bincount(design.tree.bend_branch).max(initial=0))
+    return {"tree": "free"} | ({"bends": [0, bends]} if bends else {})
 
 
 def _tidy(given: object) -> object:

@@ -489,9 +489,9 @@ type Proposal = {
   folder: string; command: string; values: SearchValue[]; levels: number[]; most_levels: number;
   deeper: Record<string, [low: number, high: number, unit: string]>;
   notes: string[]; tasks: string[]; objectives: { name: string; kind: string; words: string }[]; optimizers: string[]; environments: string[];
-  has_map: boolean; has_targets: boolean;
+  has_map: boolean; has_targets: boolean; must_be_free: boolean;
   settings: {
     task: string; objectives: string[]; maps: { environment: string; count: number; seed: number; shown: boolean }; fabricable: boolean;
-    population: number; generations: number; optimizer: string; seed: number; start_here: boolean;
+    population: number; generations: number; optimizer: string; seed: number; start_here: boolean; free: boolean;
   };
 };

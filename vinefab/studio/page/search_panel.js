@@ -175,6 +175,7 @@ function settings() {
   const ranges = el("div", { class: "ranges" });
   const fabricable = el("input", { type: "checkbox", id: "search-fabricable" });
   const here = el("input", { type: "checkbox", id: "search-here" });
+  const free = el("input", { type: "checkbox", id: "search-free" });
   const population = numberInput("population", 2, 100000);
   const generations = numberInput("generations", 1, 1000000);
   const optimizer = el("select", { id: "search-optimizer" });
@@ -195,10 +196,11 @@ function settings() {
     for (const input of [count, seed]) input.disabled = !maps.value.startsWith("environment:");
     for (const box of objectives.querySelectorAll("[data-task]")) box.toggleAttribute("hidden", box.getAttribute("data-task") === task.value);
     const usual = chosenObjectives().length || !fabricable.checked ? "" : "islands";
-    here.disabled = (optimizer.value || usual) !== "islands";
+    here.disabled = !free.checked && (optimizer.value || usual) !== "islands";
+    free.disabled = Boolean(proposal?.must_be_free);
   };
-  for (const control of [maps, task, objectives, fabricable, optimizer]) control.addEventListener("change", showChoices);
-  for (const control of [task, maps, count, seed, optimizer, fabricable, here, population, generations, run_seed]) {
+  for (const control of [maps, task, objectives, fabricable, optimizer, free]) control.addEventListener("change", showChoices);
+  for (const control of [task, maps, count, seed, optimizer, fabricable, here, free, population, generations, run_seed]) {
     control.addEventListener("change", () => chosen.add(control));
   }
   // Targets of the open map are reached on that map.
@@ -278,6 +280,7 @@ function settings() {
     ])) if (!chosen.has(input) && document.activeElement !== input) input.value = String(value);
     if (!chosen.has(fabricable)) fabricable.checked = given.fabricable;
     if (!chosen.has(here)) here.checked = given.start_here;
+    if (!chosen.has(free) || found.must_be_free) free.checked = given.free;
     notes.replaceChildren(...found.notes.map((note) => el("li", {}, note)));
     showRanges();
     showChoices();
@@ -287,20 +290,21 @@ function settings() {
   function asked(state) {
     const named = maps.value.startsWith("environment:") ? maps.value.slice("environment:".length) : "";
     const most = Number(levels[1].value);
-    const free = (proposal?.values ?? []).filter((value) => !value.locked && value.level <= most);
+    const open = (proposal?.values ?? []).filter((value) => !value.locked && value.level <= most);
     return {
       task: task.value,
       objectives: chosenObjectives(),
       maps: named ? { environment: named, count: Number(count.value), seed: Number(seed.value) }
         : maps.value === "shown" ? { shown: true } : { files: state.family.files },
       levels: levels.map((input) => Number(input.value)),
-      ranges: Object.fromEntries(free.map((value) => [value.key, edited[value.key] ?? value.range])),
+      ranges: Object.fromEntries(open.map((value) => [value.key, edited[value.key] ?? value.range])),
       fabricable: fabricable.checked,
       population: Number(population.value),
       generations: Number(generations.value),
       optimizer: optimizer.value,
       seed: Number(run_seed.value),
       start_here: here.checked && !here.disabled,
+      free: free.checked,
     };
   }
 
@@ -319,7 +323,8 @@ function settings() {
     el("fieldset", {},
       el("legend", {}, "How"),
       el("div", { class: "field" }, fabricable, el("label", { for: fabricable.id }, "only robots that can be made, with this recipe")),
-      el("div", { class: "field" }, here, el("label", { for: here.id }, "begin at the present design too"), el("span", { class: "unit" }, "(islands)")),
+      el("div", { class: "field" }, free, el("label", { for: free.id }, "every branch has its own angle and length")),
+      el("div", { class: "field" }, here, el("label", { for: here.id }, "begin at the present design"), el("span", { class: "unit" }, "(free trees, islands)")),
       el("div", { class: "field pair" }, el("label", { for: population.id }, "Designs"), population, el("label", { for: generations.id }, "× generations"), generations),
       el("div", { class: "field pair" }, el("label", { for: optimizer.id }, "Optimizer"), optimizer, el("label", { for: run_seed.id }, "seed"), run_seed),
     ),

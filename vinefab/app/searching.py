@@ -276,11 +276,15 @@ def _score_again(
     if isinstance(start, Start) or evaluation.pose_range != 1.0:
         return ""
     names = dict.fromkeys(one.map_name for one in result.score.evaluations)
+    maps = settings.maps.files or tuple(f"{name}.geojson" for name in names)
+    most_named = 16  # as many as a line that people read can name
+    if len(maps) > most_named:
+        return ""
     call = this_call().to(
         score,
         design=best,
         **({"task": task} if task else {}),
-        maps=settings.maps.files or tuple(f"{name}.geojson" for name in names),
+        maps=maps,
         **({} if start is None else {"start": start.text}),
         poses=evaluation.final_poses_per_map,
         seed=result.best.origin["seed_of_score"],

@@ -180,6 +180,10 @@ def test_every_script_in_the_folder_is_tried():
 
 
 OPTIMIZED = (
+    "grid_explorer",
+    "grid_explorer_pieces",
+    "cave_explorer",
+    "cave_explorer_pieces",
     "grid_explorer_levels",
     "grid_explorer_pieces_levels",
     "cave_explorer_levels",

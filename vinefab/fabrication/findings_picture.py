@@ -164,7 +164,7 @@ def listed(findings: Sequence[Finding]) -> tuple[Listed, ...]:
                 number=number,
                 severity=worst.severity,
                 rule=worst.rule,
-                branches=worst.branches,
+                branches=worst.places,
                 words=f"{count}{worst.measures}{'; ' if worst.measures else ''}{worst.message}",
                 findings=tuple(group),
             )
@@ -492,7 +492,7 @@ def numbered(findings: Sequence[Finding]) -> list[str]:
     """Return the legend's lines: number, severity, rule, branches and values of each finding."""
     lines = []
     for number, one in enumerate(findings, start=1):
-        line = f"{number} {one.severity} {one.rule} {' '.join(one.branches[:4])}"
+        line = f"{number} {one.severity} {one.rule} {' '.join(one.places[:4])}"
         if one.measures:
             line += f": {one.measures.replace(',', '')}"
         lines.append(line)

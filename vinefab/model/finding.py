@@ -35,6 +35,8 @@ class Finding(Result):
         Unit of both (``mm``, ``deg``, ``kPa``, empty for ratios).
     branches
         Ids of the branches concerned.
+    names
+        What the design's file calls these; empty where it has levels.
     x_mm, y_mm
         The place, in coordinates of the flat layout; None without one.
     marker_wkt
@@ -56,6 +58,7 @@ class Finding(Result):
     limit: float | None = None
     unit: str = ""
     branches: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
     x_mm: float | None = None
     y_mm: float | None = None
     marker_wkt: str = ""
@@ -65,7 +68,7 @@ class Finding(Result):
     title: str = ""
 
     def __repr__(self) -> str:
-        where = f" at {', '.join(self.branches)}" if self.branches else ""
+        where = f" at {', '.join(self.places)}" if self.branches else ""
         return f"<Finding {self.rule} {self.weight}{where}: {self.message}>"
 
     def view(self) -> Iterator[Block]:
@@ -79,9 +82,14 @@ class Finding(Result):
         return "waived" if self.waived else self.severity.value
 
     @property
+    def places(self) -> tuple[str, ...]:
+        """The branches concerned, as people call them: by name, else by id."""
+        return self.names or self.branches
+
+    @property
     def words(self) -> str:
         """Branches, message, numbers and fingerprint in one line."""
-        who = f"[{', '.join(self.branches[:4])}] " if self.branches else ""
+        who = f"[{', '.join(self.places[:4])}] " if self.branches else ""
         numbers = f" ({self.measures})" if self.measures else ""
         why = f" (waived: {self.reason})" if self.waived else ""
         return f"{who}{self.message}{numbers}{why}  #{self.fingerprint}"
@@ -106,6 +114,7 @@ class Finding(Result):
             "limit": _finite(self.limit),
             "unit": self.unit,
             "branches": list(self.branches),
+            "names": list(self.names),
             "x_mm": _finite(self.x_mm),
             "y_mm": _finite(self.y_mm),
             "marker_wkt": self.marker_wkt,

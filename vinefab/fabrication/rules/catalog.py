@@ -30,7 +30,7 @@ from vinefab.fabrication.rules.rule import (
     Scope,
     Subject,
 )
-from vinefab.model.design import Design, Waiver
+from vinefab.model.design import Design
 from vinefab.model.finding import ChangedLimit, CheckReport, Finding, RuleRun, RuleSkipped
 from vinefab.model.laser import LaserProfile
 
@@ -244,7 +244,7 @@ def run_checks(
         for rule in each("rules", rules, lambda rule: rule.title)
     ]
     recipe = subject.profile.recipe.name if subject.profile else ""
-    report = _report(subject.design.name, outcomes, subject.design.waivers)
+    report = _report(subject.design, outcomes)
     names = {finding.fingerprint for finding in report.findings}
     stale = tuple(w.fingerprint for w in subject.design.waivers if w.fingerprint not in names)
     broken = tuple(
@@ -297,6 +297,12 @@ def _replaced(old: Sequence[_Entry], new: Sequence[_Entry], rules: set[str]) -> 
     return tuple(entries)
 
 
+def _called(branch: str, called: Mapping[str, str]) -> str:
+    """Return what a file calls the branch of an id, or its part behind a bend."""
+    own, _, part = branch.partition("/")
+    return called.get(own, own) + (f" after its bend {part}" if part else "")
+
+
 def run_rig_checks(subject: RigSubject) -> CheckReport:
     """Return the report of the rules about test rigs, the only ones that need no design."""
     design = subject.design
@@ -305,15 +311,14 @@ def run_rig_checks(subject: RigSubject) -> CheckReport:
     own = tuple(limit for limit in (changed_limits(design) if design else ()) if limit.rule in ids)
     values = by_rule(own)
     outcomes = [(rule, rule.apply(subject, rule.limits_under(values))) for rule in rules]
-    name, waivers = (design.name, design.waivers) if design else ("", ())
-    return replace(_report(name, outcomes, waivers), limits=own)
+    return replace(_report(design, outcomes), limits=own)
 
 
 def _report(
-    name: str,
-    outcomes: list[tuple[Rule, RuleApplied | RuleNotApplicable]],
-    waivers: tuple[Waiver, ...],
+    design: Design | None, outcomes: list[tuple[Rule, RuleApplied | RuleNotApplicable]]
 ) -> CheckReport:
+    name, waivers = (design.name, design.waivers) if design else ("", ())
+    called = dict(zip(design.tree.ids, design.names, strict=False)) if design else {}
     run: list[RuleRun] = []
     skipped: list[RuleSkipped] = []
     findings: list[Finding] = []
@@ -342,6 +347,7 @@ def _report(
                         limit=violation.limit,
                         unit=rule.unit,
                         branches=violation.branches,
+                        names=tuple(_called(one, called) for one in violation.branches if called),
                         x_mm=x_mm,
                         y_mm=y_mm,
                         marker_wkt=violation.marker,

@@ -192,7 +192,11 @@ OPTIMIZED = (
 )
 
 
-PIECES = {"grid_explorer_pieces_levels": 3, "cave_explorer_pieces_levels": 2}
+PIECES = {
+    "grid_explorer_pieces": 3,
+    "grid_explorer_pieces_levels": 3,
+    "cave_explorer_pieces_levels": 2,
+}
 """Of designs that are not cut as one: as their comments and the README say."""
 
 

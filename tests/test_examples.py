@@ -194,6 +194,7 @@ OPTIMIZED = (
 
 PIECES = {
     "grid_explorer_pieces": 3,
+    "cave_explorer_pieces": 2,
     "grid_explorer_pieces_levels": 3,
     "cave_explorer_pieces_levels": 2,
 }

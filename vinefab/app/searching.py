@@ -276,7 +276,7 @@ def _score_again(
     if isinstance(start, Start) or evaluation.pose_range != 1.0:
         return ""
     names = dict.fromkeys(one.map_name for one in result.score.evaluations)
-    maps = [*(settings.maps.files or (f"{name}.geojson" for name in names))]
+    maps = tuple(settings.maps.files or (f"{name}.geojson" for name in names))
     most_named = 16  # as many as a line that people read can name
     if len(maps) > most_named:
         return ""

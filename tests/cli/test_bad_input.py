@@ -286,7 +286,7 @@ LINES = {
     "inflate plain_vine --out shape.pdf": "--out",
     "inflate plain_vine --mesh shape.glb": "--mesh",
     "inflate plain_vine --recipe moon": "moon",
-    "inflate grid_explorer --across 32": "--across is 32; allowed: 4 to 22 for grid_explorer",
+    "inflate grid_explorer --across 32": "--across is 32; allowed: 4 to 20 for grid_explorer",
     # predictions
     "grow plain --map grid.geojson --history 5": "--json",
     "grow plain --map grid.geojson --json - --history 0": "--history is 0; allowed: a whole number",

@@ -193,7 +193,7 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
 
 
 def _has_own(branch: Branch, name: str) -> bool:
-    """Return whether a branch has a width, taper, fillet or pouch of its own."""
+    """Return whether a branch sets its width, taper, fillet or pouch itself."""
     key = name if name in ("taper", "pouch") else f"{name}_mm"
     return getattr(branch, key) is not None
 

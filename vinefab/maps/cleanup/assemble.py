@@ -557,7 +557,7 @@ def assemble(
     Parameters
     ----------
     changes
-        The frame of the drawing; counts of what is changed go in.
+        The frame of the drawing; counts of changes go in.
     """
     frame = changes.frame
     enclosed = _enclosed(shapes, options, changes)

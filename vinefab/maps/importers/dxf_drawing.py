@@ -339,7 +339,7 @@ def _straight(where: str, points: Sequence[UVec], heights: "_Heights") -> Straig
 
 @dataclass(slots=True)
 class _Heights:
-    """What is done with heights, and what was."""
+    """How heights are taken, and how many there were."""
 
     flatten: bool  # whether any height is seen from above
     flattened: int = 0  # entities with heights

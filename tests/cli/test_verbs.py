@@ -146,6 +146,35 @@ def test_the_call_of_python_names_objects_and_leaves_defaults_out():
     assert call.text() == "vf.maps.import_('a.svg', wall_mm=9.0)"
 
 
+OTHERWISE = {
+    "out": "every verb writes another kind of file",
+    "recipe": "the shipped one, where no design is given; a file to change",
+    "map": "the studio and growth in free space need none",
+    "design": "of a rig none, of the studio a shipped one",
+    "environment": "`map` is told which one to make, the studio begins with one",
+    "contacts": "`calibrate` adds to the file",
+    "seed": "a run has its own, the demonstration a tried one",
+    "workers": "threads of a run, of a search for poses, processes of a study",
+    "generations": "a limit of a run, a setting of the demonstration",
+    "names": "of parts from different registries",
+    "options": "of an environment by name, or the fields of several classes",
+    "parameters": "of a task alone, or of an environment too",
+    "results": "`observe` may begin the table",
+    "rig": "its folder, or its file",
+    "start": "`map start` needs one",
+}
+
+
+def test_a_parameter_that_verbs_share_is_declared_once():
+    ways = {}
+    for name in VERBS:
+        function = inspect.unwrap(Command.named(name).function)
+        for one in inspect.signature(function).parameters.values():
+            ways.setdefault(one.name, set()).add((str(one.annotation), str(one.default)))
+    several = {name for name, found in ways.items() if len(found) > 1}
+    assert several == set(OTHERWISE), "else one alias with its words and range, and one default"
+
+
 def test_required_values_are_the_same_on_both_doors():
     for name in VERBS:
         function = python_function(name)

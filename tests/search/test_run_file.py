@@ -353,7 +353,7 @@ def test_a_pose_in_words_is_recorded_as_its_table_is(tmp_path):
     ("start", "key", "allowed"),
     [
         ('"leftt"', "maps.start", "did you mean 'left'"),
-        ("5", "maps.start", "a table, or words"),
+        ("5", "maps.start", "a table, (x_mm, y_mm, heading_deg), or words"),
         ('{side = "leftt"}', "maps.start.side", "did you mean 'left'"),
         ("{line = [[20, 20]]}", "maps.start.line", "two or more points"),
         ("{line = [[nan, 20], [3, 4]]}", "maps.start.line[1][1]", "a finite number"),

@@ -7,7 +7,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_bytes, write_text
 from vinefab.core.errors import BadInputError, UnfitInputError, located
@@ -34,11 +34,12 @@ from vinefab.model.inputs import (
 )
 
 if TYPE_CHECKING:
-    from vinefab.model.finding import CheckReport
+    from typing import Unpack
 
-if TYPE_CHECKING:
     from vinefab.model.design import Design
     from vinefab.model.files.run_context import RunContext
+    from vinefab.model.finding import CheckReport
+    from vinefab.model.inputs import GrowthShortcuts
     from vinefab.model.laser import LaserProfile
     from vinefab.model.map import Map
     from vinefab.prediction.aiming import AimResult
@@ -92,10 +93,6 @@ EitherParameters = Annotated[
     Doc("Parameters of a task that is named, such as radius_mm=60, and options of the environment, "
         "such as size_mm=300: names that the environment has are its own."),
 ]  # fmt: skip
-BodyWidth = Annotated[
-    Literal["inflated", "centerline"],
-    Doc("How wide a body is; default: as the design was trained."),
-]
 OutFolder = Annotated[
     PathText, FOLDER, Doc("The folder to write; an earlier one of its kind is replaced.")
 ]
@@ -226,7 +223,7 @@ def context_of(
     growth: object = ...,
     worlds: Sequence[Map] = (),
     targets: object = (),
-    **shortcuts: object,
+    **shortcuts: Unpack[GrowthShortcuts],
 ) -> Context:
     """Return the context of a verb, and name in one line the parts from the design's run.
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from vinefab.app.common import (
     SKELETON_ENDS,
-    BodyWidth,
     EitherParameters,
     EnvironmentOptions,
     PageFile,
@@ -44,6 +43,7 @@ from vinefab.core.verbs import (
     verb,
 )
 from vinefab.model.inputs import (
+    BodyWidth,
     ContactsLike,
     DesignLike,
     DesignsLike,
@@ -55,6 +55,7 @@ from vinefab.model.inputs import (
     PoseLike,
     RecipeLike,
     StartsLike,
+    StuckChildren,
     TargetsLike,
     as_design,
     as_map,
@@ -80,6 +81,10 @@ if TYPE_CHECKING:
     from vinefab.prediction.skeleton_files import Skeleton
 
 
+_IN_FREE_SPACE = ("design", "pose", "out", "progress", "force")
+"""Parameters of `grow` that mean something without a map."""
+
+
 def _fronts(text: str) -> int | tuple[float, ...]:
     numbers = numbers_from(text)
     steps = len(numbers) == 1 and numbers[0].is_integer() and "." not in text
@@ -98,7 +103,7 @@ def grow(
     body: BodyWidth | None = None,
     head_on_half_angle_deg: HalfAngle | None = None,
     contacts: ContactsLike | None = None,
-    children_of_stuck: str | None = None,
+    children_of_stuck: StuckChildren | None = None,
     out: Annotated[PathText | None, written(*SKELETON_ENDS)] = None,
     svg: Annotated[PathText | None, written(".svg", ".png")] = None,
     label: bool = False,
@@ -125,8 +130,6 @@ def grow(
         A map, or the path of a map file; left out: the skeleton where nothing is in the way.
     pose
         Where the base is; without a map 0,0,90.
-    children_of_stuck
-        stop: they never emerge; deploy: they grow from there.
     out
         A drawing of the skeleton to write, as deployed or without a map as designed: lines in mm.
     svg
@@ -170,22 +173,8 @@ def grow(
 
     drawing = page_path("out", out, force=force)
     if map is None:
-        needing = {
-            "start": as_starts(start) or None,
-            "targets": targets or None,
-            "growth": growth,
-            "body": body,
-            "head_on_half_angle_deg": head_on_half_angle_deg,
-            "contacts": contacts,
-            "children_of_stuck": children_of_stuck,
-            "svg": svg,
-            "label": label or None,
-            "history": history,
-            "animate": animate,
-            "frames": frames,
-        }
-        for key, value in needing.items():
-            if value is not None:
+        for key, value in this_call().changed.items():
+            if key not in _IN_FREE_SPACE and value is not None:
                 raise UnfitInputError(key, "needs a map", "give --map too, or leave it out")
         return _in_free_space(as_design(design), pose, drawing, force=force)
     from vinefab.prediction.skeleton_files import Skeleton
@@ -250,7 +239,7 @@ def score(
     design: DesignLike,
     task: TaskLike | None = None,
     *,
-    maps: Annotated[MapsLike, also("--map")] = (),
+    maps: MapsLike = (),
     start: StartsLike = (),
     targets: TargetsLike = (),
     environment: UnseenEnvironment | None = None,
@@ -448,7 +437,7 @@ def aim(
 @verb
 def compare(
     designs: DesignsLike,
-    maps: Annotated[MapsLike, also("--map")] = (),
+    maps: MapsLike = (),
     *,
     task: TaskLike | None = None,
     start: StartsLike = (),
@@ -543,7 +532,7 @@ def report(
     *,
     out: PageFile,
     task: TaskLike | None = None,
-    maps: Annotated[MapsLike, also("--map")] = (),
+    maps: MapsLike = (),
     start: StartsLike = (),
     targets: TargetsLike = (),
     environment: UnseenEnvironment | None = None,
@@ -668,8 +657,6 @@ def observe(
         Red, green and blue of the film, 0 to 255; default: as it is at the base.
     outline
         The film outlined by hand: GeoJSON in map millimetres, or SVG in pixels of the photo.
-    growth
-        Growth options of the prediction by name: pressure_stop=false.
     results
         Of a photo of a joint coupon: the table, from `coupon`, that its angle is entered in for
         `calibrate`. ``design`` is the coupon's name then, PAIR-80-W20.

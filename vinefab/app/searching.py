@@ -13,6 +13,7 @@ from vinefab.app.common import (
     MOST_WORKERS,
     OptimizerLike,
     OutFolder,
+    PoseCount,
     StudyOutcome,
     TaskLike,
     UnseenEnvironment,
@@ -461,7 +462,7 @@ def contest(
     out: Annotated[PathText, FOLDER],
     seeds: int = 10,
     unseen: int = 25,
-    poses: int = 3,
+    poses: PoseCount = 3,
     workers: Annotated[Workers, also("--jobs")] = 1,
     progress: ProgressLike = True,
     force: Force = False,
@@ -480,8 +481,6 @@ def contest(
         Runs of each optimizer on each problem.
     unseen
         Maps to test every winner on.
-    poses
-        Poses on each of these maps.
 
     Raises
     ------

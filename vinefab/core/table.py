@@ -307,8 +307,8 @@ def bad_input_of(
         return UnfitInputError(key, "is missing", "give it", source)
     cause = detail.get("ctx", {}).get("error")
     if isinstance(cause, BadInputError):  # of a check of several fields
-        inner = cause.key if cause.key.startswith("[") or not key else f".{cause.key}"
-        return cause.under(f"{key}{inner}", source)
+        apart = "." if key and cause.key and not cause.key.startswith("[") else ""
+        return cause.under(f"{key}{apart}{cause.key}", source)
     text = detail["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
     if detail["type"] == "model_type":
         kind, keys = detail["ctx"]["class_name"], ", ".join(_known_keys(model, location))

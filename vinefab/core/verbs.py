@@ -489,6 +489,16 @@ class Call:
     given: Mapping[str, Any]  # by parameter, fields of ``**options`` among them
     shell: Shell | None = None
 
+    @property
+    def changed(self) -> dict[str, Any]:
+        """What was given other than the defaults, by parameter."""
+        known = {one.name: one.default for one in options_of(self.function)}
+        return {
+            name: value
+            for name, value in self.given.items()
+            if name not in known or not _same(value, known[name])
+        }
+
     def text(self, **changes: object) -> str:
         """Return the call as text: a command line, or a line of Python.
 
@@ -500,9 +510,8 @@ class Call:
         given = {**self.given, **changes}
         for name in ("force", "progress"):  # nothing of the result depends on them
             given.pop(name, None)
-        if self.shell is None:
-            return self._written(given)
-        return readable(Call(function=self.function, given=given).typed(self.shell.command))
+        call = Call(function=self.function, given=given)
+        return call._written() if self.shell is None else readable(call.typed(self.shell.command))
 
     def to(self, function: Callable[..., Any], **given: Any) -> "Call":  # noqa: ANN401
         """Return a call of another verb by the same caller."""
@@ -522,15 +531,13 @@ class Call:
                 (words if option.positional else after).extend(option.words(given[option.name]))
         return shlex.join([*words, *after])
 
-    def _written(self, given: Mapping[str, Any]) -> str:
+    def _written(self) -> str:
         room = "maps." if self.function.__module__.endswith(".maps") else ""
-        parts = list[str]()
-        defaults = {one.name: one for one in options_of(self.function)}
-        for name, value in given.items():
-            option = defaults.get(name)
-            if option is None or not _same(value, option.default):
-                stands = option is not None and option.positional
-                parts.append(_shown(value) if stands else f"{name}={_shown(value)}")
+        in_place = {one.name for one in options_of(self.function) if one.positional}
+        parts = [
+            _shown(value) if name in in_place else f"{name}={_shown(value)}"
+            for name, value in self.changed.items()
+        ]
         return f"vf.{room}{self.function.__name__}({', '.join(parts)})"
 
 

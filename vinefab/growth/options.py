@@ -16,6 +16,7 @@ from vinefab.core.table import Slider, Table, declared_keys
 from vinefab.core.validation import Floats, number
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber, contacts_of
 from vinefab.model.design import ORIGIN_GROWTH, Design
+from vinefab.model.inputs import Body, ChildrenOfStuck
 from vinefab.model.tree import BranchTree
 from vinefab.physics.growth_pressure import FITTED_DIAMETER_MM
 from vinefab.physics.tube import inflated_radius_mm
@@ -85,12 +86,10 @@ class GrowthOptions(Table):
         Doc("within it of head-on a tip stops, 0 to 90; [low, high]: drawn"),
     ] = DEFAULT_HEAD_ON_HALF_ANGLE_RAD
     children_of_stuck: Annotated[
-        Literal["stop", "deploy"],
+        ChildrenOfStuck,
         Doc("of a branch that stopped early: they stay inside, or grow from where it stopped"),
     ] = "stop"
-    body: Annotated[
-        Literal["centerline", "inflated"], Doc("inflated, or a line as in the paper")
-    ] = "inflated"
+    body: Annotated[Body, Doc("inflated, or a line as in the paper")] = "inflated"
     pressure_stop: Annotated[
         bool, Doc("whether growth ends where the design's pressure no longer everts the film")
     ] = True

@@ -9,21 +9,23 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from vinefab.core.errors import BadInputError, UnfitInputError, nearest
 from vinefab.core.front_door import imported_later
 from vinefab.core.verbs import Also, Doc, Kind, also, note, numbers_from, text_of
 
 if TYPE_CHECKING:
+    from typing import TypedDict, Unpack
+
     from vinefab.model import contacts, design, laser, target
     from vinefab.model import map as maps
     from vinefab.model import start as start_words
     from vinefab.model.design import Design
     from vinefab.model.files import shipped
     from vinefab.model.laser import LaserProfile
-    from vinefab.model.map import Map, Pose, Start
-    from vinefab.model.start import StartPlace
+    from vinefab.model.map import Map, Pose
+    from vinefab.model.start import StartLike
     from vinefab.model.target import Target
 else:
     contacts, design, laser, maps, start_words, target, shipped = (
@@ -188,6 +190,9 @@ def written(*endings: str) -> Kind:
     return Kind(metavar="FILE", writes="file", ends=endings)
 
 
+Body = Literal["inflated", "centerline"]
+ChildrenOfStuck = Literal["stop", "deploy"]
+
 MAP_SUFFIXES = (".geojson", ".json")
 FOLDER = Kind(metavar="DIR", writes="folder")
 DESIGN_KIND = Kind(metavar="DESIGN", files=partial(all_names, "design"))
@@ -201,7 +206,6 @@ if TYPE_CHECKING:
     DesignsLike = DesignLike | Iterable[DesignLike]
     MapLike = Map | str | PathLike[str]
     MapsLike = MapLike | Iterable[MapLike]
-    StartLike = Start | StartPlace | Pose | tuple[float, float, float] | str
     StartsLike = StartLike | Iterable[StartLike]
     TargetLike = Target | tuple[float, float] | Mapping[str, object] | str
     TargetsLike = TargetLike | Iterable[TargetLike]
@@ -209,8 +213,19 @@ if TYPE_CHECKING:
     RecipeLike = LaserProfile | str | PathLike[str]
     ContactsLike = Mapping[str, object] | str | PathLike[str]
     HalfAngle = float | tuple[float, float]
+    BodyWidth = Body
+    StuckChildren = ChildrenOfStuck
     Pairs = Mapping[str, object]
     GrowthLike = Pairs
+
+    class GrowthShortcuts(TypedDict, total=False):
+        """Growth options that verbs and `Design.grow` take by name; None: not given."""
+
+        body: Body | None
+        head_on_half_angle_deg: HalfAngle | None
+        contacts: ContactsLike | None
+        children_of_stuck: ChildrenOfStuck | None
+
     LimitsLike = Mapping[str, Mapping[str, float]]
     WordsLike = str | Iterable[str]
 else:
@@ -222,6 +237,7 @@ else:
         object,
         Kind(metavar="MAP", several=True),
         Doc("Maps or paths of map files: --maps *.geojson."),
+        also("--map"),
     ]
     StartLike = Annotated[object, Kind(metavar="START", hyphen=True)]
     StartsLike = Annotated[
@@ -267,6 +283,11 @@ else:
         Doc("Growth options by name, in place of the design's or the defaults: "
             "pressure_stop=false, head_on_half_angle_deg=1,15 (a range)."),
     ]  # fmt: skip
+    BodyWidth = Annotated[Body, Doc("How wide a body is; default: as the design was trained.")]
+    StuckChildren = Annotated[
+        ChildrenOfStuck,
+        Doc("Children of a branch that stopped early: they never emerge, or grow from there."),
+    ]
     LimitsLike = Annotated[
         object,
         Kind(metavar="RULE.LEVEL=VALUE", read=_limit, gather=_by_rule, words=_limit_words,
@@ -348,22 +369,21 @@ def as_map(
 
 def as_targets(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
     """Return one target or several as a sequence: two numbers are one point."""
-    if given is None:
-        return ()
-    found = (given,) if isinstance(given, Mapping) or _is_one(given) else tuple(given)
-    is_point = len(found) == 2 and all(isinstance(one, int | float) for one in found)
-    return (found,) if is_point else found
+    return _places(given, 2)
 
 
 def as_starts(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
     """Return one start or several as a sequence: three numbers are one pose."""
+    return _places(given, 3)
+
+
+def _places(given: Any, numbers: int) -> Sequence[Any]:  # noqa: ANN401  judged one by one
+    """Return one place or several as a sequence; so many numbers, or a table, are one."""
     if given is None:
         return ()
-    if _is_one(given):
-        return (given,)
-    found = tuple(given)
-    is_pose = len(found) == 3 and all(isinstance(one, int | float) for one in found)
-    return (found,) if is_pose else found
+    found = (given,) if isinstance(given, Mapping) or _is_one(given) else tuple(given)
+    is_place = len(found) == numbers and all(isinstance(one, int | float) for one in found)
+    return (found,) if is_place else found
 
 
 def as_maps(
@@ -399,10 +419,10 @@ def as_limits(given: object) -> dict[str, Mapping[str, Any]]:
     return {str(rule): as_mapping(f"limits.{rule}", values) for rule, values in named.items()}
 
 
-def as_growth(given: object, **shortcuts: object) -> Mapping[str, Any]:
+def as_growth(given: object, **shortcuts: "Unpack[GrowthShortcuts]") -> Mapping[str, Any]:
     """Return growth options by name: those of a mapping, and those with a parameter of their own.
 
-    A parameter that is None was not passed.
+    Every verb and `Design.grow` hand on what they were given; `GrowthOptions.of` judges it.
     """
     options = dict(as_mapping("growth", given))
     for name, value in shortcuts.items():

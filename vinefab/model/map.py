@@ -26,9 +26,10 @@ from vinefab.core.table import Table, TablePart, declared_keys, validated
 from vinefab.core.validation import LARGEST_MM, Floats, check_plain, frozen_floats, number, positive
 from vinefab.model.files.shipped import path_given, read_text
 from vinefab.model.start import (
+    AnyStart,
     Pose,
     Start,
-    StartPlace,
+    StartLike,
     StartTable,
     are_valid,
     check_polygon,
@@ -188,13 +189,14 @@ class Map:
         """
         return write_text(path_given("path", path), map_text(self), force=force)
 
-    def with_start(self, *starts: "Start | Pose | tuple[float, float, float] | str") -> "Map":
+    def with_start(self, *starts: StartLike) -> "Map":
         """Return the map with other starts instead.
 
         Parameters
         ----------
         *starts
-            A `Start`, a pose ``(x_mm, y_mm, heading_deg)``, or words as of ``--start``:
+            A `Start`, a pose ``(x_mm, y_mm, heading_deg)``, a table with the keys of a run file's
+            ``start``, or words as of ``--start``:
             ``"250,15,90+-10"``, ``"left side"``, ``"line 20,20 20,480, heading 0+-20"``,
             ``"area 0,0 50,480"`` (docs/maps.md has all of them).
 
@@ -484,7 +486,7 @@ def read_map(path: Path) -> Map:
 
 def _map_of(features: list[dict[str, Any]], about: Mapping[str, Any], stem: str) -> Map:
     bounds, obstacles = list[Polygon](), list[Polygon]()
-    starts, targets = list[tuple[str, Start | StartPlace]](), list[tuple[str, Target]]()
+    starts, targets = list[tuple[str, AnyStart]](), list[tuple[str, Target]]()
     properties = [feature.get("properties") for feature in features]
     roles = [one.get("role") if isinstance(one, dict) else None for one in properties]
     if all(role is None for role in roles):
@@ -622,7 +624,7 @@ def _target(key: str, feature: dict[str, Any]) -> Target:
         return Target(**properties, **place)
 
 
-def _start(key: str, feature: dict[str, Any]) -> Start | StartPlace:
+def _start(key: str, feature: dict[str, Any]) -> AnyStart:
     """Return a start at a point, on a line, in an area or on a side; a pose in it is kept."""
     properties = feature["properties"]
     # GeoJSON has lines and areas in the geometry.

@@ -33,7 +33,7 @@ from typing_extensions import Doc
 from vinefab.core.errors import BadInputError, UnfitInputError, nearest, shortened
 from vinefab.core.limits import deg, rad, warn_of_radians
 from vinefab.core.plain_text import counted
-from vinefab.core.table import Table
+from vinefab.core.table import Table, validated
 from vinefab.core.validation import LARGEST_MM, number
 
 if TYPE_CHECKING:
@@ -344,6 +344,13 @@ class StartPlace:
         return replace(start, pose=replace(start.pose, x_mm=x_mm, y_mm=y_mm))
 
 
+AnyStart = Start | StartPlace
+"""What every form of a start becomes (`start_given`): a pose with its range, or a place that is
+found on each map."""
+
+StartLike = AnyStart | Pose | tuple[float, float, float] | Mapping[str, object] | str
+"""What `start_given` takes."""
+
 Spread = Annotated[float, Interval(ge=0.0, le=LARGEST_MM), Unit("mm")]
 Place = Annotated[float, Interval(ge=-LARGEST_MM, le=LARGEST_MM), Unit("mm")]
 Point = Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -376,7 +383,7 @@ class StartTable(Table):
     )
 
     @property
-    def start(self) -> Start | StartPlace:
+    def start(self) -> AnyStart:
         """The start that the table says.
 
         Raises
@@ -443,21 +450,44 @@ class StartTable(Table):
                 raise UnfitInputError(name, f"is given together with {at}", "leave one of them out")
 
 
-def start_given(given: object, key: str = "start") -> Start | StartPlace:
-    """Return the start that a user means: a start, a pose, or words."""
-    if isinstance(given, Start | StartPlace):
+def start_given(given: object, key: str = "start") -> AnyStart:
+    """Return the start that a user means, in whichever of its forms.
+
+    Parameters
+    ----------
+    given
+        A start, a pose or its three numbers, words (`start_from`), a table with the keys of
+        `StartTable`, as run files have it, or the record of a start.
+    key
+        What messages call it; empty where the caller names it.
+
+    Raises
+    ------
+    BadInputError
+        If it is none of these; its key is ``key``, or one of the table below it.
+    """
+    if isinstance(given, AnyStart):
         return given
+    if isinstance(given, Mapping):
+        if "spread_heading_rad" in given:
+            return start_of_record(given)
+        try:
+            return validated(StartTable, given).start
+        except BadInputError as error:
+            raise error.under(".".join(filter(None, (key, error.key)))) from None
     if isinstance(given, Pose):
         return Start(pose=given)
     if isinstance(given, Sequence | np.ndarray) and not isinstance(given, str) and len(given) == 3:
         x_mm, y_mm, heading_deg = given
         return Start(pose=Pose.of((x_mm, y_mm, heading_deg)))
     if not isinstance(given, str):
-        raise BadInputError(key, given, f"(x_mm, y_mm, heading_deg), or {START_WAYS}")
+        raise BadInputError(
+            key, given, f"a table, (x_mm, y_mm, heading_deg), or words: {START_WAYS}"
+        )
     return start_from(given, key)
 
 
-def start_from(text: str, key: str = "start") -> Start | StartPlace:
+def start_from(text: str, key: str = "start") -> AnyStart:
     """Return the start that words say, see above: a pose with its range, or a place on any map.
 
     Parameters
@@ -626,7 +656,7 @@ def _shape_text(area: LineString | Polygon) -> str:
 # --- As plain values ------------------------------------------------------------------------------
 
 
-def start_record(start: Start | StartPlace) -> dict[str, Any]:
+def start_record(start: AnyStart) -> dict[str, Any]:
     """Return a start as plain values with all its bits; without an area, no key speaks of one."""
     record: dict[str, Any] = asdict(start)
     area = record.pop("area")
@@ -637,7 +667,7 @@ def start_record(start: Start | StartPlace) -> dict[str, Any]:
     return record
 
 
-def start_of_record(record: Mapping[str, Any]) -> Start | StartPlace:
+def start_of_record(record: Mapping[str, Any]) -> AnyStart:
     """Return the start of `start_record`."""
     values = dict(record)
     if values.get("area") is not None:
@@ -647,7 +677,7 @@ def start_of_record(record: Mapping[str, Any]) -> Start | StartPlace:
     return StartPlace(**values)
 
 
-def start_text(start: Start | StartPlace) -> str:
+def start_text(start: AnyStart) -> str:
     """Return a start as a run file gives it."""
     if isinstance(start, StartPlace):
         return start.text
@@ -680,7 +710,7 @@ def start_words(start: Start) -> str:
 # --- On a map -------------------------------------------------------------------------------------
 
 
-def with_starts(world: "Map", given: Iterable[Start | StartPlace], key: str = "start") -> "Map":
+def with_starts(world: "Map", given: Iterable[AnyStart], key: str = "start") -> "Map":
     """Return a map with other starts.
 
     Parameters

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -47,6 +48,11 @@ from vinefab.model.target import TargetsResult, out_of_reach
 from vinefab.pages.animation import DeploymentFrame, gif_animation, svg_animation
 from vinefab.pages.plan import deployment_plan, page_bytes
 from vinefab.tasks.reach import touched_targets
+
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    from vinefab.model.inputs import GrowthShortcuts
 
 MOST_FRAMES = 1000
 
@@ -450,7 +456,7 @@ def grow_design(
     pose: PoseLike | None = None,
     *,
     growth: Mapping[str, object] | None = None,
-    **shortcuts: object,
+    **shortcuts: "Unpack[GrowthShortcuts]",
 ) -> Deployment:
     """Deploy a design on a map; see `vinefab.model.design.Design.grow`."""
     given = as_growth(growth, **shortcuts)

@@ -30,10 +30,9 @@ from vinefab.model.files.shipped import locate, names, user_names
 from vinefab.model.map import Start
 from vinefab.model.score import STANDARD_DEVIATION
 from vinefab.model.start import (
+    AnyStart,
     StartPlace,
-    StartTable,
-    start_from,
-    start_of_record,
+    start_given,
     start_record,
 )
 from vinefab.search.free_space import space_of
@@ -48,15 +47,6 @@ MOST_MAPS = 1000
 
 MAP_SETS = 20
 """Times as many maps as a generation is trained on that a search of free trees draws from."""
-
-
-def _start(given: Any) -> Any:  # noqa: ANN401  what pydantic hands on
-    """Return the start of a table of a run file, or of a record; another one as it is."""
-    if not isinstance(given, Mapping):
-        return given
-    if "spread_heading_rad" in given:
-        return start_of_record(given)
-    return validated(StartTable, given).start
 
 
 class MapSettings(Table):
@@ -74,20 +64,16 @@ class MapSettings(Table):
     ] = ()
     start: Annotated[
         InstanceOf[Start] | InstanceOf[StartPlace] | None,
-        BeforeValidator(_start),
+        BeforeValidator(lambda given: None if given is None else start_given(given, "")),
         Doc("of every map, in place of the map's start"),
     ] = None
 
     @model_validator(mode="before")
     @classmethod
-    def _files_and_words(cls, given: Any) -> Any:  # noqa: ANN401  what pydantic hands on
+    def _paths(cls, given: Any) -> Any:  # noqa: ANN401  what pydantic hands on
         if not isinstance(given, Mapping):
             return given
         values = dict(given)
-        if isinstance(start := values.get("start"), str):
-            values["start"] = start_from(start)
-        elif start is not None and not isinstance(start, Mapping | Start | StartPlace):
-            raise BadInputError("start", start, 'a table, or words such as "left side"')
         if "files" in values:
             files = values["files"]
             listed = (files,) if isinstance(files, str | PathLike) else tuple(files)
@@ -338,7 +324,7 @@ def with_limits(search: SearchSettings, limits: Mapping[str, float]) -> SearchSe
 
 def plain_settings(settings: object) -> object:
     """Return settings as plain values for JSON, the same for the same settings."""
-    if isinstance(settings, Start | StartPlace):
+    if isinstance(settings, AnyStart):
         return start_record(settings)
     if isinstance(settings, Table):
         declared = [name for name in type(settings).model_fields if name != "schema_"]

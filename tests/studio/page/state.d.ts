@@ -207,7 +207,7 @@ type GrowthOptions = {
   /** of a branch that stopped early: they stay inside, or grow from where it stopped */
   children_of_stuck?: "stop" | "deploy";
   /** inflated, or a line as in the paper */
-  body?: "centerline" | "inflated";
+  body?: "inflated" | "centerline";
   /** whether growth ends where the design's pressure no longer everts the film */
   pressure_stop: boolean;
   /** kPa: tension of the film in its store: 0 if it lies loosely, 8.32 on a tight spool */

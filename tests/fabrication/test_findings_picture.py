@@ -197,7 +197,7 @@ def test_a_clean_design_says_so(recipe):
 
 def test_a_drawing_for_dxf_lies_where_the_outline_lies():
     subject, _ = checked("turned")
-    placed = LayoutPlacement.of(subject.job.facts)
+    placed = LayoutPlacement.of(subject.job.transform)
     assert placed.angle_rad != 0.0
     (outline,) = subject.job.along(Operation.WELDCUT)
     drawn = shapely.LineString(outline.contour.flattened_mm())
@@ -208,7 +208,7 @@ def test_a_drawing_for_dxf_lies_where_the_outline_lies():
 def test_an_error_is_circled_where_it_is_in_a_drawing_for_dxf():
     subject, report = checked("short tail")
     (error,) = report.blocking
-    at = LayoutPlacement.of(subject.job.facts).on_sheet(np.array([[error.x_mm, error.y_mm]]))[0]
+    at = LayoutPlacement.of(subject.job.transform).on_sheet(np.array([[error.x_mm, error.y_mm]]))[0]
     drawing = annotated_job(subject.job, report.findings).along(Operation.DOC)
     (circle,) = (path.contour for path in drawing if (path.contour.bulges == 1.0).all())
     assert circle.points_mm.mean(axis=0) == pytest.approx(at)

@@ -501,7 +501,8 @@ def numbered(findings: Sequence[Finding]) -> list[str]:
 
 def _markers(job: Job, chosen: Sequence[Finding]) -> Iterator[tuple[str, Contour]]:
     """Yield every finding's marker geometry, sign, leader and number."""
-    placed = LayoutPlacement.of(job.facts)
+    assert job.transform is not None  # noqa: S101  a single robot in one piece is drawn
+    placed = LayoutPlacement.of(job.transform)
     sheet = shapely.box(0.0, 0.0, job.sheet_width_mm, job.sheet_height_mm)
     taken: list[shapely.Geometry] = [
         shapely.LineString(path.contour.flattened_mm(0.5))

@@ -5,7 +5,9 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Any
 
+from vinefab.core.codec import Record
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import positive
@@ -86,6 +88,73 @@ class LaserPath:
         return profile.settings(self.operation) if self.settings is None else self.settings
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SheetTransform(Record):
+    """How a flat layout is put on its sheet: a rotation about the origin, then a shift."""
+
+    rotation_deg: float  # counter-clockwise
+    shift_x_mm: float
+    shift_y_mm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacedPiece(Record):
+    """A piece of a robot, and where it lies.
+
+    Parameters
+    ----------
+    label, copy
+        The piece, and of which of the robots it is one.
+    sheet
+        Number of its sheet.
+    root, branches, stubs
+        Names of the branches: that at its mouth, those that it holds, those that are cut off.
+    transform
+        From the flat layout to the sheet.
+    fits_bed
+        Whether the sheet holds it.
+    """
+
+    label: str
+    copy: int
+    sheet: int
+    root: str
+    branches: tuple[str, ...]
+    stubs: tuple[str, ...]
+    transform: SheetTransform
+    fits_bed: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PieceJoint(Record):
+    """A sleeve between two pieces.
+
+    Parameters
+    ----------
+    label, inner
+        The outer and the inner piece.
+    socket_on, plug_on
+        Which piece has which end.
+    branch
+        The branch that is cut.
+    lumen_width_mm, socket_wider_mm
+        Width of the branch there, and by how much the socket is wider.
+    socket_rim_mm, plug_rim_mm, blend_to_mm
+        Where the rims lie and where the wider part ends, along the branch.
+    """
+
+    label: str
+    inner: str
+    socket_on: str
+    plug_on: str
+    branch: str
+    lumen_width_mm: float
+    socket_wider_mm: float
+    socket_rim_mm: float
+    plug_rim_mm: float
+    blend_to_mm: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Job:
     """All paths of one sheet, in the order in which they are run.
@@ -102,6 +171,10 @@ class Job:
         In process order: mark, weld, weldcut, cut; then what is not machined.
     facts
         Facts recorded with the paths: offsets applied, recipe, rotation; plain values.
+    transform
+        From the flat layout to the sheet, of a single robot in one piece.
+    pieces, joints
+        Of a robot in pieces.
     tiles
         For a sheet larger than the machine's bed: the jobs to run instead, one after the other on
         the same film.
@@ -115,6 +188,9 @@ class Job:
     sheet_height_mm: float
     paths: tuple[LaserPath, ...]
     facts: Mapping[str, object] = field(default_factory=dict)
+    transform: SheetTransform | None = None
+    pieces: tuple[PlacedPiece, ...] = ()
+    joints: tuple[PieceJoint, ...] = ()
     tiles: "tuple[Job, ...]" = ()
     sheets: "tuple[Job, ...]" = ()
 
@@ -137,6 +213,18 @@ class Job:
     def runs(self) -> "tuple[Job, ...]":
         """The jobs that the machine runs, one after the other: tiles, sheets, or the job itself."""
         return self.tiles or self.sheets or (self,)
+
+    def labels_on(self, sheet: int) -> list[str]:
+        """Return the labels of the pieces on one of the sheets, whose numbers begin at 1."""
+        return [piece.label for piece in self.pieces if piece.sheet == sheet]
+
+    @property
+    def parts(self) -> dict[str, list[dict[str, Any]]]:
+        """Pieces and joints as JSON has them; empty for a robot in one piece."""
+        if not self.sheets:
+            return {}
+        named = {"pieces": self.pieces, "joints": self.joints}
+        return {name: [part.content for part in parts] for name, parts in named.items()}
 
     def along(self, operation: Operation) -> tuple[LaserPath, ...]:
         """Return the paths of one operation, in order."""

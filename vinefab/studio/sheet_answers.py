@@ -8,11 +8,9 @@ from typing import Any
 
 from vinefab.core.codec import Record
 from vinefab.core.errors import BadInputError
-from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted
 from vinefab.core.progress import each
 from vinefab.fabrication.checking import Deployed, checked_design, map_corridors
-from vinefab.fabrication.job.placement import LayoutPlacement
 from vinefab.fabrication.package.bom import BomLine, bill_of_materials, joint_lines
 from vinefab.fabrication.package.sheet_pictures import (
     SEVERITY_SIGNS,
@@ -143,10 +141,12 @@ def _sheet_content(subject: Subject, report: CheckReport) -> dict[str, Any]:
         placed = placed_findings(job, subject.layout, findings)
         x0, y0, x1, y1 = sheet_box_mm(job)
         placement = None
-        if not job.sheets:  # where pieces lie apart, the layout has no one place
-            place = LayoutPlacement.of(job.facts)
-            turn_deg = deg(place.angle_rad)
-            placement = {"rotation_deg": turn_deg, "dx_mm": place.dx_mm, "dy_mm": place.dy_mm}
+        if (to := job.transform) is not None:  # where pieces lie apart, the layout has no one place
+            placement = {
+                "rotation_deg": to.rotation_deg,
+                "dx_mm": to.shift_x_mm,
+                "dy_mm": to.shift_y_mm,
+            }
         drawing = {
             "sheet_svg": sheet_svg(job, findings, placed),
             "beds_svg": beds_svg(job),

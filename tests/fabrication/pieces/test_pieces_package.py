@@ -241,4 +241,4 @@ def test_sealed_and_cut_apart_the_socket_goes_over_the_web_too():
     facts = prepared.job.facts
     weld = PROFILE.recipe.by_operation["weld"].seam_width_mm.value
     assert facts["socket_wider_mm"] == pytest.approx(2.0 * (weld + 2.0) + 1.0)
-    assert facts["joints"][0]["socket_wider_mm"] == facts["socket_wider_mm"]
+    assert prepared.job.joints[0].socket_wider_mm == facts["socket_wider_mm"]

@@ -180,7 +180,8 @@ def metadata(job: Job, colours: Colours) -> dict[str, str]:
         "colours": colours.name,
         "kerf": "seam and kerf offsets are in these paths: leave the machine's kerf at 0",
     }
-    facts = {one_line(key): _as_line(value) for key, value in job.facts.items()}
+    recorded = {**job.facts, **job.parts}
+    facts = {one_line(key): _as_line(value) for key, value in recorded.items()}
     # vinefab's own entries come first and are not overridden: the file is recognized by them.
     return {**own, **{key: value for key, value in facts.items() if key not in own}}
 

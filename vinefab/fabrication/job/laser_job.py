@@ -20,7 +20,7 @@ from vinefab.fabrication.job.placement import (
 )
 from vinefab.fabrication.job.tiling import Tiled, registration, target_paths, tile_jobs, tiled
 from vinefab.model.design import Design
-from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.job import Job, LaserPath, Operation, PieceJoint, PlacedPiece
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import Partition
 
@@ -105,8 +105,10 @@ def _sheet_job(
     if pinned:
         pins = registration(bodies, profile, machine.usable_box_mm, separate=sheet.separate)
     marks = marks_of(robots, [*bodies, *pins], profile, machine.usable_box_mm, partition)
+    alone = robots[0].placement if len(robots) == 1 else None
     return Job(
         name=robots[0].design.name,
+        transform=None if alone is None else alone.transform,
         sheet_width_mm=machine.bed_width_mm.value,
         sheet_height_mm=machine.bed_height_mm.value,
         paths=in_order([*marks.paths, *bodies, *pins]),
@@ -162,6 +164,7 @@ def _pieces_job(
         missed = job.facts.get("marks_left_out", [])
         left_out += missed if isinstance(missed, list) else []
     wide = jobs[0].sheet_width_mm
+    size = sleeve_size(design.build, profile, separate=sheet.separate)
     return Job(
         name=design.name,
         sheet_width_mm=len(jobs) * wide,
@@ -177,25 +180,24 @@ def _pieces_job(
             **_usable(profile),
             "fits_bed": all(bool(job.facts["fits_bed"]) for job in jobs),
             "sheets": len(jobs),
-            **_piece_facts(design, profile, sheet, partition, sheets),
+            "proven_least_pieces": partition.proven_least,
+            "lap_mm": size.lap_mm,
+            "socket_wider_mm": 2.0 * size.rise_mm,
             "outline_problems": [problem.message for problem in first.outline.problems],
             **({"marks_left_out": left_out} if left_out else {}),
         },
+        pieces=_placed_pieces(design, partition, sheets),
+        joints=_piece_joints(design, partition),
         sheets=tuple(jobs),
     )
 
 
-def _piece_facts(
-    design: Design,
-    profile: LaserProfile,
-    sheet: SheetOptions,
-    partition: Partition,
-    sheets: Sequence[Sequence[SheetRobot]],
-) -> dict[str, object]:
-    """Return every piece with its place, and every joint, as plain values."""
+def _placed_pieces(
+    design: Design, partition: Partition, sheets: Sequence[Sequence[SheetRobot]]
+) -> tuple[PlacedPiece, ...]:
+    """Return every piece with its place, copy by copy."""
     ids = design.tree.straight.ids
     order = [piece.label for piece in partition.pieces]
-    size = sleeve_size(design.build, profile, separate=sheet.separate)
     placed = [
         (number, robot, partition.pieces[order.index(robot.piece)], robot.placement)
         for number, robots in enumerate(sheets, start=1)
@@ -203,39 +205,38 @@ def _piece_facts(
         if robot.placement is not None
     ]
     placed.sort(key=lambda one: (one[1].number, order.index(one[2].label)))
-    return {
-        "proven_least_pieces": partition.proven_least,
-        "pieces": [
-            {
-                "label": piece.label,
-                "copy": robot.number,
-                "sheet": number,
-                "root": ids[piece.root],
-                "branches": [ids[row] for row in piece.branches],
-                "stubs": [ids[row] for row in piece.stubs],
-                "transform": placement.facts,
-                "fits_bed": placement.fits,
-            }
-            for number, robot, piece, placement in placed
-        ],
-        "joints": [
-            {
-                "label": sleeve.label,
-                "inner": sleeve.inner,
-                "socket_on": sleeve.socket_on,
-                "plug_on": sleeve.plug_on,
-                "branch": ids[sleeve.branch],
-                "lumen_width_mm": sleeve.width_mm,
-                "socket_wider_mm": 2.0 * sleeve.rise_mm,
-                "socket_rim_mm": sleeve.socket_mm,
-                "plug_rim_mm": sleeve.plug_mm,
-                "blend_to_mm": sleeve.blend_end_mm,
-            }
-            for sleeve in partition.sleeves
-        ],
-        "lap_mm": size.lap_mm,
-        "socket_wider_mm": 2.0 * size.rise_mm,
-    }
+    return tuple(
+        PlacedPiece(
+            label=piece.label,
+            copy=robot.number,
+            sheet=number,
+            root=ids[piece.root],
+            branches=tuple(ids[row] for row in piece.branches),
+            stubs=tuple(ids[row] for row in piece.stubs),
+            transform=placement.transform,
+            fits_bed=placement.fits,
+        )
+        for number, robot, piece, placement in placed
+    )
+
+
+def _piece_joints(design: Design, partition: Partition) -> tuple[PieceJoint, ...]:
+    ids = design.tree.straight.ids
+    return tuple(
+        PieceJoint(
+            label=sleeve.label,
+            inner=sleeve.inner,
+            socket_on=sleeve.socket_on,
+            plug_on=sleeve.plug_on,
+            branch=ids[sleeve.branch],
+            lumen_width_mm=sleeve.width_mm,
+            socket_wider_mm=2.0 * sleeve.rise_mm,
+            socket_rim_mm=sleeve.socket_mm,
+            plug_rim_mm=sleeve.plug_mm,
+            blend_to_mm=sleeve.blend_end_mm,
+        )
+        for sleeve in partition.sleeves
+    )
 
 
 def _tiled_job(design: Design, body: BodyPaths, profile: LaserProfile, parted: Tiled) -> Job:
@@ -258,6 +259,7 @@ def _tiled_job(design: Design, body: BodyPaths, profile: LaserProfile, parted: T
     whole = [path for path in paths if path.operation is not Operation.REG]
     return Job(
         name=design.name,
+        transform=shifted.transform,
         sheet_width_mm=x1 - low[0] + margin,
         sheet_height_mm=y1 - low[1] + margin,
         paths=in_order(
@@ -313,7 +315,7 @@ def _usable(profile: LaserProfile) -> dict[str, object]:
 def _placement_facts(robots: Sequence[SheetRobot], profile: LaserProfile) -> dict[str, object]:
     if len(robots) == 1 and (placement := robots[0].placement):
         return {
-            **placement.facts,
+            **placement.transform.content,
             "box_width_mm": placement.width_mm,
             "box_height_mm": placement.height_mm,
             **_usable(profile),
@@ -326,7 +328,7 @@ def _placement_facts(robots: Sequence[SheetRobot], profile: LaserProfile) -> dic
         "robots_wanted": len(robots),
         "robots_placed": len(placed),
         "robots": [
-            {"part": number, "design": name, **placement.facts}
+            {"part": number, "design": name, **placement.transform.content}
             for number, (name, placement) in enumerate(placed, start=1)
         ],
     }

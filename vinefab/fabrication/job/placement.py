@@ -17,11 +17,11 @@ import shapely
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.limits import deg
+from vinefab.core.limits import deg, rad
 from vinefab.core.validation import Floats, whole
 from vinefab.fabrication.job.passes import BodyPaths
 from vinefab.model.design import Design
-from vinefab.model.job import Job, LaserPath
+from vinefab.model.job import Job, LaserPath, SheetTransform
 from vinefab.model.outline import Contour
 from vinefab.outline.body_outline import FlatLayout
 
@@ -82,18 +82,20 @@ class LayoutPlacement:
     dy_mm: float
 
     @classmethod
-    def of(cls, facts: Mapping[str, object]) -> "LayoutPlacement":
-        """Return the placement recorded in a job's `facts`, or in those of one of its pieces."""
-        turn_deg, dx, dy = (
-            float(str(facts[name])) for name in ("rotation_deg", "shift_x_mm", "shift_y_mm")
+    def of(cls, transform: SheetTransform) -> "LayoutPlacement":
+        """Return the placement that a job, or one of its pieces, records."""
+        return LayoutPlacement(
+            angle_rad=rad(transform.rotation_deg),
+            dx_mm=transform.shift_x_mm,
+            dy_mm=transform.shift_y_mm,
         )
-        return LayoutPlacement(angle_rad=math.radians(turn_deg), dx_mm=dx, dy_mm=dy)
 
     @property
-    def facts(self) -> dict[str, object]:
-        """The placement as plain values."""
-        turn_deg = deg(self.angle_rad)
-        return {"rotation_deg": turn_deg, "shift_x_mm": self.dx_mm, "shift_y_mm": self.dy_mm}
+    def transform(self) -> SheetTransform:
+        """The placement as jobs record it."""
+        return SheetTransform(
+            rotation_deg=deg(self.angle_rad), shift_x_mm=self.dx_mm, shift_y_mm=self.dy_mm
+        )
 
     def shifted(self, dx_mm: float, dy_mm: float) -> Self:
         """Return this placement, shifted further."""
@@ -488,29 +490,27 @@ class SheetPlaces:
     @classmethod
     def of(cls, job: Job, layout: FlatLayout) -> "SheetPlaces":
         """Return the places that a job's facts record; of several copies those of the first."""
-        pieces = fact_rows(job, "pieces")
-        if not job.sheets:
-            return cls(
-                layout=layout, whole=LayoutPlacement.of(job.facts), uncut={}, cut={}, axes={}
-            )
+        if job.transform is not None:
+            whole = LayoutPlacement.of(job.transform)
+            return cls(layout=layout, whole=whole, uncut={}, cut={}, axes={})
         row = {name: number for number, name in enumerate(layout.tree.ids)}
-        first = [piece for piece in pieces if piece["copy"] == 1]
+        first = [piece for piece in job.pieces if piece.copy == 1]
         # The sheets stand side by side.
         wide_mm = job.sheets[0].sheet_width_mm
         placed = {
-            piece["label"]: LayoutPlacement.of(piece["transform"]).shifted(
-                (int(piece["sheet"]) - 1) * wide_mm, 0.0
+            piece.label: LayoutPlacement.of(piece.transform).shifted(
+                (piece.sheet - 1) * wide_mm, 0.0
             )
             for piece in first
         }
-        home = {row[name]: placed[one["label"]] for one in first for name in one["branches"]}
+        home = {row[name]: placed[one.label] for one in first for name in one.branches}
         cut = {
-            row[joint["branch"]]: _CutBranch(
-                inner=placed[joint["inner"]],
-                outer=placed[joint["label"]],
-                at_mm=(joint["socket_rim_mm"] + joint["plug_rim_mm"]) / 2.0,
+            row[joint.branch]: _CutBranch(
+                inner=placed[joint.inner],
+                outer=placed[joint.label],
+                at_mm=(joint.socket_rim_mm + joint.plug_rim_mm) / 2.0,
             )
-            for joint in fact_rows(job, "joints")
+            for joint in job.joints
         }
         ends = np.stack([layout.start_mm, layout.end_mm], axis=1)
         axes = {_rounded(two): number for number, two in enumerate(ends)}

@@ -175,9 +175,8 @@ def bom_text(
 
 def robot_count(job: Job) -> int:
     """Return the number of robots that a job makes."""
-    parts = job.facts.get("pieces")
-    if job.sheets and isinstance(parts, list):
-        return max(int(part["copy"]) for part in parts)
+    if job.pieces:
+        return max(piece.copy for piece in job.pieces)
     return len(_outlines(job))  # one path that forms the body of each
 
 

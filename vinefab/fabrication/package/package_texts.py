@@ -163,8 +163,7 @@ def _run(job: Job, number: int, profile: LaserProfile, colours: Colours) -> Simp
     if job.tiles:
         title = f"Tile {number + 1} of {count}"
     elif job.sheets:
-        labels = run.facts["pieces"]
-        pieces = ", ".join(map(str, labels)) if isinstance(labels, list) else ""
+        pieces = ", ".join(job.labels_on(number + 1))
         title = f"Sheet {number + 1} of {count}: pieces {pieces}"
     styled = styled_paths(run, colours)
     boxes = [one.path.contour.box_mm for one in styled]
@@ -343,7 +342,7 @@ def job_text(
     """
     job, profile, colours = spec.job, spec.recipe_profile, spec.colours
     formats = formats_for(profile, requested)
-    recipe, build, pieces = profile.recipe, design.build, ("pieces", "joints")
+    recipe, build = profile.recipe, design.build
     pouch, collar = build.pouch, build.collar
     content: dict[str, object] = {
         "design": {
@@ -368,7 +367,7 @@ def job_text(
         "units": "mm",
         "sheet_mm": [job.sheet_width_mm, job.sheet_height_mm],
         "offsets": "applied to the paths; the machine's own kerf stays at 0",
-        "facts": {key: fact for key, fact in job.facts.items() if key not in pieces},
+        "facts": dict(job.facts),
         "formats": [
             {
                 "name": name,
@@ -407,7 +406,7 @@ def job_text(
         ],
     }
     if job.sheets:
-        content |= {key: job.facts[key] for key in pieces}
+        content |= job.parts
         content["sheets"] = [
             {
                 "files": [

@@ -329,9 +329,8 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
         joints = joint_lines(cut, partition, profile, robots=robot_count(job))
         outlines = piece_lumens(cut, partition)
         sheets: dict[str, list[int]] = {}
-        for number, sheet in enumerate(job.sheets, start=1):
-            labels = sheet.facts["pieces"]
-            for label in dict.fromkeys(labels) if isinstance(labels, list) else ():
+        for number in range(1, len(job.sheets) + 1):
+            for label in dict.fromkeys(job.labels_on(number)):
                 sheets.setdefault(label, []).append(number)
         pieces = (pieces_section(cut, partition, outlines, profile, sheets=sheets),)
 
@@ -420,9 +419,7 @@ def _sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
             return ", ".join(map(words, value))
         return f"{value:.3f}" if isinstance(value, float) else str(value)
 
-    # Pieces and joints have a separate section.
-    facts = {name: fact for name, fact in job.facts.items() if name not in ("pieces", "joints")}
-    rows = tuple((name.replace("_", " "), words(value)) for name, value in facts.items())
+    rows = tuple((name.replace("_", " "), words(value)) for name, value in job.facts.items())
     picture = Picture(
         image=lambda: page_svg(job_plan(job, tuple(findings))),
         caption="The sheet: seam and kerf offsets are in the paths; leave the machine's kerf at 0.",

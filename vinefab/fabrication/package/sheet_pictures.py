@@ -10,7 +10,7 @@ import shapely
 
 from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.placement import SheetPlaces, box_around_mm, fact_rows, piece_name
+from vinefab.fabrication.job.placement import SheetPlaces, box_around_mm, piece_name
 from vinefab.fabrication.package.bom import PathPass, schedule
 from vinefab.fabrication.rules.pressure_rules import deployed_capsules
 from vinefab.inflation.pattern import Pattern
@@ -527,7 +527,7 @@ def _bed(kind: str, low_mm: tuple[float, float], sheet: Job, title: str = "") ->
 
 def _paths(job: Job) -> Iterator[str]:
     """Yield one path for each operation and piece, in process order."""
-    pieces = {piece_name(job.name, one["label"]): one["label"] for one in fact_rows(job, "pieces")}
+    pieces = {piece_name(job.name, one.label): one.label for one in job.pieces}
     groups: dict[tuple[Operation, str], list[LaserPath]] = {}
     for operation in Operation:
         for path in job.along(operation):

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import pytest
 
-from vinefab.core.codec import IF_KNOWN, Record
+from vinefab.core.codec import IF_KNOWN, Record, exact
 from vinefab.core.statistics import MeanValue
 from vinefab.model.map import Pose
 
@@ -59,3 +59,18 @@ def test_text_that_is_no_json_is_refused() -> None:
 def test_a_value_that_no_json_has_is_not_written() -> None:
     with pytest.raises(ValueError, match="not JSON compliant"):
         _ = Part(mean=PART.mean, poses=(), terms={"area": math.nan}).as_json
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found(Record):
+    __pydantic_config__ = exact(infinite_as_null=True, rule="id")
+
+    rule: str
+    measured: float | None = None
+
+
+def test_a_field_may_have_another_name_in_json_and_be_infinite() -> None:
+    assert Found(rule="VF-C01", measured=math.inf).content == {"id": "VF-C01", "measured": None}
+    assert Found.of_json('{"id": "a", "measured": 0.1}') == Found(rule="a", measured=0.1)
+    with pytest.raises(ValueError, match=r"^rule: Unexpected"):
+        Found.of_json('{"id": "a", "rule": "b"}')

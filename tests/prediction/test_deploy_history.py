@@ -10,7 +10,7 @@ from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Pose
-from vinefab.prediction.deploy import deploy, history_content
+from vinefab.prediction.deploy import FrameRecord, deploy
 
 WORLD = grid_map(5, GridOptions(size_mm=300.0, columns=4, rows=4))
 
@@ -125,7 +125,7 @@ def test_json_names_what_grows_on():
     history = deploy(
         design_of([120.0, 80.0], 0.5), WORLD, None, GrowthOptions.published().content
     ).history
-    content = history_content(history.frames((60.0, 1e5)))
+    content = [FrameRecord.of(frame).content for frame in history.frames((60.0, 1e5))]
     assert [entry["front_mm"] for entry in content] == [60.0, history.full_mm]
     assert [branch["id"] for branch in content[0]["branches"]] == ["0"]
     assert content[0]["branches"][0]["stop"] is None

@@ -35,12 +35,30 @@ EXACT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 """What is read has exactly the types of the fields; for nouns that are no `Record`, as their
 ``__pydantic_config__``."""
 
+
+def exact(*, infinite_as_null: bool = False, **names: str) -> ConfigDict:
+    """Return `EXACT` for ``__pydantic_config__``, with another name in JSON for some fields.
+
+    Parameters
+    ----------
+    infinite_as_null
+        Numbers that are not finite are written as null, and not read again.
+    """
+    config = ConfigDict(**EXACT, alias_generator=lambda name: names.get(name, name))
+    return ConfigDict(**config, ser_json_inf_nan="null") if infinite_as_null else config
+
+
 T = TypeVar("T")
 
 
 def content_of(value: object) -> dict[str, Any]:
     """Return the fields of a frozen dataclass as JSON has them."""
     kind: Any = type(value)
+    if getattr(kind, "__pydantic_config__", EXACT).get("ser_json_inf_nan") == "null":
+        # Values in Python would keep the infinite ones.
+        written = _codec(kind).dump_json(value, by_alias=True, warnings=False, fallback=_plain)
+        read: dict[str, Any] = json.loads(written)
+        return read
     content: dict[str, Any] = _codec(kind).dump_python(
         value, mode="json", by_alias=True, warnings=False, fallback=_plain
     )

@@ -5,10 +5,12 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from os import PathLike
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vinefab.core.codec import IF_KNOWN, Record
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import ABOVE
 from vinefab.core.limits import deg
@@ -223,7 +225,7 @@ def deployment_text(
         "design": design_name,
         "map": map_name,
         "pose": deployment.pose.content,
-        "branches": branches_content(deployment),
+        "branches": [branch.content for branch in branch_records(deployment)],
         "metrics": dict(metrics),
         **(more or {}),
     }
@@ -232,23 +234,40 @@ def deployment_text(
     return json_text("vinefab/deployment-1", content)
 
 
-def branches_content(deployment: Deployment) -> list[dict[str, object]]:
-    """Return the branches of a deployment as in our JSON files."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BranchRecord(Record):
+    """A branch of a deployment as our JSON files have it; shapes of points are (k, 2)."""
+
+    id: str
+    parent: str | None
+    level: int
+    points_mm: list[list[float]]  # base, contacts and tip
+    planned_mm: Annotated[float | None, IF_KNOWN]
+    grown_mm: float
+    stop: str | None  # None: it grows on
+    contact_turn_deg: float
+    joint_deg: float
+    contacts_mm: list[list[float]]
+    bends_mm: Annotated[list[list[float]] | None, IF_KNOWN]
+
+
+def branch_records(deployment: Deployment) -> list[BranchRecord]:
+    """Return the branches of a deployment as our JSON files have them."""
     tree = deployment.tree
     ids = tree.ids
     return [
-        {
-            "id": name,
-            "parent": None if tree.parent[index] < 0 else ids[tree.parent[index]],
-            "level": int(tree.level[index]),
-            "points_mm": deployment.chain_mm(index).tolist(),
-            "planned_mm": float(tree.length_mm[index]),
-            "grown_mm": float(deployment.grown_mm[index]),
-            "stop": Stop(int(deployment.stop[index])).label,
-            "contact_turn_deg": deg(float(deployment.contact_turn_rad[index])),
-            "joint_deg": deg(float(tree.offset_rad[index])),
-            "contacts_mm": deployment.contacts_mm(index).tolist(),
-            **({"bends_mm": bent} if (bent := deployment.bends_mm(index).tolist()) else {}),
-        }
+        BranchRecord(
+            id=name,
+            parent=None if tree.parent[index] < 0 else ids[tree.parent[index]],
+            level=int(tree.level[index]),
+            points_mm=deployment.chain_mm(index).tolist(),
+            planned_mm=float(tree.length_mm[index]),
+            grown_mm=float(deployment.grown_mm[index]),
+            stop=Stop(int(deployment.stop[index])).label,
+            contact_turn_deg=deg(float(deployment.contact_turn_rad[index])),
+            joint_deg=deg(float(tree.offset_rad[index])),
+            contacts_mm=deployment.contacts_mm(index).tolist(),
+            bends_mm=deployment.bends_mm(index).tolist() or None,
+        )
         for index, name in enumerate(ids)
     ]

@@ -1,10 +1,10 @@
 """Findings of design rules, and the report of a whole check."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from vinefab.core.codec import Record, exact
 from vinefab.core.plain_text import counted
 from vinefab.core.view import Answer, Block, Data, Notes, Remark, Result, Rows, lines
 
@@ -18,7 +18,7 @@ class Severity(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finding(Result):
+class Finding(Result, Record):
     """One broken rule at one place.
 
     Parameters
@@ -51,8 +51,11 @@ class Finding(Result):
         What is wrong; empty for a rule that is not installed here.
     """
 
+    __pydantic_config__ = exact(infinite_as_null=True, rule="id")
+
     rule: str
     severity: Severity
+    title: str = ""
     message: str
     measured: float | None = None
     limit: float | None = None
@@ -65,7 +68,6 @@ class Finding(Result):
     fingerprint: str = ""
     waived: bool = False
     reason: str = ""
-    title: str = ""
 
     def __repr__(self) -> str:
         where = f" at {', '.join(self.places)}" if self.branches else ""
@@ -103,34 +105,9 @@ class Finding(Result):
         return f"{self.measured:.4g}{unit}, at {side} {self.limit:.4g}{unit}"
 
     @property
-    def content(self) -> dict[str, object]:
-        """The finding as it stands in JSON, which has no infinity."""
-        return {
-            "id": self.rule,
-            "severity": str(self.severity),
-            "title": self.title,
-            "message": self.message,
-            "measured": _finite(self.measured),
-            "limit": _finite(self.limit),
-            "unit": self.unit,
-            "branches": list(self.branches),
-            "names": list(self.names),
-            "x_mm": _finite(self.x_mm),
-            "y_mm": _finite(self.y_mm),
-            "marker_wkt": self.marker_wkt,
-            "fingerprint": self.fingerprint,
-            "waived": self.waived,
-            "reason": self.reason,
-        }
-
-    @property
     def blocks(self) -> bool:
         """Whether the finding stands in the way of an export."""
         return self.severity is Severity.ERROR and not self.waived
-
-
-def _finite(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else float(value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +136,7 @@ class RuleRun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RuleSkipped:
+class RuleSkipped(Record):
     """A rule that could not be applied, and why.
 
     Parameters
@@ -170,12 +147,14 @@ class RuleSkipped:
         What was missing.
     """
 
+    __pydantic_config__ = exact(rule="id")
+
     rule: str
     reason: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChangedLimit:
+class ChangedLimit(Record):
     """A limit that was not the rule's default.
 
     Parameters
@@ -187,6 +166,8 @@ class ChangedLimit:
     source
         Who changed it: the recipe, the design or the command line.
     """
+
+    __pydantic_config__ = exact(rule="id")
 
     rule: str
     name: str
@@ -293,19 +274,10 @@ class CheckReport(Result):
                 for run in self.run
             ],
             "notes": [{"id": run.rule, "note": run.note} for run in self.run if run.note],
-            "rules_skipped": [{"id": skip.rule, "reason": skip.reason} for skip in self.skipped],
+            "rules_skipped": [skip.content for skip in self.skipped],
             "findings": [finding.content for finding in self.findings],
             "stale_waivers": list(self.stale_waivers),
-            "limits_changed": [
-                {
-                    "id": limit.rule,
-                    "name": limit.name,
-                    "value": limit.value,
-                    "default": limit.default,
-                    "source": limit.source,
-                }
-                for limit in self.limits
-            ],
+            "limits_changed": [limit.content for limit in self.limits],
         }
 
     @property

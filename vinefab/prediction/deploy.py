@@ -38,7 +38,14 @@ from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.growth.terrain import Terrain
 from vinefab.inflation.pattern import as_grown
-from vinefab.model.deployment import CUT_STOPS, Deployment, Stop, branches_content, deployment_text
+from vinefab.model.deployment import (
+    CUT_STOPS,
+    BranchRecord,
+    Deployment,
+    Stop,
+    branch_records,
+    deployment_text,
+)
 from vinefab.model.design import Design
 from vinefab.model.files.run_context import RunContext
 from vinefab.model.files.shipped import path_given
@@ -139,22 +146,27 @@ class History:
         )
 
 
-def history_content(frames: Sequence[DeploymentFrame]) -> list[dict[str, object]]:
-    """Return frames as they stand in ``vinefab/deployment-1``.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameRecord(Record):
+    """A shape on the way as it stands in ``vinefab/deployment-1``.
 
-    Each has the branches that have emerged, in the form of the final ones; ``stop`` is null for
+    It has the branches that have emerged, in the form of the final ones; ``stop`` is null for
     those that grow on, and ``planned_mm`` is left out, as it stands with the final ones.
     """
-    content = list[dict[str, object]]()
-    for frame in frames:
-        branches = branches_content(frame.deployment)
-        for branch, is_growing in zip(branches, frame.is_growing.tolist(), strict=True):
-            del branch["planned_mm"]
-            if is_growing:
-                branch["stop"] = None
-        out = [branch for branch in branches if branch["stop"] != Stop.NOT_DEPLOYED.label]
-        content.append({"front_mm": frame.front_mm, "branches": out})
-    return content
+
+    front_mm: float
+    branches: list[BranchRecord]
+
+    @classmethod
+    def of(cls, frame: DeploymentFrame) -> "FrameRecord":
+        """Return the record of a frame."""
+        every = zip(branch_records(frame.deployment), frame.is_growing.tolist(), strict=True)
+        branches = [
+            replace(branch, planned_mm=None, stop=None if is_growing else branch.stop)
+            for branch, is_growing in every
+        ]
+        out = [one for one in branches if one.stop != Stop.NOT_DEPLOYED.label]
+        return cls(front_mm=frame.front_mm, branches=out)
 
 
 _MOST_NAMED = 8
@@ -346,7 +358,7 @@ class DeployedDesign(Result):
         if fronts is not None:
             grown = self.history
             frames = grown.even_steps(fronts) if isinstance(fronts, int) else grown.frames(fronts)
-            shapes = history_content(frames)
+            shapes = [FrameRecord.of(frame).content for frame in frames]
         targets = self.targets
         more = {} if targets is None else document(targets.view())
         return deployment_text(self.deployment, *names, self.metrics, shapes, more)

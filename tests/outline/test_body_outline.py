@@ -1,19 +1,22 @@
 """Outlines against a union of plain shapes, drawn a second time; problems that have names."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
 from shapely import LineString, Polygon
 
+import vinefab as vf
 from tests.fabrication.conftest import fan, plan
 from tests.oracles.body_outline import Twin
 from tests.outline.property import beyond, compared, random_design
 from vinefab.model.design import Build, Collar, Design, Level, Pouch
 from vinefab.model.outline import Part
 from vinefab.outline.body_outline import ProblemKind, body_outline, flat_layout
-from vinefab.outline.joint import LEAST_CUT_MM, LEAST_SEGMENT_MM
+from vinefab.outline.ends import tail_of
+from vinefab.outline.joint import LEAST_CUT_MM, LEAST_SEGMENT_MM, StrokeRun, arc
 
 FINE_MM = 1e-4
 KIND = ProblemKind
@@ -228,3 +231,27 @@ def test_a_problem_of_a_level_is_reported_once_with_its_count(make_plan, make_fa
     # Where the sides would cross: the half width over the sine of half the angle.
     assert crotches[0].measured_mm == pytest.approx(6.0 / math.sin(math.radians(15.0)))
     assert crotches[0].limit_mm == 20.0
+
+
+def test_a_tail_that_does_not_end_square_is_named_and_not_its_cut(monkeypatch):
+    def rounded(build, lean_rad, offset_mm):
+        """Return a tail whose end has round corners of 6 mm, as a new key might draw it."""
+        square, radius = tail_of(build, lean_rad, offset_mm), 6.0
+        (mouth, low), part = square.collar.start_mm, Part.COLLAR
+        start, center = (mouth, low + radius), (mouth + radius, low + radius)
+        corner = StrokeRun(start, tuple(arc(center, start, math.pi / 2.0, part)))
+        return replace(square, collar=corner, even_mm=mouth + radius)
+
+    monkeypatch.setattr("vinefab.outline.body_outline.tail_of", rounded)
+    design = vf.Design.read("plain_vine").changed(trunk_length_mm=431.7)
+    (problem,) = body_outline(design).problems
+    assert (problem.kind, problem.branches) == (KIND.MOUTH, ("0",))
+    (finding,) = (one for one in vf.check(design, progress=False).findings if one.rule == "VF-L02")
+    assert "cut straight across from corner to corner: let the tail end square" in finding.message
+
+
+@pytest.mark.parametrize("clamp_mm", [12.0, 25.0, 40.0])
+@pytest.mark.parametrize("length_mm", [0.0, 20.0])
+def test_every_tail_that_a_design_may_have_ends_square(clamp_mm, length_mm):
+    collar = Collar(clamp_diameter_mm=clamp_mm, length_mm=length_mm, flare_mm=40.0)
+    assert tail_of(Build(widths_mm=(40.0,), collar=collar), 0.02, 1.5).is_square

@@ -237,6 +237,9 @@ class ProblemKind(StrEnum):
     COLLAR_FLARE = "collar_flare"
     """A collar goes over into the tail too suddenly."""
 
+    MOUTH = "mouth"
+    """The sides of the tail do not leave its mouth squarely."""
+
     SHORT_SEGMENT = "short_segment"
     """A line or arc would be too short to draw."""
 
@@ -408,6 +411,10 @@ _MESSAGES = {
         "The collar of {names} goes over into the tail within {found:.3g} mm, at least "
         "{limit:.3g} mm are needed: lengthen its flare_mm."
     ),
+    ProblemKind.MOUTH: (
+        "The sides of the tail of {names} run along its mouth, which is cut straight across from "
+        "corner to corner: let the tail end square."
+    ),
     ProblemKind.SHORT_SEGMENT: (
         "Near {names} the outline has a detail of {found:.2g} mm, too short to draw exactly "
         "({limit:.2g} mm): change the fillet radius or the angle a little."
@@ -489,8 +496,10 @@ def _widths(drawn: DrawnTree, places: _Places, pattern: OutlineParts) -> Iterato
 
 
 def _tail(drawn: DrawnTree, places: _Places, pattern: OutlineParts) -> Iterator[OutlineProblem]:
-    """Check that a collar leaves some straight tail, and that its arcs are not too small."""
+    """Check the mouth; that a collar leaves some straight tail and its arcs are large enough."""
     collar, tail = drawn.build.collar, pattern.tail
+    if not tail.is_square:
+        yield places.problem(ProblemKind.MOUTH, [0], [0], (0.0, LEAST_SEGMENT_MM))
     if collar is None:
         return
     room = tail.bend.start_mm[0] - tail.even_mm

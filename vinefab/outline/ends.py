@@ -32,13 +32,26 @@ from vinefab.outline.joint import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tail:
-    """The right side of a tail."""
+    """The right side of a tail.
+
+    It leaves the mouth squarely, which `vinefab.fabrication.job.passes` relies on: the mouth is cut
+    straight across, past both corners, and VF-L02 lets that cut cross the seam near them alone.
+    """
 
     # From the right corner of the mouth to where the tail is as wide as the trunk.
     collar: StrokeRun
     even_mm: float  # x where that is; beyond the trunk's base only if the collar is too long
     # From the end of the tail's side, at the trunk's base, to where a tapered trunk's side begins.
     bend: StrokeRun
+
+    @property
+    def is_square(self) -> bool:
+        """Whether it leaves the mouth along the axis."""
+        if not self.collar.pieces:
+            return True
+        first, (x, y) = self.collar.pieces[0], self.collar.start_mm
+        chord_rad = math.atan2(first.end_mm[1] - y, first.end_mm[0] - x)
+        return abs(chord_rad - 2.0 * math.atan(first.bulge)) < 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

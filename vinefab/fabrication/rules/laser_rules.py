@@ -276,7 +276,8 @@ def check_paths(subject: Subject, limits: Limits) -> RuleApplied:
                         aspect=f"{name} {path.label}",
                     )
                 )
-    violations += _meetings(subject, profile, paths, limits)
+    mouth = outline_violations(subject, ProblemKind.MOUTH)
+    violations += mouth or _meetings(subject, profile, paths, limits)
     violations += _marked_twice(paths, limits)
     violations += outline_violations(subject, ProblemKind.SHORT_SEGMENT, known=tuple(violations))
     return RuleApplied(checked=len(paths), violations=tuple(violations))

@@ -355,7 +355,9 @@ def test_readings_are_numbers_that_can_be_fitted(tmp_path, value):
 def test_a_quote_that_does_not_end_hides_no_reading(tmp_path):
     path = tmp_path / "results.csv"
     path.write_text('measure,setting,value,unit\nseam,"weldcut,0.4,mm\n')
-    with pytest.raises(BadInputError, match=r"line 2: line is 'seam,.*comma-separated cells"):
+    with pytest.raises(
+        BadInputError, match=r"line 2: the line is no row of cells \(.*mend its quotes"
+    ):
         read_results(path)
 
 

@@ -108,18 +108,22 @@ def test_one_branch_is_changed_by_its_name_or_its_id():
 
 
 WRONG = {
-    'of = "left"': ('of = "lefd"', "branch[1].of is 'lefd'", "'left'"),
-    'name = "right"': ('name = "left"', "branch[3].name is 'left'", "another branch has it"),
-    'name = "tip"': ('name = "trunk"', "branch[1].name is 'trunk'", "the trunk has it"),
+    'of = "left"': ('of = "lefd"', "branch[1].of: there is no branch 'lefd'", "'left'"),
+    'name = "right"': (
+        'name = "left"',
+        "branch[3].name: 'left' names two",
+        "another branch has it",
+    ),
+    'name = "tip"': ('name = "trunk"', "branch[1].name: 'trunk' names two", "the trunk has it"),
     'name = "left"': ('name = "l eft"', "branch[3].name is 'l eft'", "letters"),
-    "angle_deg = 40.0": ("angle_deg = -62.0", "branch[3].angle_deg is -62", "'right'"),
+    "angle_deg = 40.0": ("angle_deg = -62.0", "branch[3].angle_deg: -62 deg", "'right'"),
     "[90.0, -35.0]": ("[50.0, -35.0]", "branch[3].bends is [40.0, 50.0]", "14.4 mm"),
     "[40.0, 20.0], [90": ("[40.0, 20.0], [160", "branch[3].bends is 160", "160 mm long"),
     "[[60.0, 25.0]]": ("[[60.0, 225.0]]", "trunk.bends[1][2] is 225", "175"),
     "[trunk]\nlength": (
         "[[level]]\nbranches = 2\nlength = 9.0\n[trunk]\nlength",
-        "branch is",
-        "levels or branches",
+        "branch is given together with level",
+        "by one of them",
     ),
 }
 
@@ -138,7 +142,9 @@ def test_a_wrong_branch_is_one_line_that_names_it(given):
 
 def test_branches_that_lead_nowhere_are_refused():
     text = SCOUT.replace('name = "left"\n', 'name = "left"\nof = "tip"\n')
-    with pytest.raises(vf.BadInputError, match=r"branch\[1\].of is 'left'.*its own parent"):
+    with pytest.raises(
+        vf.BadInputError, match=r"branch\[1\].of: 'tip' is its own ancestor by 'left'"
+    ):
         read(text)
 
 
@@ -147,7 +153,7 @@ def test_a_long_ring_of_branches_is_refused_too():
     ring = "".join(branch.format(n, (n + 1) % 15) for n in range(15))
     hangs_on = branch.format("first", 3) + "angle_deg = 30.0\n"
     head = SCOUT[: SCOUT.index("[[branch]]")]
-    with pytest.raises(vf.BadInputError, match=r"branch\[2\].of is 'b1'.*its own parent"):
+    with pytest.raises(vf.BadInputError, match=r"branch\[2\].of: 'b0' is its own ancestor by 'b1'"):
         read(head + hangs_on + ring)
 
 

@@ -97,7 +97,7 @@ BAD = {
     "two ways at once": (
         "[build]",
         "[build]\nwidth_ratio = 0.5",
-        "not together with build.widths_mm",
+        "given together with build.widths_mm",
     ),
     "waiver without reason": ('"tested on the bench"', '" "', "waive[1].reason is ' '"),
     "unknown mounting": ("[build]", '[build]\nmounting = "folded"', "'tail_inverted' or 'turned'"),

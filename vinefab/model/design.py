@@ -26,7 +26,14 @@ from pydantic.json_schema import SkipJsonSchema
 from typing_extensions import Doc
 
 from vinefab.core.atomic import write_text
-from vinefab.core.errors import BadInputError, UnknownNameError, inside, located, nearest
+from vinefab.core.errors import (
+    BadInputError,
+    UnfitInputError,
+    UnknownNameError,
+    inside,
+    located,
+    nearest,
+)
 from vinefab.core.front_door import ABOVE
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import file_number, rad
@@ -457,14 +464,14 @@ class Build(Table):
     def _fits(self) -> Self:
         given = self.model_fields_set
         if "fillet_mm" in given and self.fillet_ratio is not None:
-            raise BadInputError(
-                "fillet_ratio", self.fillet_ratio, "not together with build.fillet_mm"
-            )
+            problem = "is given together with build.fillet_mm"
+            raise UnfitInputError("fillet_ratio", problem, "leave one of them out")
         if "widths_mm" not in given:
             return self
         for name in ("trunk_width_mm", "width_ratio"):
             if getattr(self, name) is not None:
-                raise BadInputError(name, getattr(self, name), "not together with build.widths_mm")
+                problem = "is given together with build.widths_mm"
+                raise UnfitInputError(name, problem, "leave one of them out")
         if "fillet_mm" not in given:
             ratio = DEFAULT_FILLET_RATIO if self.fillet_ratio is None else self.fillet_ratio
             follows = {
@@ -684,7 +691,8 @@ class Design(Table):
 
     def _check_branches(self, branches: "tuple[Branch, ...]") -> None:
         if self.levels:
-            raise BadInputError("branch", counted(len(branches), "branch"), "levels or branches")
+            problem = "is given together with level"
+            raise UnfitInputError("branch", problem, "describe the robot by one of them")
         if len(branches) > MOST_WRITTEN:
             given = counted(len(branches), "branch")
             raise BadInputError("branch", given, f"at most {MOST_WRITTEN}, one by one")
@@ -693,18 +701,20 @@ class Design(Table):
             key = f"branch[{place}].name"
             if branch.name in number:
                 taken = "the trunk has it" if branch.name == TRUNK else "another branch has it"
-                raise BadInputError(key, branch.name, f"another name: {taken}")
+                problem = f"{branch.name!r} names two: {taken}"
+                raise UnfitInputError(key, problem, "choose another name")
             number[branch.name] = place
         angles: dict[tuple[str, float], str] = {}
         for place, branch in enumerate(branches, start=1):
             if branch.of not in number:
-                hint = nearest(branch.of, number)
-                allowed = f"the name of a branch, or {TRUNK!r}{hint}"
-                raise BadInputError(f"branch[{place}].of", branch.of, allowed)
+                hint = nearest(branch.of, number).removeprefix("; ")
+                remedy = hint or f"name a branch, or {TRUNK!r}"
+                problem = f"there is no branch {branch.of!r}"
+                raise UnfitInputError(f"branch[{place}].of", problem, remedy)
             same = angles.setdefault((branch.of, branch.angle_deg), branch.name)
             if same != branch.name:
-                allowed = f"another angle than {same!r} has: both are children of {branch.of!r}"
-                raise BadInputError(f"branch[{place}].angle_deg", branch.angle_deg, allowed)
+                problem = f"{branch.angle_deg:g} deg is the angle of {same!r} too, at {branch.of!r}"
+                raise UnfitInputError(f"branch[{place}].angle_deg", problem, "turn one of them")
         # What the trunk does not lead to hangs on a branch that is its own ancestor.
         reached = {branch.name for branch in self._in_order}
         for place, branch in enumerate(branches, start=1):
@@ -712,8 +722,9 @@ class Design(Table):
             for _ in range(len(branches) if branch.name not in reached else 0):
                 at = branches[number[at.of] - 1]
                 if at is branch:
-                    allowed = f"a branch that leads to the trunk: {branch.name!r} is its own parent"
-                    raise BadInputError(f"branch[{place}].of", branch.of, allowed)
+                    problem = f"{branch.name!r} is its own ancestor by {branch.of!r}"
+                    remedy = "name a branch that leads to the trunk"
+                    raise UnfitInputError(f"branch[{place}].of", problem, remedy)
 
     def _check_bends(self) -> None:
         widths_mm = self.build.widths_mm

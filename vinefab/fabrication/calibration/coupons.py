@@ -19,7 +19,7 @@ from shapely import box
 
 from vinefab.core.errors import BadInputError, UnfitInputError, UnknownNameError
 from vinefab.core.limits import STANDARD_GRAVITY_M_S2
-from vinefab.core.plain_text import GENERATOR
+from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.laser_job import laser_job, recipe_facts
 from vinefab.fabrication.job.marks import fold_ticks, lettered
@@ -789,16 +789,17 @@ def _readings(lines: list[str], path: Path) -> Iterator[Reading]:
         try:
             cells = [cell.strip() for cell in next(csv.reader([line], strict=True))]
         except csv.Error as error:
-            allowed = f"comma-separated cells ({error})"
-            raise BadInputError("line", line, allowed, place) from None
+            problem, remedy = f"the line is no row of cells ({error})", "mend its quotes"
+            raise UnfitInputError("", problem, remedy, place) from None
         if not header:
             if not {"measure", "setting", "value", "unit"} <= set(cells) <= set(_COLUMNS):
-                raise BadInputError("header", ",".join(cells), ",".join(_COLUMNS), place)
+                problem = f"the first row {','.join(cells)!r} does not name the columns"
+                raise UnfitInputError("", problem, f"begin with {','.join(_COLUMNS)}", place)
             header = cells
             continue
         if len(cells) > len(header):
-            allowed = f"{len(header)} ({', '.join(header)}); put commas of a note into quotes"
-            raise BadInputError("cells", len(cells), allowed, place)
+            problem = f"the row has {counted(len(cells), 'cell')} for {len(header)} columns"
+            raise UnfitInputError("", problem, "put a note with commas into quotes", place)
         row = dict(zip(header, cells, strict=False))
         if row.get("value"):
             yield _reading(row, place)

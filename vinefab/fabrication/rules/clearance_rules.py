@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -414,7 +415,13 @@ class LevelJoint:
 
 def level_joints(design: Design) -> tuple[LevelJoint, ...]:
     """Return every kind of joint and bend."""
-    found, drawn = [], DrawnTree.of(design)
+    return _level_joints(DrawnTree.of(design))
+
+
+@lru_cache(maxsize=16)
+def _level_joints(drawn: DrawnTree) -> tuple[LevelJoint, ...]:
+    # Three rules ask for the joints of each robot.
+    found = list[LevelJoint]()
     for family in joint_families(drawn):
         joint, first = joint_of(family.plan, 0.0), family.rows[0]
         pairs = zip(joint.fillets_mm, joint.allowed_mm, strict=True)

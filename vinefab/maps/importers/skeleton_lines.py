@@ -14,7 +14,7 @@ import numpy as np
 import scipy  # its parts load at their first use
 
 from vinefab.core.bounded import bounded
-from vinefab.core.errors import BadInputError, UnfitInputError, located
+from vinefab.core.errors import BadInputError, UnfitInputError, located, shortened
 from vinefab.core.foreign import reading
 from vinefab.core.limits import positive
 from vinefab.core.plain_text import counted
@@ -276,10 +276,12 @@ def _of_csv(path: Path, options: ImportOptions, _chord_mm: float) -> SkeletonLin
             if not line or (not rows and names in (_COLUMNS, _COLUMNS[:4])):
                 continue
             if len(rows) == MOST_SEGMENTS:
-                raise BadInputError(f"line {number}", "one too many", f"{MOST_SEGMENTS} lines")
+                problem = f"is one too many: a skeleton has at most {MOST_SEGMENTS:,} lines"
+                raise UnfitInputError(f"line {number}", problem, "leave short branches out")
             rows.append(_row(number, line, cells))
         if not rows:
-            raise BadInputError("lines", None, "x1,y1,x2,y2[,width], one for each line drawn")
+            remedy = "write a row x1,y1,x2,y2[,width] for each line drawn"
+            raise UnfitInputError("", "the table has no lines", remedy)
     scale = options.scale_mm_per_unit
     unit = "mm" if scale is None else "as given"
     table = np.array(rows) * (1.0 if scale is None else scale)
@@ -301,7 +303,8 @@ def _row(number: int, line: str, cells: list[str]) -> list[float]:
         values, width = [], math.nan
     has_width = len(cells) == 5 and bool(cells[4])
     if len(cells) not in (4, 5) or not all(map(math.isfinite, values)) or len(values) != 4:
-        raise BadInputError(f"line {number}", line, "x1,y1,x2,y2[,width], finite numbers")
+        problem = f"{shortened(line)!r} is not four finite numbers and, if there is one, a width"
+        raise UnfitInputError(f"line {number}", problem, "write x1,y1,x2,y2[,width]")
     if has_width and not (math.isfinite(width) and width > 0.0):
         raise BadInputError(f"line {number}: width", cells[4], "a width above 0, or nothing")
     return [*values, width]

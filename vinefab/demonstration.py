@@ -41,10 +41,7 @@ from vinefab.search.settings import (
 )
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 
-_FIRST_UNSEEN = 100_001
 _POSES = 3
-_PIECES = 3
-"""Most flat pieces of the winner: two joints are an hour's work."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +74,7 @@ class DemoSettings:
         winner has a size that a person can cut, mount and deploy on a bench. It may be cut in three
         pieces.
         """
+        pieces = 3  # most flat pieces of the winner: two joints are an hour's work
         return RunSettings(
             name="demo_winner",
             maps=MapSettings(environment="grid", count=self.training, seed=self.seed),
@@ -89,7 +87,7 @@ class DemoSettings:
                 growth_percent=Bounds(low=60.0, high=140.0),
             ),
             build=BuildSettings(
-                trunk_width_mm=24.0, width_ratio=0.65, pieces=PieceSettings(most=_PIECES)
+                trunk_width_mm=24.0, width_ratio=0.65, pieces=PieceSettings(most=pieces)
             ),
             search=SearchSettings(
                 population=self.population, generations=self.generations, seed=self.seed
@@ -158,8 +156,9 @@ def run_demo(
         f"{counted(run.search.generations, 'generation')} "
         f"of {counted(run.search.population, 'design')}"
     )
+    first_unseen = 100_001
     unseen = tuple(
-        grid_map(_FIRST_UNSEEN + settings.seed + index, GridOptions())
+        grid_map(first_unseen + settings.seed + index, GridOptions())
         for index in range(settings.unseen)
     )
     precompile((*needed_code(run, training_maps(run)), *PREDICTION))

@@ -26,9 +26,6 @@ LONG_TAILS = 4.0
 PAIRED_TAILS = 1.0
 """The same of differences of two designs on the same maps: what stops both cancels."""
 
-_ALIKE = 1e-12
-"""Values that differ by no more, over the largest of them, are equal up to rounding."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumberRange:
@@ -214,7 +211,9 @@ def degrees_of(count: int, tails: float = LONG_TAILS) -> float:
 
 def _error(sample: Floats) -> float:
     """Return the standard error of the mean; 0 for one value, or for values that are alike."""
-    if np.ptp(sample) <= _ALIKE * np.abs(sample).max():
+    # Values that differ by no more, over the largest of them, are equal up to rounding.
+    alike = 1e-12
+    if np.ptp(sample) <= alike * np.abs(sample).max():
         return 0.0
     return float(sample.std(ddof=1)) / math.sqrt(len(sample))
 

@@ -65,9 +65,6 @@ FAILED_PERCENT = 10.0
 
 HARDLY_GROWN, NOTHING_TOUCHED = "grows less than a tenth of its length", "touches no target"
 
-_MANY = 0.1
-"""From this share of failures on, they are bad news."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Failures:
@@ -95,12 +92,13 @@ class Failures:
         """The count, and the share with its interval over maps."""
         low, high = clopper_pearson(self.share, self.samples)
         number = Number(self.share, "%", ".1f", (low, high), per=0.01, over=self.over)
+        many = 0.1  # from this share of failures on, they are bad news
         return Fact(
             "fails completely",
             f"{self.failed} of {self.deployments}",
             "failed",
             f"{number.text}; {self.what}",
-            "bad" if self.share >= _MANY else "caution" if self.failed else "plain",
+            "bad" if self.share >= many else "caution" if self.failed else "plain",
             {"deployments": self.failed, "percent": round(100.0 * self.share, 1),
              "percent_low": round(100.0 * low, 1), "percent_high": round(100.0 * high, 1)},
             "simulated",

@@ -19,9 +19,6 @@ MOST_SEGMENTS = 100_000
 Place = tuple[float, float]
 """x and y, mm."""
 
-_STRAIGHT_RAD = 1e-9
-"""A line that turns by less goes straight on."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawnBranch:
@@ -263,9 +260,10 @@ class _Walk:
     ) -> tuple[DrawnBranch, float]:
         """Return the branch along some nodes, and its heading at its end."""
         kept = [nodes[0]]
+        straight_rad = 1e-9  # A line that turns by less goes straight on
         for node, after in pairwise(nodes[1:]):
             turn = _turn(self._heading(kept[-1], node), self._heading(node, after))
-            if abs(turn) > _STRAIGHT_RAD:
+            if abs(turn) > straight_rad:
                 kept.append(node)
         kept.append(nodes[-1])
         headings = [self._heading(one, two) for one, two in pairwise(kept)]

@@ -186,11 +186,6 @@ def are_valid(polygons: NDArray[np.object_]) -> NDArray[np.bool_]:
     return valid
 
 
-_MOST_CROSSINGS = 5e7
-"""Corners of an outline times the walls of it that a line across meets, on average. What sweeps
-across an outline takes as long as that: at the limit some seconds to validate and to clip."""
-
-
 _SIMPLER = "a simpler outline: import the drawing again (vinefab map import --simplify-mm)"
 
 
@@ -202,7 +197,10 @@ def refuse_jagged(key: str, polygon: Polygon, allowed: str = _SIMPLER) -> None:
     steps = np.abs(np.diff(shapely.get_coordinates(polygon), axis=0)).sum(axis=0)
     x0, y0, x1, y1 = polygon.bounds
     crossed = float((steps / np.maximum([x1 - x0, y1 - y0], 1e-9)).max())
-    if corners * crossed > _MOST_CROSSINGS:
+    # Corners of an outline times the walls of it that a line across meets, on average. What sweeps
+    # across an outline takes as long as that: at the limit some seconds to validate and to clip.
+    most_crossings = 5e7
+    if corners * crossed > most_crossings:
         given = f"{counted(corners, 'corner')}, {counted(round(crossed), 'wall')} across"
         raise BadInputError(key, given, allowed)
 
@@ -241,12 +239,9 @@ _PARTS = re.compile(
     r"[\s,;]*(?:(?P<either>\+/?-|±)|(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)"
     r"|(?P<word>[^\W\d]+)|(?P<rest>\S))"
 )
-_MOST_LETTERS = 10_000
-_MOST_SHOWN = 120
 _SLACK_MM = 1e-6
 """A line just as far from a wall as asked for is far enough."""
 
-_SEGMENTS_PER_QUARTER = 32
 _DECIMALS = 6
 _ALL = 0.995
 
@@ -500,7 +495,8 @@ def start_from(text: str, key: str = "start") -> AnyStart:
     BadInputError
         If the words are no start.
     """
-    if not isinstance(text, str) or len(text) > _MOST_LETTERS:
+    most_letters = 10_000
+    if not isinstance(text, str) or len(text) > most_letters:
         raise BadInputError(key, text, START_WAYS)
     said = _Said.of(text, key)
     places = [name for name in said.numbers if name in (*SIDES, "line", "area", "pose")]
@@ -704,7 +700,8 @@ def start_words(start: Start) -> str:
         return words
     spread = f"+-{deg(start.spread_heading_rad):g}" if start.spread_heading_rad else ""
     drawn = f"{_shape_text(start.area)}, heading {pose.heading_deg:g}{spread}"
-    return f"{shortened(drawn, _MOST_SHOWN)} (one growth: {words})"
+    most_shown = 120
+    return f"{shortened(drawn, most_shown)} (one growth: {words})"
 
 
 # --- On a map -------------------------------------------------------------------------------------
@@ -771,8 +768,9 @@ def start_pieces(
         raise UnfitInputError("start", "a pose has no area", "give a side, a line or an area")
     clear_mm = max(start.clearance_mm, clearance_mm)
     near = shapely.intersection(free, _box_around(area, clear_mm))
+    segments_per_quarter = 32
     if clear_mm > _SLACK_MM:
-        near = shapely.buffer(near, _SLACK_MM - clear_mm, quad_segs=_SEGMENTS_PER_QUARTER)
+        near = shapely.buffer(near, _SLACK_MM - clear_mm, quad_segs=segments_per_quarter)
     parts = shapely.get_parts(shapely.intersection(area, near)).tolist()
     pieces = [part for part in parts if isinstance(part, type(area)) and not part.is_empty]
     if not pieces:

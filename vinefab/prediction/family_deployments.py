@@ -576,7 +576,6 @@ def stop_table(label: str, deployments: Sequence[Deployment]) -> Rows:
 ENOUGH_FOR_BARS = 20
 """Fewer values are shown one by one."""
 
-_BINS = 24
 _PITCH, _TALLEST = 1.3, 0.62
 """From row to row, and the tallest bar of a row: what is left holds its name."""
 
@@ -596,10 +595,11 @@ def spread_chart(measure: Measure, values: Mapping[str, Floats]) -> Page:
         y_grid=False,
     )
     ticks: dict[float, str] = {}
+    bins = 24
     for row, (name, column) in enumerate(known.items()):
         base, colour, most = row * _PITCH, series_colour(row), 0
         if len(column) >= ENOUGH_FOR_BARS and high > low:
-            counts, edges = np.histogram(column, bins=_BINS, range=(low, high))
+            counts, edges = np.histogram(column, bins=bins, range=(low, high))
             most = int(counts.max())
             tops = base - _TALLEST * counts / most
             sides = zip(edges[:-1].tolist(), edges[1:].tolist(), tops.tolist(), strict=True)
@@ -661,8 +661,6 @@ class HeatMap:
 
 POSES = 200
 
-_CELLS = 320
-"""Cells along the longer side of the map."""
 
 LEAST_SPREAD_MM, LEAST_SPREAD_DEG = 10.0, 15.0
 """Poses vary by so much where a map gives its starts no range [assumed]."""
@@ -691,7 +689,8 @@ def heat_map_of(
     batch = Batch(Plans.of([design], trials.options), launches, trials.options)
     deployments = batch.deployments()
     x_min, y_min, x_max, y_max = world.bounds.bounds
-    low_mm, cell_mm = (x_min, y_min), max(world.size_mm) / _CELLS
+    cells = 320  # cells along the longer side of the map
+    low_mm, cell_mm = (x_min, y_min), max(world.size_mm) / cells
     shape = math.ceil((y_max - y_min) / cell_mm), math.ceil((x_max - x_min) / cell_mm)
     passed = np.zeros(shape)
     for deployment in deployments:
@@ -812,9 +811,6 @@ def heat_plan(heat: HeatMap) -> Page:
 
 # --- What it takes to get a result again ----------------------------------------------------------
 
-_MOST_NAMED = 12
-"""Maps of a family are listed one by one up to so many."""
-
 
 def origin_of(
     command: str,
@@ -833,9 +829,10 @@ def origin_of(
     for design in designs:
         if seen := RunContext.of(design).seen_words(worlds):
             inputs[f"training of {design.name}"] = seen
+    most_named = 12  # maps of a family are listed one by one up to so many
     for family in families:
         prints = [map_fingerprint(world) for world in family.worlds]
-        if len(prints) <= _MOST_NAMED:
+        if len(prints) <= most_named:
             inputs |= {
                 f"map {index}: {world.name}": found
                 for index, (world, found) in enumerate(zip(family.worlds, prints, strict=True), 1)

@@ -36,7 +36,6 @@ from vinefab.search.fix import (
 MARGINS = (0.005, 0.02, 0.05)
 """How much stricter than the check the search is, one after the other until the check passes."""
 
-_MOST_ROUNDS = 6
 LARGE_CHANGE = 1.0
 """Weighted size of a change from which on removing branches is worth a thought."""
 
@@ -239,7 +238,8 @@ class _Rounds:
         """Yield the designs of a stage, from the first one found, each for stricter targets."""
         margins, window_share = iter(MARGINS), 1.0
         margin = next(margins)
-        for number in range(_MOST_ROUNDS):
+        most_rounds = 6
+        for number in range(most_rounds):
             if number:
                 targets = self.targets(margin, window_share)
                 found = fix_in_step(self.design, targets, (stage,)).get(stage)

@@ -73,7 +73,6 @@ LEFT_OUT = (
 MOST_CORNERS = 200_000
 """Of a simulated pattern: 2 GB of memory and about a minute."""
 
-_PLAN_PT = 340.0
 _OTHER = {"inflation": "none", "none": "inflation"}
 _HOW = {
     "inflation": "compensated",
@@ -494,8 +493,9 @@ def inflation_sheet(found: InflatedDesign) -> Page:
     )
     (x0, y0), (x1, y1) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
     panels = []
+    plan_pt = 340.0
     for shape, outline in zip(shapes, outlines, strict=True):
-        panel = plan_panel((x0, y0, x1, y1), _PLAN_PT)
+        panel = plan_panel((x0, y0, x1, y1), plan_pt)
         panel.title = (
             f"{found.design.name} at {found.pressure_kpa:g} kPa\n{shape.how}\n"
             f"tips off {_off_words(shape)} (simulated)"

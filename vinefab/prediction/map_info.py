@@ -47,14 +47,9 @@ from vinefab.pages.plan import UNSEEN_DETAIL, draw_map, draw_pose, page_bytes
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import pose_text
 
-_HALVINGS = 7
 COARSE = 0.01
 """The widest bodies are known to about 1 % of the one that just fits at the start: walls are
 smoothed by so much, and the range is halved so often."""
-
-
-_MOST_NAMED = 5
-"""Obstacles that reach over the bounds, by number in one line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,11 +101,12 @@ def widest_bodies(free: BaseGeometry, starts: tuple[StartRoom, ...]) -> dict[flo
         return float(_swept(home, start, radius_mm).area / free.area)
 
     found = dict[float, float | None]()
+    halvings = 7  # leave `COARSE` of the range
     for share in passage_shares:
         low_mm, high_mm = 0.0, start.clearance_mm
         if share_of(high_mm) >= share:
             low_mm = high_mm
-        for _ in range(_HALVINGS if low_mm < high_mm else 0):
+        for _ in range(halvings if low_mm < high_mm else 0):
             middle_mm = 0.5 * (low_mm + high_mm)
             if share_of(middle_mm) >= share:
                 low_mm = middle_mm
@@ -254,13 +250,14 @@ class MapInfo(Result):
         )
         yield Data({"environment": world.environment, "seed": world.seed, "standing": "computed"})
         yield Notes(tuple(f"note: {note}" for note in import_notes(world)))
+        most_named = 5  # obstacles that reach over the bounds, by number in one line
         yield Rows(
             caption="reach over the bounds, and do nothing there (computed)",
             headings=("obstacle", "of it"),
             rows=tuple((n, share(part, form=".3g")) for n, part in self.outside.items()),
             key="obstacles_outside",
             keys=("obstacle", "share"),
-            most=_MOST_NAMED,
+            most=most_named,
         )
         yield Rows(
             caption="narrowest passages (computed); body: lay-flat width of the widest that fits",

@@ -477,9 +477,6 @@ FIRST_SEARCH = 5_000
 JUDGED_DRAWS = 1_024
 """Draws at which the poses of several searches are held against each other."""
 
-_GOLDEN = 0.618034
-"""Multiples of the golden section shift the grids of searches evenly."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PoseLandscape:
@@ -640,7 +637,8 @@ def _search_from(
         more = scored(field_.poses, draws.part(field_.draws, until))
         return _Field(field_.poses, field_.total + more.sum(axis=1), until)
 
-    phase = start * _GOLDEN % 1.0
+    golden = 0.618034  # multiples of the golden section shift the grids of searches evenly
+    phase = start * golden % 1.0
     landscape = _landscape(scored, region, draws, OVERALL * deployments, phase)
     flat = landscape.scores.ravel()
     known = np.isfinite(flat)

@@ -397,7 +397,6 @@ def _courses_of(
 
 
 _HEIGHTS = (0.5, 0.02, 0.98)
-_RIM_MM = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -431,7 +430,8 @@ def compare_with_map(rig: Rig, world: Map) -> RigComparison:
     only, not on the plan that they were made from. Walls are upright, which two more cuts confirm;
     so a share of areas is one of volumes.
     """
-    options, rim = rig.options, _RIM_MM / rig.options.scale
+    rim_mm = 0.01
+    options, rim = rig.options, rim_mm / rig.options.scale
     bodies = [_body(part) for part in rig.parts]
     inside = shapely.Polygon(world.bounds.exterior)
     thickened = _areas(rig.thickened)

@@ -419,7 +419,6 @@ class RigFiles(RigRecord, Result):
 
 
 SHEET_MARGIN_MM = 5.0
-_DIGIT_MM = 8.0
 
 
 def board_jobs(
@@ -437,6 +436,7 @@ def board_jobs(
     gap_mm = 0.1 if options.clearance_mm is None else options.clearance_mm
     jobs = []
     smallest_digit_mm = 2.0
+    digit_mm = 8.0
     for number, tile in enumerate(_sheets(plate, outlines, options), 1):
         shapely.prepare(tile)
         near = [piece for piece in pieces if tile.intersects(piece.outline)]
@@ -453,7 +453,7 @@ def board_jobs(
                 fits_mm = 1.6 * circle.length / math.hypot(1.0, 0.9 * len(text))
                 if fits_mm >= smallest_digit_mm:
                     at = shapely.get_coordinates(circle)[0].tolist()
-                    lines += centred(strokes(text, min(_DIGIT_MM, fits_mm)), *at)
+                    lines += centred(strokes(text, min(digit_mm, fits_mm)), *at)
             marks += _lines_within(tile, lines)
         holes = [peg for peg in pegs if tile.intersects(shapely.Point(peg.x_mm, peg.y_mm))]
         marks += _lines_within(tile, markers.marks)

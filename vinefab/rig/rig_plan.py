@@ -31,7 +31,6 @@ Polygons = NDArray[np.object_]
 MOST_CORNERS = 10_000
 """Of a map that becomes a rig: half a minute of work, and finer than any printer makes."""
 
-_ROUNDS = 5
 _MITRE_LIMIT = 5.0
 
 
@@ -99,7 +98,8 @@ def bridged(pieces: Polygons, within: BaseGeometry, radius_mm: float) -> tuple[P
     cannot say on which side each belongs: four triangles meet at one edge.
     """
     bridges = 0
-    for _ in range(_ROUNDS):
+    rounds = 5
+    for _ in range(rounds):
         points = touching_points(pieces)
         if not len(points):
             break
@@ -455,9 +455,6 @@ def tabs_of(seam: TileSeam, plate: BaseGeometry, solids: shapely.STRtree) -> lis
     return chosen
 
 
-_HAIR_MM = 1e-9
-
-
 def cut_costs_mm(solids: Polygons, axis: int, at_mm: Floats, even_mm: float) -> Floats:
     """Return the costs of cutting polygons along straight lines, in millimetres of cut obstacle.
 
@@ -479,7 +476,8 @@ def cut_costs_mm(solids: Polygons, axis: int, at_mm: Floats, even_mm: float) -> 
     count = count - np.searchsorted(near, at_mm - guard_mm)
     # A hair on, where the line runs along an edge: there is an obstacle on one side only.
     ends = np.empty((len(at_mm), 2, 2))
-    ends[:, :, axis] = at_mm[:, None] + _HAIR_MM
+    hair_mm = 1e-9
+    ends[:, :, axis] = at_mm[:, None] + hair_mm
     across = corners[:, 1 - axis]
     ends[:, :, 1 - axis] = across.min(initial=0.0), across.max(initial=0.0)
     lines = np.asarray(shapely.linestrings(ends), dtype=np.object_)

@@ -197,7 +197,6 @@ STROKE_MM = 1.0
 """Width of the grooves: the printer bridges over them without supports."""
 
 _DIGIT_MM, _ARROW_MM, _APART_MM = 10.0, 14.0, 5.0
-_SMALLEST = 0.4
 
 
 def engraved_marks(number: int, plate: Polygon, *, from_below: bool = True) -> Polygons:
@@ -214,7 +213,8 @@ def engraved_marks(number: int, plate: Polygon, *, from_below: bool = True) -> P
     diagonal_mm = ((x_max - x_min) ** 2 + (y_max - y_min) ** 2) ** 0.5
     room_mm = 1.5
     size = min(1.0, 2.0 * (circle.length - room_mm) / diagonal_mm)
-    if size < _SMALLEST:
+    smallest = 0.4
+    if size < smallest:
         return polygon_parts(Polygon())
     moved = translate(_block(number, size, from_below=from_below), x_mm, y_mm)
     return polygon_parts(shapely.set_precision(moved, GRID_MM))

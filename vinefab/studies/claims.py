@@ -220,8 +220,6 @@ def _student(
     )
 
 
-_LEVEL = 0.05
-
 ClaimKind = Literal["of the paper", "our threshold", "calibrated"]
 """The source: the paper; the paper, but with a limit that is ours; or none any more, because
 the maps were set so that it comes out. Only the first kind is counted as held or not."""
@@ -328,7 +326,8 @@ def held_corrected(findings: Sequence[StudyResult]) -> int:
     """Return the number of claims that hold with p corrected for their number (Holm)."""
     tested = [claim.tested for claim in counted_claims(findings)]
     corrected = holm([found.p for found in tested])
-    return sum(found.held and p < _LEVEL for found, p in zip(tested, corrected, strict=True))
+    level = 0.05
+    return sum(found.held and p < level for found, p in zip(tested, corrected, strict=True))
 
 
 def interval_text(found: ConfidenceInterval, digits: int = 3) -> str:

@@ -280,13 +280,6 @@ def _fit_some(paths: Sequence[GrownPath], known: Mapping[str, float]) -> dict[st
 _STRAINS = (0.002, 0.005, 0.01, 0.02, 0.035, 0.05, 0.075, 0.1, 0.14, 0.2, 0.3, 0.5, 0.7)
 """Strains at which joints are simulated; between them angles are interpolated, beyond them kept."""
 
-_SIMULATED_DEG = 0.4
-"""By how much simulated angles differ with the mesh."""
-
-
-_MOST_KEPT = 1.1
-"""Largest strain, over the largest simulated, at which angles still count as those there."""
-
 
 _COMPLIANCE = "stretch"
 
@@ -417,13 +410,12 @@ def fit_closing(
     remarks = []
 
     def solved(modulus_mpa: float) -> Estimate:
+        simulated_deg = 0.4  # by how much simulated angles differ with the mesh
         equations = [
             Equation(
                 factors={"gain": bend.simulated_deg(modulus_mpa) - bend.flat_deg},
                 value=bend.deployed_deg - bend.flat_deg,
-                sigma=None
-                if bend.sigma_deg is None
-                else math.hypot(bend.sigma_deg, _SIMULATED_DEG),
+                sigma=None if bend.sigma_deg is None else math.hypot(bend.sigma_deg, simulated_deg),
             )
             for bend in bends
         ]
@@ -481,7 +473,9 @@ def _unmeasured(results: Results, profile: LaserProfile) -> tuple[float, tuple[f
             " too (rows joint_girth)",
         )
     found, most_load = stretched
-    if found.value * most_load > _MOST_KEPT * _STRAINS[-1]:
+    # Largest strain, over the largest simulated, at which angles still count as those there.
+    most_kept = 1.1
+    if found.value * most_load > most_kept * _STRAINS[-1]:
         allowed = f"at most {_STRAINS[-1]:g}: measure girths and angles at less pressure"
         raise BadInputError("hoop strain", f"{found.value * most_load:.2g}", allowed)
     # Angles are kept beyond the strains that are simulated: no modulus farther out matters.

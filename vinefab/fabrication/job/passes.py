@@ -25,7 +25,6 @@ from vinefab.outline.ends import OpenEnd
 from vinefab.outline.joint import LEAST_ARC_RADIUS_MM
 
 _OPERATIONS = tuple(Operation)
-_MEETS_MM = 1e-6
 
 
 def closes(contour: Contour) -> bool:
@@ -39,7 +38,8 @@ def closes(contour: Contour) -> bool:
     last, along = contour.points_mm[-1], end - start
     share = float(np.dot(last - start, along) / np.dot(along, along))
     foot = start + share * along
-    return len(contour) > 2 and -1e-9 <= share <= 1.0 and math.dist(foot, last) < _MEETS_MM
+    meets_mm = 1e-6
+    return len(contour) > 2 and -1e-9 <= share <= 1.0 and math.dist(foot, last) < meets_mm
 
 
 def frees(path: LaserPath) -> bool:

@@ -239,7 +239,6 @@ Cells = NDArray[np.bool_]
 APART_MM = 8.0
 """Film left between two robots: for their heat, and for marks (assumed)."""
 
-_CELL_MM = 2.0
 _SAMPLES, _SAMPLES_AT_ONCE = 160, 10
 _SPREAD = np.arange(_SAMPLES) * 61 % _SAMPLES  # 61 and 160 have no common factor
 _TURNS = 24
@@ -291,7 +290,8 @@ class _Bed:
     def __init__(self, room_mm: tuple[float, float]) -> None:
         self.room_mm = room_mm
         most_cells = 400_000
-        self.cell_mm = max(_CELL_MM, math.sqrt(room_mm[0] * room_mm[1] / most_cells))
+        cell_mm = 2.0
+        self.cell_mm = max(cell_mm, math.sqrt(room_mm[0] * room_mm[1] / most_cells))
         self.near_mm = APART_MM / 2.0 + self.cell_mm * math.sqrt(0.5)
         self.rim = math.ceil(self.near_mm / self.cell_mm) + 1
         shape = [self.counted(side) for side in reversed(room_mm)]

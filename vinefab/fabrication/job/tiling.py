@@ -39,7 +39,6 @@ from vinefab.outline.joint import Point
 OVERLAP_MM = 12.0
 """Overlap of paths where they are parted, half of it on each side."""
 
-_STEP_MM = 25.0
 _MEETS_MM = 1e-6
 
 Range = tuple[float, float]
@@ -105,10 +104,11 @@ def stations_mm(axes: BranchAxes, contours: Sequence[Contour]) -> list[list[floa
     found: list[list[float]] = [[] for _ in axes.names]
     from_bend_mm = 10.0  # least distance between a parting and a joint, tip, pouch or collar
     clear = from_bend_mm + OVERLAP_MM / 2.0
+    step_mm = 25.0
     for (row, _), ranges in allowed.items():
         low, high = max(one for one, _ in ranges) + clear, min(two for _, two in ranges) - clear
         if high >= low and len(ranges) == 2 * len(around):
-            count = math.floor((high - low) / _STEP_MM)
+            count = math.floor((high - low) / step_mm)
             step = (high - low) / (count + 1)
             found[row] += [low + step * (k + 0.5) for k in range(count + 1)]
     return [sorted(places) for places in found]
@@ -167,10 +167,6 @@ TARGET_MM = 8.0
 _TARGET_RIM_MM = TARGET_MM / 2.0 + 0.5
 
 
-_RIM_MM = 15.0
-"""Margin around a tile's paths, so that windows overlap enough to share targets."""
-
-
 @dataclass(slots=True)
 class FilmTile:
     """One window onto the film."""
@@ -209,7 +205,9 @@ def film_tiles(
     def fits(box: Box) -> bool:
         """Whether a box and the overlaps around it fit a window."""
         across, up = box[2] - box[0], box[3] - box[1]
-        spare = 2.0 * _RIM_MM
+        # Margin around a tile's paths, so that windows overlap enough to share targets.
+        rim_mm = 15.0
+        spare = 2.0 * rim_mm
         return across <= room_mm[0] - spare and (pass_through or up <= room_mm[1] - spare)
 
     grown = _grown(axes, places, boxes, fits)
@@ -393,8 +391,6 @@ LEAST_APART_MM = 50.0
 _BESIDE_MM = (15.0, 30.0, 60.0, 120.0, 180.0, 240.0)
 """Distances from the robot's box within which targets are placed, before all of the window is."""
 
-_GRID_MM = 5.0
-
 TARGET = "registration target"
 """Label of the lines of a registration target."""
 
@@ -506,8 +502,9 @@ def free_grid(box: Box, taken: shapely.Geometry) -> Floats:
     """Return points of a grid over a box where a target is clear of all that is taken, (n, 2)."""
     if box[2] < box[0] or box[3] < box[1]:
         return np.empty((0, 2))
+    grid_mm = 5.0
     across, up = (
-        np.linspace(low, high, max(2, math.ceil((high - low) / _GRID_MM) + 1))
+        np.linspace(low, high, max(2, math.ceil((high - low) / grid_mm) + 1))
         for low, high in ((box[0], box[2]), (box[1], box[3]))
     )
     grid: Floats = np.stack(np.meshgrid(across, up), axis=-1).reshape(-1, 2)

@@ -31,8 +31,6 @@ from vinefab.model.outline import Contour
 from vinefab.model.tree import Partition
 
 _COLUMNS = ("item", "value", "unit", "standing", "basis")
-_G_PER_KG = 1000.0
-_MM3_PER_M3 = 1e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -241,7 +239,9 @@ def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
     film, area = profile.material, body_area_mm2(job)
     width, height = film_piece_mm(job, profile)
     mass_g = area * film.plies * film.ply_mm.value * film.density_kg_m3.value
-    mass_g *= _G_PER_KG / _MM3_PER_M3
+    g_per_kg = 1000.0
+    mm3_per_m3 = 1e9
+    mass_g *= g_per_kg / mm3_per_m3
     mass_basis = (
         f"area x {counted(film.plies, 'ply')} x {film.ply_mm.value:g} mm ({film.ply_mm.standing})"
         f" x {film.density_kg_m3.value:g} kg/m3 ({film.density_kg_m3.standing})"

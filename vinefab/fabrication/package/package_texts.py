@@ -59,8 +59,6 @@ from vinefab.model.laser import (
 from vinefab.model.tree import Partition
 from vinefab.physics.tube import lap_load_n_mm
 
-_WIDTH = 96
-
 
 def readme_text(
     design: Design,
@@ -287,6 +285,7 @@ def plain_document(markup: str) -> str:
     2. two
     """
     blocks = []
+    width = 96
     for is_blank, block in groupby(markup.splitlines(), key=lambda line: not line.strip()):
         if is_blank:
             continue
@@ -316,7 +315,7 @@ def plain_document(markup: str) -> str:
             laid_out.append(
                 fill(
                     text,
-                    width=_WIDTH,
+                    width=width,
                     initial_indent=lead,
                     subsequent_indent=" " * len(lead),
                     break_on_hyphens=False,

@@ -87,7 +87,6 @@ PACKAGE_MARK = "job.json"
 """The file by which the folder of a package is recognized."""
 
 _FIRST_DATE = (1980, 1, 1, 0, 0, 0)
-_UNIX = 3
 _PLAIN_FILE = 0o100644 << 16
 
 
@@ -272,10 +271,11 @@ def zip_bytes(files: Mapping[str, bytes], folder: str) -> bytes:
     The files are stored, not compressed: compressors differ from one build to the next.
     """
     stream = io.BytesIO()
+    unix = 3
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
         for name, data in files.items():
             entry = zipfile.ZipInfo(f"{folder}/{name}", _FIRST_DATE)
-            entry.create_system = _UNIX
+            entry.create_system = unix
             entry.external_attr = _PLAIN_FILE
             archive.writestr(entry, data)
         archive.comment = ROOMY_GENERATOR.encode()

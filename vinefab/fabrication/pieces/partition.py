@@ -449,9 +449,6 @@ _ORDERS = 8
 
 TOO_LARGE = "do not fit the bed in one piece"
 
-_MOST_ROUNDS = 300
-"""Times that cuts are looked for again after a rule found something on a piece."""
-
 
 def partition_of(
     design: Design,
@@ -554,7 +551,9 @@ class _Cutter:
         weights = {row: sleeve.width_mm for row, sleeve in self.sleeves.items()}
         # The same once more pieces are needed than the design allows: then only the report gains.
         rounds_beyond = 8
-        for _ in range(_MOST_ROUNDS):
+        # Times that cuts are looked for again after a rule found something on a piece.
+        most_rounds = 300
+        for _ in range(most_rounds):
             found = multicut([conflict.clause for conflict in conflicts], weights)
             if found.broken:
                 return flat or self._uncut(conflicts, found)

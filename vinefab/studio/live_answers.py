@@ -38,7 +38,7 @@ from vinefab.pages.plan_svg import (
 from vinefab.prediction.deploy import DeployedDesign, places_text, stayed_text, wedged, without_room
 from vinefab.prediction.measures import worst_pressures_of
 from vinefab.studio.chosen_branch import chosen_branch, labels_of
-from vinefab.studio.state import PAGE, EditedMap, StudioState, pose_content
+from vinefab.studio.state import PAGE, EditedMap, StudioState
 from vinefab.tasks import TASKS, make_task
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.reach import touched_targets
@@ -227,7 +227,7 @@ def _of_source(ground: EditedMap, count: int) -> dict[str, Any]:
     """Return what a map is before the page changes it: what edits of the page start from."""
     starts = ground.world.starts
     return {
-        "pose": pose_content(starts[0].pose) if starts else None,
+        "pose": starts[0].pose.content if starts else None,
         "targets": [target.content for target in ground.world.targets],
         "obstacles": count - ground.more,
     }
@@ -240,7 +240,7 @@ def _grown(
     if start is None:
         return _not_grown(state.design, "the map has no start: put one on it"), None
     place = {
-        "pose": pose_content(start),
+        "pose": start.content,
         "pose_svg": pose_svg(start, 0.055 * max(world.size_mm)),
     }
     if problem := not_followed(state.design):

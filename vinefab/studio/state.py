@@ -166,11 +166,6 @@ def world_of(content: Mapping[str, Any]) -> Map:
         raise error.at(PAGE) from None
 
 
-def pose_content(pose: Pose) -> dict[str, float]:
-    """Return a start as the page has it."""
-    return {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "heading_deg": pose.heading_deg}
-
-
 def start_of(given: object) -> Pose | None:
     """Return the start that the page sent; None where it is the map's own."""
     if given is None:

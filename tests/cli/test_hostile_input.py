@@ -319,7 +319,9 @@ def test_maps_of_such_names_are_described(vinefab, tmp_path, name):
 def test_a_cell_longer_than_the_csv_reader_allows(tmp_path):
     path = tmp_path / "results.csv"
     path.write_text(f"measure,setting,value,unit\n{'a' * 140_000},1,1,mm\n")
-    with pytest.raises(BadInputError, match=r"line 2: line is 'aaa.*field larger") as refused:
+    with pytest.raises(
+        BadInputError, match=r"line 2: the line cannot be read as cells .field larger"
+    ) as refused:
         read_results(path)
     assert len(str(refused.value)) < 300
 
@@ -356,7 +358,7 @@ def test_a_quote_that_does_not_end_hides_no_reading(tmp_path):
     path = tmp_path / "results.csv"
     path.write_text('measure,setting,value,unit\nseam,"weldcut,0.4,mm\n')
     with pytest.raises(
-        BadInputError, match=r"line 2: the line is no row of cells \(.*mend its quotes"
+        BadInputError, match=r"line 2: the line cannot be read as cells \(.*mend its quotes"
     ):
         read_results(path)
 

@@ -112,10 +112,10 @@ def test_a_skeleton_of_comma_separated_lines_is_a_design(tmp_path):
     ("text", "options", "message"),
     [
         (LINES, ["--base", "0,100"], "lines.csv: base: (0, 100) lies in the middle"),
-        (LINES + "9,9,8,x\n", [], "lines.csv: line 6 is '9,9,8,x'"),
+        (LINES + "9,9,8,x\n", [], "lines.csv: line 6: '9,9,8,x' is not four finite numbers"),
         (LINES + "9,9,8,20,-1\n", [], "lines.csv: line 6: width is '-1'"),
         (LINES + "40,180,-60,160\n", [], "lines close a loop"),
-        ("", [], "lines.csv: lines is missing"),
+        ("", [], "lines.csv: the table has no lines"),
         (LINES, ["--from", "plain_vine"], "--skeleton: a drawing makes a new design alone"),
         (LINES, ["--snap-mm", "0"], "snap"),
     ],

@@ -789,7 +789,8 @@ def _readings(lines: list[str], path: Path) -> Iterator[Reading]:
         try:
             cells = [cell.strip() for cell in next(csv.reader([line], strict=True))]
         except csv.Error as error:
-            problem, remedy = f"the line is no row of cells ({error})", "mend its quotes"
+            problem = f"the line cannot be read as cells ({error})"
+            remedy = "mend its quotes, or shorten it"
             raise UnfitInputError("", problem, remedy, place) from None
         if not header:
             if not {"measure", "setting", "value", "unit"} <= set(cells) <= set(_COLUMNS):

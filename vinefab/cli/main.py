@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from vinefab.cli.commands import Command
     from vinefab.core.verbs import Option
 
-_MOST_LETTERS = 2_000  # of a line that names an error
 EXIT_FINDINGS = 1
 EXIT_BAD_INPUT = 2
 EXIT_UNFORESEEN = 3
@@ -182,7 +181,8 @@ def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:
 
 
 def _print_error(message: str, code: int) -> int:
-    line = shortened(visible(" ".join(message.split())), _MOST_LETTERS)
+    most_letters = 2_000  # of a line that names an error
+    line = shortened(visible(" ".join(message.split())), most_letters)
     with suppress(OSError, AttributeError):  # a closed terminal, a full disk; the code still tells
         sys.stderr.write(f"error: {line}\n")
         sys.stderr.flush()

@@ -41,8 +41,6 @@ from vinefab.model.target import Target, check_targets, target_from, targets_giv
 
 __all__ = ["Map", "Pose", "Start"]
 
-_MANY_OBSTACLES = 1000
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Map:
@@ -110,8 +108,9 @@ class Map:
     @property
     def free_space(self) -> BaseGeometry:
         """Bounds minus obstacles: a Polygon or MultiPolygon, computed anew at each call."""
+        many_obstacles = 1000
         # The second is as exact, and fast for scattered obstacles, but orders its parts otherwise.
-        many = len(self.obstacles) > _MANY_OBSTACLES
+        many = len(self.obstacles) > many_obstacles
         union = shapely.disjoint_subset_union_all if many else shapely.union_all
         return shapely.difference(self.bounds, union(np.array(self.obstacles, dtype=np.object_)))
 
@@ -376,7 +375,6 @@ MAP_SCHEMA = "vinefab/map-1"
 _LARGEST_BYTES = 1 << 30
 _DECIMALS = 6
 """Coordinates are written to 1e-6 mm: below any machine's precision, above rounding noise."""
-_SLACK_MM = 1e-6
 
 
 class _AboutForm(Table):
@@ -534,7 +532,8 @@ def _nested(features: list[dict[str, Any]]) -> tuple[list[Polygon], list[Polygon
         raise BadInputError("features", "no polygons", "at least one polygon, the bounds")
     key, largest = max(named, key=lambda item: Polygon(item[1].exterior).area)
     others = [(name, polygon) for name, polygon in named if polygon is not largest]
-    reach = shapely.buffer(Polygon(largest.exterior), _SLACK_MM)
+    slack_mm = 1e-6
+    reach = shapely.buffer(Polygon(largest.exterior), slack_mm)
     for name, polygon in others:
         if not reach.covers(polygon):
             spot = polygon.difference(reach).representative_point()

@@ -169,9 +169,6 @@ class FrameRecord(Record):
         return cls(front_mm=frame.front_mm, branches=out)
 
 
-_MOST_NAMED = 8
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BranchPlace(Record):
     """A branch and a place on the map."""
@@ -233,7 +230,8 @@ def places_text(title: str, places: tuple[BranchPlace, ...]) -> list[str]:
         return []
     named = [f"{place.branch} at ({place.x_mm:.1f}, {place.y_mm:.1f})" for place in places]
     branch = agreeing(len(named), "branch", "branches")
-    return [f"{title}: {branch} {some_of(named, _MOST_NAMED)} mm"]
+    most_named = 8
+    return [f"{title}: {branch} {some_of(named, most_named)} mm"]
 
 
 def _place(options: GrowthOptions, deployment: Deployment, branch: int, ended: int) -> BranchPlace:

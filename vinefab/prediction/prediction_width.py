@@ -588,8 +588,6 @@ ROBOTS = 40
 ROBOTS_TOGETHER = 8
 """So many are grown at once: what a map costs is paid once for all of them."""
 
-_STREAM = 1703
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PredictionVariant:
@@ -698,9 +696,10 @@ def tolerance(evaluator: VariantEvaluator, seed: int) -> Tolerance:
     """Return how robots of the same design differ when each branch is made a little off."""
     options, tree = evaluator.plan.options, evaluator.design.tree
     rows = []
+    stream = 1703
     for first in each("groups of robots as made", range(0, ROBOTS, ROBOTS_TOGETHER)):
         made = [
-            made_tree(tree, child(seed, _STREAM, robot))
+            made_tree(tree, child(seed, stream, robot))
             for robot in range(first, min(first + ROBOTS_TOGETHER, ROBOTS))
         ]
         rows += [

@@ -29,9 +29,6 @@ FREE_POSE = Pose(x_mm=0.0, y_mm=0.0, heading_rad=np.pi / 2)
 
 LAYER = "skeleton"
 
-_DIGITS = 9
-"""After the point, of a coordinate in mm."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SkeletonBranch:
@@ -139,8 +136,9 @@ def free_chains_mm(tree: BranchTree, pose: Pose) -> list[Floats]:
 
 
 def _rounded(points_mm: Floats) -> list[list[float]]:
+    digits = 9  # after the point, of a coordinate in mm
     # Adding 0 turns a rounded -0.0 into 0.0.
-    return (np.round(points_mm, _DIGITS) + 0.0).tolist()  # type: ignore[no-any-return]
+    return (np.round(points_mm, digits) + 0.0).tolist()  # type: ignore[no-any-return]
 
 
 def _csv(skeleton: Skeleton) -> str:

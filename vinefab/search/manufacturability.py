@@ -562,7 +562,6 @@ def _narrow(evaluator: Evaluator, prepared: PreparedMap, pose: Pose, key: str) -
 MOST_SECONDS, MOST_CHANGES = 4.0, 3
 """Processor time that the changes of a run are tried for, and how many are named."""
 
-_STREAM = 1418
 _POINTS, _ROUNDS, _KEPT, _CHECKED = 256, 4, 24, 4
 """Points of the changed space that are tried, rounds of changes of those with the least penalties,
 how many of them are changed, and how many without penalty are asked for all rules."""
@@ -690,7 +689,8 @@ def has_design(
         refuse_infeasible_space(SpaceQuery.of(settings, penalty.profile, penalty.sheet_mm))
     except BadInputError:
         return False
-    space, rng = Space(settings.space, settings.build), child(0, _STREAM)
+    stream = 1418
+    space, rng = Space(settings.space, settings.build), child(0, stream)
     if len(space) == 0:
         return False
     quick, x = penalty.within(space), rng.random((_POINTS, len(space)))

@@ -211,10 +211,6 @@ def json_object(text: str, path: Path) -> dict[str, Any]:
     return content
 
 
-_LONGEST_PATH = 1024
-_LONGEST_NAME = 255
-
-
 def path_inside(
     key: str,
     given: object,
@@ -239,14 +235,16 @@ def path_inside(
     BadInputError
         If it leads elsewhere, or is not a path.
     """
+    longest_name = 255
     try:
         path = path_given(key, given)
-        too_long = any(len(part.encode()) > _LONGEST_NAME for part in path.parts)
+        too_long = any(len(part.encode()) > longest_name for part in path.parts)
     except BadInputError as error:
         raise error.at(source) from None
     except UnicodeEncodeError:  # halves of letters
         too_long = True
-    if too_long or len(str(given)) > _LONGEST_PATH:
+    longest_path = 1024
+    if too_long or len(str(given)) > longest_path:
         raise UnfitInputError(key, "the path is too long", "shorten it", source)
     real = Path(os.path.realpath((base or folders[0]) / path))
     if not is_inside(real, (*folders, *shipped)):

@@ -184,11 +184,16 @@ OPTIMIZED = (
     "grid_explorer_pieces",
     "cave_explorer",
     "cave_explorer_pieces",
-    "grid_explorer_levels",
-    "grid_explorer_pieces_levels",
-    "cave_explorer_levels",
-    "cave_explorer_pieces_levels",
     "six_branch_anchor",
+    *(
+        pytest.param(name, marks=pytest.mark.thorough)
+        for name in (
+            "grid_explorer_levels",
+            "grid_explorer_pieces_levels",
+            "cave_explorer_levels",
+            "cave_explorer_pieces_levels",
+        )
+    ),
 )
 
 

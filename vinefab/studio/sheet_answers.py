@@ -38,7 +38,8 @@ from vinefab.studio.pattern_answers import cut_notes
 from vinefab.studio.state import PAGE, StudioState
 
 _SHOWN = (
-    "title", "severity", "message", "measured", "limit", "unit", "branches", "fingerprint", "waived"
+    "title", "severity", "message", "measured", "limit", "unit", "branches", "names", "fingerprint",
+    "waived"
 )  # fmt: skip
 """Values of a finding as they stand in its content."""
 

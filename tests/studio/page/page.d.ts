@@ -346,7 +346,7 @@ type CutNote = { kind: string; text: string; about: string };
 
 type Finding = {
   rule: string; title: string; reason: string; severity: Severity; message: string;
-  measured: number | null; limit: number | null; unit: string; branches: string[]; at_mm: number[] | null; marker: string;
+  measured: number | null; limit: number | null; unit: string; branches: string[]; names: string[]; at_mm: number[] | null; marker: string;
   fingerprint: string; waived: boolean; waiver_reason: string;
 };
 
@@ -420,7 +420,7 @@ type WrittenAnswer = {
 };
 type WrittenFinding = {
   id: string; severity: Severity; title: string; message: string; measured: number | null; limit: number | null; unit: string;
-  branches: string[]; x_mm: number | null; y_mm: number | null; marker_wkt: string; fingerprint: string; waived: boolean; reason: string;
+  branches: string[]; names: string[]; x_mm: number | null; y_mm: number | null; marker_wkt: string; fingerprint: string; waived: boolean; reason: string;
 };
 type ExportAnswer = CommandsAnswer | WrittenAnswer;
 

@@ -442,7 +442,7 @@ export function mount(root, app) {
     const word = finding.waived ? "waived" : WORDS[finding.severity];
     const sign = svgEl("svg", { class: `mark ${finding.severity}`, viewBox: "-8 -8 16 16", width: 14, height: 14, "aria-hidden": "true" },
       svgEl("path", { class: "sign", d: path }));
-    const head = button([sign, el("span", { class: "word" }, word), el("span", { class: "rule" }, finding.rule), el("span", { class: "title" }, finding.title, el("span", { class: "who" }, who(finding.branches)))],
+    const head = button([sign, el("span", { class: "word" }, word), el("span", { class: "rule" }, finding.rule), el("span", { class: "title" }, finding.title, el("span", { class: "who" }, who(finding.names.length ? finding.names : finding.branches)))],
       () => choose(index, true), { "aria-expanded": String(isOpen), class: "finding-head" });
     return el("li", { class: `${finding.severity}${finding.waived ? " waived" : ""}${isOpen ? " open" : ""}`, "data-key": `${index} ${finding.fingerprint}`, "data-rule": finding.rule },
       head, isOpen ? detailView(finding) : null);
@@ -455,7 +455,7 @@ export function mount(root, app) {
     const row = (name, text) => rows.push(el("dt", {}, name), el("dd", {}, text));
     if (finding.measured !== null) row("measured", measure(finding.measured, finding.unit, 3));
     if (finding.limit !== null) row("limit", measure(finding.limit, finding.unit, 3));
-    if (finding.branches.length) row("branches", finding.branches.join(", "));
+    if (finding.branches.length) row("branches", (finding.names.length ? finding.names : finding.branches).join(", "));
     row("place", finding.at_mm ? `${number(finding.at_mm[0], 1)}, ${number(finding.at_mm[1], 1)} mm on the sheet` : "the whole robot");
     row("why", finding.reason);
     if (finding.waived) row("waived", finding.waiver_reason);

@@ -45,6 +45,8 @@ fuzz: $(READY)
 	$(BIN)/python tests/attack/kills.py 20
 	$(BIN)/python tests/attack/failing_system.py 2
 	$(BIN)/python tests/attack/connections.py
+	$(BIN)/python tests/attack/readers.py 600
+	$(BIN)/python tests/maps/importers/against_chromium.py 200
 
 thorough: check fuzz outlines
 	$(BIN)/pytest -n 2 -m thorough

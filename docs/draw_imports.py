@@ -46,6 +46,25 @@ def write_dxf(path: Path) -> None:
     drawing.saveas(path)
 
 
+ROOM = (
+    ((0, 0), (800, 0)), ((800, 0), (800, 600)), ((800, 600), (650, 600)),
+    ((550, 600), (0, 600)), ((0, 600), (0, 0)), ((400, 0), (400, 220)), ((400, 340), (400, 600)),
+)  # fmt: skip
+TABLES = ((120, 120, 90, 60), (560, 380, 120, 80))
+"""A room of two halves with a door each, in mm: lines, as they are drawn by hand; and boxes."""
+
+
+def write_room(path: Path) -> None:
+    """Write the lines of a room with door gaps, and tables as closed outlines."""
+    drawing = ezdxf.new("R2010", units=ezdxf.units.MM)
+    for begin, end in ROOM:
+        drawing.modelspace().add_line(begin, end, dxfattribs={"layer": "WALLS"})
+    for x, y, width, depth in TABLES:
+        corners = [(x, y), (x + width, y), (x + width, y + depth), (x, y + depth)]
+        drawing.modelspace().add_lwpolyline(corners, close=True, dxfattribs={"layer": "TABLES"})
+    drawing.saveas(path)
+
+
 def write_survey(path: Path) -> None:
     """Write the areas a hundred times as large, in metres of a reference system."""
     path.unlink(missing_ok=True)
@@ -94,6 +113,7 @@ def write_scan(path: Path) -> None:
 if __name__ == "__main__":
     PLACE.mkdir(exist_ok=True)
     write_dxf(PLACE / "cave.dxf")
+    write_room(PLACE / "room.dxf")
     write_survey(PLACE / "survey.gpkg")
     write_robot_map(PLACE / "world.yaml")
     write_scan(PLACE / "scan.png")

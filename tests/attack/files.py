@@ -317,7 +317,7 @@ def words_of(line: str) -> tuple[str, ...]:
     return tuple(word.replace("|", " ") for word in line.split())
 
 
-def _write_drawings(folder: Path) -> None:
+def write_drawings(folder: Path) -> None:
     """Write the sources of maps, and other small files."""
     texts = {"tiny.toml": RUN, "plan.svg": SVG, "plan.csv": CSV, "plan.geojson": GEOJSON}
     for name, text in (texts | {"results.csv": RESULTS, "mine.txt": "mine"}).items():
@@ -372,7 +372,7 @@ def stock(folder: Path, make: Sequence[str] = MAKE) -> Path:
         text = re.sub(r"(generations|population) = \d+", r"\1 = 3", path.read_text())
         if 'schema = "vinefab/run' in text:
             (folder / "short" / path.name).write_text(text)
-    _write_drawings(folder)
+    write_drawings(folder)
     _write_surveys(folder)
     commands = (
         Attempt(name=line, arguments=words_of(line), folder=str(folder), rewrites=True, cpu_s=99)

@@ -303,3 +303,11 @@ def test_a_large_image_takes_few_bytes_per_cell() -> None:
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 9 * free.size
+
+
+def test_what_yaml_says_in_two_lines_is_one(tmp_path: Path) -> None:
+    path = tmp_path / "world.yaml"
+    path.write_bytes(b"image: world.pgm\nres\x00olution: 0.05\n")
+    with pytest.raises(UnreadableFileError, match="is not YAML: unacceptable character") as caught:
+        import_ros(path, ImportOptions())
+    assert "\n" not in str(caught.value)

@@ -681,10 +681,18 @@ def _drawn_walls(shapes: list[DrawnShape], changes: Changes) -> list[SolidRegion
         if len(points) < 2:
             changes.add("single_points_left_out")
             continue
+        begin_mm, end_mm = (
+            width * changes.frame.scale_mm_per_unit for width in shape.wide or (0.0, 0.0)
+        )
         closed = shape.closed and len(points) > 2
         middle = shapely.LinearRing(points) if closed else shapely.LineString(points)
-        reach_mm = 0.5 * (shape.wide or 0.0) * changes.frame.scale_mm_per_unit
-        area = shapely.buffer(middle, reach_mm, cap_style="flat", join_style="mitre")
+        area = shapely.buffer(middle, 0.5 * begin_mm, cap_style="flat", join_style="mitre")
+        if begin_mm != end_mm:
+            along = (points[-1] - points[0]) / max(math.dist(points[0], points[-1]), 1e-300)
+            aside = 0.5 * np.array([-along[1], along[0]])
+            sides = [points[0] - begin_mm * aside, points[-1] - end_mm * aside]
+            sides += [points[-1] + end_mm * aside, points[0] + begin_mm * aside]
+            area = Polygon(sides)
         found += [
             SolidRegion(polygon=part, where=shape.where, filled=True, wall=True)
             for part in polygons_of(area)

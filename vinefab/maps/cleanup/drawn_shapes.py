@@ -42,7 +42,9 @@ class Drawn(Generic[R]):
     # number of the painted element of an SVG drawing that an outline belongs to, None for others
     paint: int | None = None
     even_odd: bool = False  # whether what a ring encloses twice is outside, as the source says
-    wide: float | None = None  # width of a line that is drawn as wide, in units of the source
+    # widths at both ends of a line that is drawn as wide, in units of the source; only those of a
+    # straight line may differ
+    wide: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

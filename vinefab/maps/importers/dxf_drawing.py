@@ -119,7 +119,7 @@ def _items_of(entity: Any, where: str, heights: "_Heights") -> list[DrawingItem]
         closed=closed,
         filled=filled,
         width=wide or None,
-        wide=wide or None,
+        wide=(wide, wide) if wide else None,
     )
     if wide and max(widths) - min(widths) > 1e-9 * wide:
         return _tapered(entity, item)
@@ -145,27 +145,21 @@ def _widths(entity: Any) -> list[float]:  # noqa: ANN401  of two types
 
 
 def _tapered(entity: Any, whole: DrawingItem) -> list[DrawingItem]:  # noqa: ANN401  of two types
-    """Return the parts of a polyline whose width changes: arcs have the mean of both ends."""
-    items = []
-    copy = entity.copy()
-    for part, (start, end) in zip(copy.virtual_entities(), _pairs(_widths(entity)), strict=False):
-        pieces = _pieces(part, whole.where, _Heights(flatten=True))
+    """Return the parts of a polyline whose width changes: arcs have the mean of both ends.
+
+    With parts that have no width it is the outline that it would be without any, and the others
+    are walls over it.
+    """
+    widths = _pairs(_widths(entity))
+    is_outline = any(start + end == 0.0 for start, end in widths)
+    items = [replace(whole, width=None, wide=None)] if is_outline else []
+    for part, (start, end) in zip(entity.copy().virtual_entities(), widths, strict=False):
         mean = 0.5 * (start + end)
-        if part.dxftype() == "LINE" and start != end and mean:
-            first, last = pieces[0].points[[0, -1]]
-            along = (last - first) / max(math.dist(first, last), 1e-300)
-            aside = 0.5 * np.array([-along[1], along[0]])
-            corners = [
-                first + start * aside,
-                first - start * aside,
-                last - end * aside,
-                last + end * aside,
-            ]
-            ring = Ring(pieces=(Straight(np.array(corners)),))
-            items.append(replace(whole, rings=(ring,), closed=True, filled=True, wide=None))
-        else:
-            ring = Ring(pieces=pieces)
-            items.append(replace(whole, rings=(ring,), closed=False, wide=mean or None))
+        if mean:
+            ring = Ring(pieces=_pieces(part, whole.where, _Heights(flatten=True)))
+            ends = (start, end) if part.dxftype() == "LINE" else (mean, mean)
+            width = None if is_outline else mean
+            items.append(replace(whole, rings=(ring,), closed=False, width=width, wide=ends))
     return items
 
 

@@ -249,7 +249,8 @@ def _read_ros_yaml(path: Path) -> _RosMap:
         where = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
         raise UnreadableFileError(path, f"is not YAML: {where}{error.problem}") from None
     except (yaml.YAMLError, RecursionError) as error:
-        raise UnreadableFileError(path, f"is not YAML: {error}") from None
+        problem = " ".join(str(error).split())
+        raise UnreadableFileError(path, f"is not YAML: {problem}") from None
     if not isinstance(data, dict):
         raise UnreadableFileError(path, "is not a ROS map: no keys such as image and resolution")
     with located(path):

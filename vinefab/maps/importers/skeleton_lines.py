@@ -133,6 +133,8 @@ def _of_drawing(path: Path, options: ImportOptions, chord_mm: float) -> Skeleton
         is_marked: list[bool] = []
         marks = [frame.to_map(np.array(one.place)) for one in drawing.points if _is_base(one.names)]
         for item in drawing.items:
+            if item.wide is not None and item.width is None:
+                continue  # a wall over a part of another item
             if _is_closed(item):
                 middle = _middle_of(item)
                 if not _is_base(item.names):

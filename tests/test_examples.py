@@ -255,6 +255,15 @@ def test_a_drawing_shows_the_cave_that_it_was_made_from(name, tmp_path, monkeypa
     assert world.free_space.area == pytest.approx(free.area, rel=drawn)
 
 
+def test_the_room_of_lines_is_the_space_between_its_walls(tmp_path):
+    source, written = ROOT / "examples" / "imports" / "room.dxf", tmp_path / "room.geojson"
+    walls = ["--wall-mm", "4", "--open", "wall", "--bounds", "box", "--margin-mm", "0"]
+    assert main(["map", "import", str(source), *walls, "--out", str(written), "-q"]) == 0
+    inner_walls, tables, door = 4.0 * (218 + 258), 90 * 60 + 120 * 80, 4.0 * 100
+    area = 796 * 596 + door - inner_walls - tables
+    assert Map.read(written).free_space.area == pytest.approx(area)
+
+
 def test_every_drawing_is_tried():
     kept = {path.name for path in (ROOT / "examples" / "imports").iterdir()}
-    assert kept == {*IMPORTS, "world.png"}
+    assert kept == {*IMPORTS, "room.dxf", "world.png"}

@@ -134,16 +134,8 @@ def import_ros(path: Path, options: ImportOptions) -> Map:
     with located(path):
         image, notes = _image(source.image, path)
     data = read_bytes(image, largest_image_bytes)
-    values, opacity = _read_values(image, data)
-    occupied, free = _classify(values, opacity, source)
-    if source.mode == "trinary" and not source.negate and opacity is None and _is_saved(values):
-        unsure = values == _SAVED_UNKNOWN
-        if (free & unsure).any():
-            notes.append(
-                f"cells of {_SAVED_UNKNOWN} are unknown, as savers of maps write them; read by "
-                f"free_thresh {source.free_thresh:g} they would be free (--unknown free)"
-            )
-        occupied, free = occupied & ~unsure, free & ~unsure
+    occupied, free, doubts = _cells(_read_values(image, data), source)
+    notes += doubts
     facts = {
         "source": path.name,
         "image": image.name,
@@ -173,19 +165,38 @@ def import_ros(path: Path, options: ImportOptions) -> Map:
     return with_notes(replace(world, environment="ros"), *notes)
 
 
+def _cells(image: tuple[Values, Values | None], source: _RosMap) -> tuple[Mask, Mask, list[str]]:
+    """Return the masks of occupied and of free cells, and notes on how they are read."""
+    values, opacity = image
+    saved = source.mode == "trinary" and not source.negate and opacity is None
+    saved = saved and _is_saved(values)
+    occupied, free = _classify(values, opacity, source, saved=saved)
+    if not saved or not _classified(np.array([float(_SAVED_UNKNOWN)]), None, source)[1][0]:
+        return occupied, free, []
+    note = (
+        f"cells of {_SAVED_UNKNOWN} are unknown, as savers of maps write them; read by "
+        f"free_thresh {source.free_thresh:g} they would be free (--unknown free)"
+    )
+    return occupied, free, [note]
+
+
 _SAVED_UNKNOWN = 205
 
 
 def _is_saved(values: Values) -> bool:
     """Return whether an image has the three values that map savers write, unknown and free."""
     if values.dtype == np.uint8:
-        held = set(np.flatnonzero(np.bincount(values.ravel(), minlength=256)).tolist())
+        # Row by row: `bincount` copies what it counts as 8-byte integers.
+        counts = sum(np.bincount(row, minlength=256) for row in values)
+        held = set(np.flatnonzero(counts).tolist())
     else:
         held = set(np.unique(values).tolist())
     return {_SAVED_UNKNOWN, 254} <= held <= {0, _SAVED_UNKNOWN, 254}
 
 
-def _classify(values: Values, opacity: Values | None, source: _RosMap) -> tuple[Mask, Mask]:
+def _classify(
+    values: Values, opacity: Values | None, source: _RosMap, *, saved: bool
+) -> tuple[Mask, Mask]:
     """Return the masks of occupied and of free cells by the rules of the map_server.
 
     With occupancy p = (255 - value) / 255 (value / 255 when negated): occupied when
@@ -193,13 +204,18 @@ def _classify(values: Values, opacity: Values | None, source: _RosMap) -> tuple[
 
     - *trinary*: opacity is averaged in as a fourth colour, as the map_server does.
     - *scale*: pixels that are not opaque are unknown.
+    - *saved*: cells of 205 are unknown whatever the thresholds.
     - *raw*: the value, 0 to 100, is the occupancy in percent; larger ones are unknown and
       ``negate`` does not matter.
     """
     if values.dtype == np.uint8 and opacity is None:
         occupied, free = _classified(np.arange(256.0), None, source)
+        if saved:
+            occupied[_SAVED_UNKNOWN] = free[_SAVED_UNKNOWN] = False
         return occupied[values], free[values]
-    return _classified(values, opacity, source)
+    occupied, free = _classified(values, opacity, source)
+    known = values != _SAVED_UNKNOWN if saved else True
+    return occupied & known, free & known
 
 
 def _classified(values: Values, opacity: Values | None, source: _RosMap) -> tuple[Mask, Mask]:

@@ -245,12 +245,13 @@ class _Walk(DrawingReader):
         return True
 
     def _inner(self, node: Node, place: _Place) -> _Place:
-        style = dict(place.style)
-        for name, initial in INHERITED.items():
-            value = node.style.get(name, "inherit").strip()
+        style, view, clip = place.style, place.view, place.clip
+        for name in INHERITED.keys() & node.style.keys():
+            value = node.style[name].strip()
             if value not in ("inherit", "unset", "revert"):
-                style[name] = initial if value == "initial" else value
-        view, clip = replace(place.view, font_px=font_px(node, place.view)), place.clip
+                style = style | {name: INHERITED[name] if value == "initial" else value}
+        if "font-size" in node.style:
+            view = replace(view, font_px=font_px(node, view))
         matrix = self._moved(node, place.matrix, view)
         if node.tag in ("svg", "symbol") and node is not self.root:
             inner = viewport(node, view, place.size)
@@ -274,14 +275,16 @@ class _Walk(DrawingReader):
         return inside
 
     def _moved(self, node: Node, matrix: Floats, view: View) -> Floats:
-        own = transform(node, view)
         text = node.style.get("transform", "none").strip()
-        if node is self.root and text not in ("none", ""):
+        if text in ("none", ""):
+            return matrix
+        own = transform(node, view)
+        if node is self.root:
             remedy = "move the drawing in a group in it"
             raise UnfitInputError(node.where, "the whole page is transformed", remedy)
         origin, box = node.style.get("transform-origin"), None
         by_box = node.style.get("transform-box", "view-box") != "view-box"
-        if text in ("none", "") or not (origin or by_box):
+        if not (origin or by_box):
             return after(matrix, own)
         if by_box:
             box = self._box(node, view, "transform-box")

@@ -54,6 +54,7 @@ thorough: check fuzz outlines
 	$(BIN)/python tests/growth/mutate_kernels.py
 	$(BIN)/python tests/fabrication/rules/cuts_clear.py 2000
 	$(BIN)/python tests/search/fix_many.py 40
+	$(BIN)/python tests/search/fix_many.py 40 trees
 	$(BIN)/python tests/tasks/measure_area_errors.py 1000
 	$(BIN)/python tests/search/kill.py 20
 	$(BIN)/python tests/search/target_cases.py

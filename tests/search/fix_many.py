@@ -1,6 +1,7 @@
-"""Fix many random designs of the paper's Table 1, and count how many pass the check afterwards.
+"""Fix many random designs, and count how many pass the check afterwards.
 
-Run it as a script: ``python tests/search/fix_many.py [HOW_MANY_FAILING [KEEP]]``, where
+Run it as a script: ``python tests/search/fix_many.py [HOW_MANY_FAILING [KIND [KEEP]]]``, where
+KIND is ``levels``, as in the paper's Table 1, or ``trees`` that are written branch by branch, and
 KEEP is what a fix must not change, such as ``branches,length``.
 """
 
@@ -14,10 +15,11 @@ import numpy as np
 from vinefab.core.rng import child
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.rule import Subject
-from vinefab.model.design import Build, Design, Level
+from vinefab.model.design import Branch, Build, Design, Level
 from vinefab.model.laser import read_profile
 from vinefab.prediction.fix_proposal import propose_fix
-from vinefab.search.fix import DesignChange, parsed_keeps
+from vinefab.search.fix_changes import DesignChange
+from vinefab.search.fix_space import parsed_keeps
 
 SEED = 7
 
@@ -52,12 +54,39 @@ def random_design(rng, deepest=5):
     return Design(name="random", trunk_length_mm=trunk_mm, levels=levels, build=build)
 
 
-def fix_many(count, profile, deepest=5, keep=frozenset()):
+def random_tree(rng, most=25):
+    """Draw branches with any angles and lengths, some with bends, on at most five levels."""
+    depth, turns, branches = {"trunk": 1}, {"trunk": []}, []
+    for number in range(int(rng.integers(4, most + 1))):
+        of = str(rng.choice([name for name in depth if depth[name] < 5 and len(turns[name]) < 3]))
+        angle_deg = round(float(rng.uniform(-90.0, 90.0)), 1)
+        if angle_deg in turns[of]:
+            continue
+        length_mm = round(float(rng.uniform(40.0, 200.0)), 1)
+        bends = [(round(0.5 * length_mm, 1), round(float(rng.uniform(-40.0, 40.0)), 1))]
+        name = f"b{number}"
+        branches.append(
+            Branch(
+                name=name,
+                of=of,
+                angle_deg=angle_deg,
+                length_mm=length_mm,
+                bends=bends if rng.random() < 0.1 else None,
+            )
+        )
+        turns[of].append(angle_deg)
+        depth[name], turns[name] = depth[of] + 1, []
+    build = Build.standard(max(depth.values()))
+    return Design.of_branches(branches, trunk_length_mm=150.0, build=build, name="random")
+
+
+def fix_many(count, profile, deepest=5, keep=frozenset(), kind="levels"):
     """Fix the first designs that have errors."""
     cases: list[Case] = []
     number = 0
     while len(cases) < count:
-        design = random_design(child(SEED, deepest, number), deepest)
+        rng = child(SEED, deepest, number)
+        design = random_tree(rng) if kind == "trees" else random_design(rng, deepest)
         number += 1
         errors = {finding.rule for finding in run_checks(Subject.of(design, profile)).blocking}
         if not errors:
@@ -80,8 +109,8 @@ def report(line):
     sys.stdout.write(f"{line}\n")
 
 
-def main(count, keep):
-    cases = fix_many(count, read_profile("co2_60w__stretchlon_200"), keep=keep)
+def main(count, kind, keep):
+    cases = fix_many(count, read_profile("co2_60w__stretchlon_200"), keep=keep, kind=kind)
     fixed = [case for case in cases if case.fixed]
     pruned = [case for case in fixed if case.fixed.branch_count < case.design.branch_count]
     sizes = np.array([case.size for case in fixed])
@@ -102,4 +131,5 @@ def main(count, keep):
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 300, parsed_keeps(sys.argv[2:]))
+    count, kind, *keep = *sys.argv[1:], *("300", "levels")[len(sys.argv[1:3]) :]
+    main(int(count), kind, parsed_keeps(keep))

@@ -18,20 +18,18 @@ from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Design, Pouch
 from vinefab.model.laser import LaserProfile
 from vinefab.physics.growth_pressure import FITTED, NO_TENSION, riding_mm
-from vinefab.search.fix import (
+from vinefab.search.fix import fix_design, fix_in_step
+from vinefab.search.fix_changes import change_cost, design_changes, pruning_cost
+from vinefab.search.fix_space import (
     FILLETS,
     KEEPS,
     FixSpace,
-    FixTargets,
-    change_cost,
-    design_changes,
-    fix_design,
-    fix_in_step,
     fix_stages,
     kept_branches,
     parsed_keeps,
-    pruning_cost,
 )
+from vinefab.search.fix_targets import FixTargets
+from vinefab.search.tree_batch import TreeBatch
 
 Make = Callable[..., Design]
 
@@ -145,8 +143,8 @@ def test_the_window_of_the_targets_is_never_below_the_rules_own(make, profile):
         worst = worst_growths(subject, (FITTED.changed(storage_kpa=NO_TENSION),), 25.0)[0]
         allowed = 70.0 * 20.0 / 90.0 / 1.5 / 1.2
         assert riding_mm(subject.layout.tree)[0] > 0.0
-        # All branches of a level are alike here, so that bound and rule agree.
-        assert FixTargets.of(design, profile)._excess(design) == pytest.approx(
+        trees = TreeBatch.of([design.tree])
+        assert FixTargets.of(design, profile)._excess(trees, [design.build])[0] == pytest.approx(
             max(0.0, worst.pressure_kpa / allowed - 1.0)
         )
 

@@ -55,7 +55,7 @@ def test_the_kernel_cuts_joints_as_the_quick_pattern(compensation, gain):
     seen, beyond = set(), 0
     for _ in range(60):
         design = random_tree(rng, compensation)
-        at_once, trees = penalty._rules(design)._at_once([design])
+        at_once, trees = penalty._rules(design).at_once([design])
         rows, found = at_once._rows(trees, np.zeros(1, dtype=np.int64)), np.empty(1)
         count = len(rows.parent)
         scratch = penalty_batch._scratch(count, 10 * count)

@@ -184,8 +184,9 @@ def fix(
 ) -> ProposedFix:
     """Propose the smallest change of a design that clears its errors.
 
-    Fillets are tried first, then widths, tapers, lengths and angles, fewer branches last. The exit
-    code of the command is 1 where errors are left.
+    Fillets are tried first, then widths, tapers, lengths and angles, fewer branches last. Where the
+    design is written branch by branch, single branches are changed. The exit code of the command
+    is 1 where errors are left.
 
     Parameters
     ----------
@@ -223,7 +224,7 @@ def fix(
 
     from vinefab.model.design import design_text
     from vinefab.prediction.fix_proposal import propose_fix, score_change_lines
-    from vinefab.search.fix import parsed_keeps
+    from vinefab.search.fix_space import parsed_keeps
 
     file = page_path("out", out, force=force)
     if file is not None:

@@ -16,22 +16,15 @@ from vinefab.growth.options import GrowthChoice, growth_text
 from vinefab.inflation.pattern import as_grown
 from vinefab.model.design import Design
 from vinefab.model.files.run_context import RunContext
-from vinefab.model.finding import CheckReport
+from vinefab.model.finding import CheckReport, Finding
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
 from vinefab.prediction.deploy import deploy_from_starts
 from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task
-from vinefab.search.fix import (
-    BRANCHES,
-    DesignChange,
-    FixedDesign,
-    FixStage,
-    FixTargets,
-    design_changes,
-    fix_design,
-    fix_in_step,
-    fix_stages,
-)
+from vinefab.search.fix import FixedDesign, fix_design, fix_in_step
+from vinefab.search.fix_changes import DesignChange, design_changes
+from vinefab.search.fix_space import BRANCHES, FixStage, fix_stages
+from vinefab.search.fix_targets import FixTargets
 
 MARGINS = (0.005, 0.02, 0.05)
 """How much stricter than the check the search is, one after the other until the check passes."""
@@ -40,7 +33,7 @@ LARGE_CHANGE = 1.0
 """Weighted size of a change from which on removing branches is worth a thought."""
 
 FIX_TASKS = ("coverage", "reach", "anchoring")
-_WINDOW_RULE = "VF-P03"
+_WINDOW_RULE, _FILM_RULE = "VF-P03", "VF-C01"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -102,7 +95,7 @@ class ProposedFix(Result):
                 without = _listed([f"--keep {word}" for word in self.in_the_way], joint)
                 lines.append(f"  in the way: a change was found without {without}")
             return lines
-        prunes = any(change.what == BRANCHES for change in self.changes)
+        prunes = any(change.kind == BRANCHES for change in self.changes)
         branches = "nothing was found that keeps every branch" if prunes else "every branch stays"
         cost = sum(change.cost for change in self.changes)
         count = len(self.changes)
@@ -146,6 +139,8 @@ def propose_fix(
     before = run_checks(subject_of(design, profile, grown(design), limits), limits)
     if not before.blocking or design.branch_count > MOST_CUT_BRANCHES:
         return ProposedFix(before=before, design=None, after=None)
+    if len(design.tree.bend_mm):  # bends are changed one by one, on levels too
+        design = design.by_branches
     after: CheckReport | None = None
 
     def check(changed: Design) -> CheckReport:
@@ -205,11 +200,12 @@ class _Rounds:
     check: Callable[[Design], CheckReport]  # of all rules
     _checked: list[tuple[Design, CheckReport]] = field(default_factory=list)
 
-    def targets(self, margin: float, window_share: float) -> FixTargets:
-        """Return the targets of one round."""
+    def targets(self, margin: float, window_share: float = 1.0, film_mm: float = 0.0) -> FixTargets:
+        """Return the targets of one round, as `FixTargets.of`."""
         return FixTargets.of(
-            self.design, self.profile, self.limits, margin=margin, window_share=window_share
-        )
+            self.design, self.profile, self.limits,
+            margin=margin, window_share=window_share, film_mm=film_mm,
+        )  # fmt: skip
 
     def report(self, changed: Design) -> CheckReport:
         """Return the full check of a design; several stages may find the same one."""
@@ -224,7 +220,7 @@ class _Rounds:
 
         A stage whose design does not pass is searched again, under stricter targets.
         """
-        first = fix_in_step(self.design, self.targets(MARGINS[0], 1.0), step)
+        first = fix_in_step(self.design, self.targets(MARGINS[0]), step)
         again = {stage: self.of_stage(stage, found) for stage, found in first.items()}
         waiting = {stage: next(one) for stage, one in again.items()}
         while waiting:
@@ -236,29 +232,48 @@ class _Rounds:
 
     def of_stage(self, stage: FixStage, found: FixedDesign | None) -> Iterator[FixedDesign]:
         """Yield the designs of a stage, from the first one found, each for stricter targets."""
-        margins, window_share = iter(MARGINS), 1.0
+        margins, window_share, film_mm = iter(MARGINS), 1.0, 0.0
         margin = next(margins)
         most_rounds = 6
         for number in range(most_rounds):
             if number:
-                targets = self.targets(margin, window_share)
+                targets = self.targets(margin, window_share, film_mm)
                 found = fix_in_step(self.design, targets, (stage,)).get(stage)
             if found is None:
                 return
             yield found
             # The share of the need of growth on maps that is allowed, 1 where that is not an error.
+            blocking = self.report(found.design).blocking
             shares = (
                 finding.limit / finding.measured
-                for finding in self.report(found.design).blocking
+                for finding in blocking
                 if finding.rule == _WINDOW_RULE and finding.measured and finding.limit
             )
             share = next(shares, 1.0)
+            lacks_mm = _lacking_mm(blocking) if self.design.branches is not None else 0.0
             if share < 1.0:
                 window_share *= 0.98 * share
+            elif lacks_mm > 0.0:
+                # The law of uneven joints is a degree off: at a far tip that is millimetres.
+                film_mm += 1.1 * lacks_mm
             else:
                 margin = next(margins, 0.0)
                 if margin == 0.0:
                     return
+
+
+def _lacking_mm(blocking: Sequence[Finding]) -> float:
+    """Return how much film lacks between branches, mm."""
+    return max(
+        (
+            finding.limit - finding.measured
+            for finding in blocking
+            if finding.rule == _FILM_RULE
+            and finding.limit is not None
+            and finding.measured is not None
+        ),
+        default=0.0,
+    )
 
 
 def _rules(report: CheckReport) -> str:

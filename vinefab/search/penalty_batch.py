@@ -61,6 +61,7 @@ from vinefab.inflation.pattern import (
 from vinefab.inflation.table import FILLET
 from vinefab.model.design import MOST_BRANCHES, MOST_LEVELS, Build, Design
 from vinefab.model.laser import LaserProfile, Material
+from vinefab.model.tree import BranchTree
 from vinefab.outline.body_outline import flat_layout
 from vinefab.outline.ends import Leaf, level_fillets_mm, pouch_takes_mm
 from vinefab.outline.joint import LEAST_SEGMENT_MM, STEEPEST, Point
@@ -237,6 +238,7 @@ class PenaltyLimits(NamedTuple):
     fitted_width_mm: float  # lay-flat width of the tube that the growth constants were fitted to
     width_mm: float  # least lay-flat width of a branch
     width_ratio: float  # least width of a parent over that of its child
+    each_place: bool  # whether every place counts, not only the worst of each level
 
 
 class Scratch(NamedTuple):
@@ -341,6 +343,7 @@ class PenaltyRules:
         sheet_mm: tuple[float, float],
         *,
         grows: bool = True,
+        each_place: bool = False,
     ) -> "PenaltyRules":
         """Return the rules for a recipe, its changed limits and builds like one.
 
@@ -349,6 +352,9 @@ class PenaltyRules:
         sheet_mm
             Width and height that the flat robot must fit after a rotation. Subtract a few
             millimetres for seam, kerf and the overcut at the mouth.
+        each_place
+            Whether every place that violates a rule counts, not only the worst of each level: the
+            penalty falls wherever one branch of many gets better, and is 0 for the same designs.
         """
         fit = GrowthConstantsRange.of(profile, check_window.limits_under(changed))
         packing, laps = (rule.limits_under(changed) for rule in (check_packing, check_lap_packing))
@@ -398,6 +404,7 @@ class PenaltyRules:
             fitted_width_mm=fit.diameter_mm / float(inflated_diameter_mm(1.0)),
             width_mm=check_least_width.limits_under(changed)["error"],
             width_ratio=check_width_ratio.limits_under(changed)["error"],
+            each_place=each_place,
         )
         return cls(profile=profile, changed=changed, limits=limits, grows=grows)
 
@@ -430,17 +437,11 @@ class PenaltyRules:
         builds = [space.build_of(depth) for depth in range(1, deepest + 1)]
         return self.of_builds(builds, [fans] * deepest)
 
-    def _at_once(self, designs: Sequence[Design]) -> tuple["BatchPenalty", TreeBatch]:
+    def at_once(self, designs: Sequence[Design]) -> tuple["BatchPenalty", TreeBatch]:
         """Return the penalty of designs with a build each, and their trees."""
-        trees, fans = TreeBatch.of_designs(designs), list[Mapping[int, Collection[int]]]()
-        for design in designs:
-            tree, by_place = design.tree, dict[int, set[int]]()
-            children = np.bincount(tree.parent[1:], minlength=len(tree))
-            for level, count in zip(tree.level.tolist(), children.tolist(), strict=True):
-                if count:
-                    by_place.setdefault(level - 1, set()).add(count)
-            fans.append(by_place)
-        return self.of_builds([design.build for design in designs], fans), trees
+        fans = [fans_of(design.tree) for design in designs]
+        builds = [design.build for design in designs]
+        return self.of_builds(builds, fans), TreeBatch.of_designs(designs)
 
     def penalties(self, designs: Sequence[Design]) -> Floats:
         """Return the penalties of some designs, shape (m,)."""
@@ -448,20 +449,10 @@ class PenaltyRules:
 
     def found(self, designs: Sequence[Design]) -> "BatchFound":
         """Return the penalties of some designs, and where the last one is cut."""
-        at_once, trees = self._at_once(designs)
-        return at_once.found(trees, np.arange(len(designs)), self._known_sides(designs))
+        at_once, trees = self.at_once(designs)
+        return at_once.found(trees, np.arange(len(designs)), self.known_sides(designs))
 
-    def with_path_excess(self, designs: Sequence[Design]) -> tuple[Floats, Floats]:
-        """Return the penalties of some designs, and their distances from paths fit for the laser.
-
-        That is the summed excess of straight sides and drawn fillets that are too small; (m,) each.
-        """
-        at_once, trees = self._at_once(designs)
-        builds = np.arange(len(designs))
-        found = at_once.found(trees, builds, self._known_sides(designs))
-        return found.penalty, at_once.path_excess(trees, builds)
-
-    def _known_sides(self, designs: Sequence[Design]) -> tuple[Floats, Floats] | None:
+    def known_sides(self, designs: Sequence[Design]) -> tuple[Floats, Floats] | None:
         """Return where sides of tapered branches are straight, from outlines; None without any.
 
         Of each row of each design where they begin and how far before the end they stop, mm.
@@ -478,6 +469,16 @@ class PenaltyRules:
             begins.append(sides.start_mm)
             stops.append(layout.tree.length_mm - sides.end_mm)
         return np.concatenate(begins), np.concatenate(stops)
+
+
+def fans_of(tree: BranchTree) -> Mapping[int, Collection[int]]:
+    """Return the numbers of children that joints of a tree have, by their level from 0."""
+    found = dict[int, set[int]]()
+    children = np.bincount(tree.parent[1:], minlength=len(tree))
+    for level, count in zip(tree.level.tolist(), children.tolist(), strict=True):
+        if count:
+            found.setdefault(level - 1, set()).add(count)
+    return found
 
 
 class BatchFound(NamedTuple):
@@ -531,12 +532,18 @@ class BatchPenalty:
         penalty[rows], joints[rows] = some.penalty, some.joints
         return some._replace(penalty=penalty, joints=joints)
 
-    def path_excess(self, designs: DesignBatch | TreeBatch, builds: Ints) -> Floats:
-        """Return by how much sides and drawn fillets are too small to run, summed; shape (m,)."""
+    def with_path_excess(
+        self, designs: TreeBatch, builds: Ints, sides: tuple[Floats, Floats] | None = None
+    ) -> tuple[Floats, Floats]:
+        """Return the penalties of some trees, none too large, and their distances from paths.
+
+        That is by how much sides and drawn fillets are too small to run, summed; (m,) each. Other
+        parameters are as of `found`.
+        """
         rows, excess = self._rows(designs, builds), np.zeros(len(designs))
         scratch = _scratch(int(np.diff(rows.first).max()), 1)
         penalty_kernel.add_path_excess(rows, self.tables, self.limits, scratch, excess)
-        return excess
+        return self._of_valid(rows, sides).penalty, excess
 
     def _rows(self, designs: DesignBatch | TreeBatch, builds: Ints) -> TreeRows:
         """Return designs for the kernel."""
@@ -576,10 +583,12 @@ class BatchPenalty:
         width_mm: Floats,
     ) -> Floats:
         """Return a value of the tube of each row; those of equal widths are worked out once."""
-        pairs = np.column_stack([np.repeat(builds, np.diff(designs.first)), width_mm])
-        known, place = np.unique(pairs, axis=0, return_inverse=True)
-        values = [value(self.builds[int(build)], self.material, mm) for build, mm in known.tolist()]
-        return np.array(values)[place.ravel()]
+        pairs = width_mm + 1j * np.repeat(builds, np.diff(designs.first))  # which sort fast
+        known, place = np.unique(pairs, return_inverse=True)
+        values = [
+            value(self.builds[int(one.imag)], self.material, one.real) for one in known.tolist()
+        ]
+        return np.array(values)[place]
 
     def _of_valid(self, rows: TreeRows, sides: tuple[Floats, Floats] | None) -> BatchFound:
         """Return the penalties and joints of trees of which none is too large."""

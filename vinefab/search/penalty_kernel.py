@@ -6,8 +6,8 @@ is `vinefab.inflation.pattern.quick_pattern`, that of single joints `vinefab.inf
 Like `vinefab.growth.kernel` it imports no module of vinefab but `core.compiling`.
 
 Rows are straight parts of branches, parents first; the rows that begin at the end of another, its
-children, follow each other. Of alike rules the worst place of each level counts. Joints that are
-alike, as all of a level are where designs branch evenly, are worked out once.
+children, follow each other. Of alike rules the worst place of each level counts, or every place.
+Joints that are alike, as all of a level are where designs branch evenly, are worked out once.
 """
 
 import math
@@ -27,7 +27,7 @@ _TABLES = (
 )
 _LIMITS = (
     "vinefab.search.penalty_batch:PenaltyLimits("
-    "f f f f f f f f f f f f f f b f f f f f f i f i i f f f f f f f f b f f f f f f)"
+    "f f f f f f f f f f f f f f b f f f f f f i f i i f f f f f f f f b f f f f f f b)"
 )
 _SCRATCH = (
     "vinefab.search.penalty_batch:Scratch("
@@ -40,7 +40,7 @@ _CUTTING = (
 )
 
 BODIES, WIDTHS, JOINTS, SIDES, PACKING = range(5)
-"""Kinds of rules of which the worst place of each level counts."""
+"""Kinds of rules of which the worst place of each level, or every place, counts."""
 
 ABOUT, GAIN_STEPS = 8, 8  # as `vinefab.inflation.law`
 
@@ -140,9 +140,10 @@ def _clear_worst(trees, d, scratch):
 
 
 @inlined
-def _note(kind, level, depth, scratch):
+def _note(kind, level, depth, limits, scratch):
     """Note how deep a place on a level violates rules of a kind."""
-    scratch.worst[kind, level] = max(scratch.worst[kind, level], depth)
+    before = scratch.worst[kind, level]
+    scratch.worst[kind, level] = before + depth if limits.each_place else max(before, depth)
 
 
 @inlined
@@ -181,7 +182,7 @@ def _cut_joints(trees, d, tables, limits, scratch):
         if children == 0:
             continue
         level = trees.level[base + first] - 1  # of the children, from 0
-        if last >= 0 and _is_twin(trees, base, k, last, scratch):
+        if last >= 0 and not limits.each_place and _is_twin(trees, base, k, last, scratch):
             twin[k] = last
             for n in range(children):
                 _copy_row(first + n, trees.kid[base + last] + n, scratch)
@@ -192,12 +193,12 @@ def _cut_joints(trees, d, tables, limits, scratch):
         if fan >= 0.0 and children < tables.law_at.shape[2]:
             law = tables.law_at[build, level - 1, children]
         if limits.compensated and children > 1:
-            _note(BODIES, level, _touching(trees, base, k, limits), scratch)
+            _note(BODIES, level, _touching(trees, base, k, limits), limits, scratch)
         if limits.compensated and law >= 0:
             beyond = _compensate(trees, base, k, fan, law, tables, scratch)
             scratch.worst[BODIES, level] += beyond
         elif law < 0 and fan < 0.0:
-            _note(BODIES, level, _by_law(trees, base, k, tables, limits, scratch), scratch)
+            _note(BODIES, level, _by_law(trees, base, k, tables, limits, scratch), limits, scratch)
         else:
             passage = _at(tables.drawn[law], fan, 0) if law >= 0 else 1.0
             for c in range(first, first + children):
@@ -525,7 +526,8 @@ def _joints(trees, d, limits, scratch):
                 scratch.begin[first + n] = scratch.begin[trees.kid[base + other] + n]
             continue
         level = trees.level[base + first] - 1
-        _note(JOINTS, level, _joint_depth(trees, base, k, above[k], limits, scratch), scratch)
+        depth = _joint_depth(trees, base, k, above[k], limits, scratch)
+        _note(JOINTS, level, depth, limits, scratch)
 
 
 @inlined
@@ -628,7 +630,7 @@ def _short_sides(trees, d, least_mm, tables, limits, scratch):
             length_mm *= math.cos(lean)
         stop_mm = scratch.stop[k] if trees.kids[base + k] else tables.tip[build, level]
         room_mm = length_mm - scratch.begin[k] - stop_mm
-        _note(SIDES, level, _crowded(room_mm, length_mm, least_mm, limits), scratch)
+        _note(SIDES, level, _crowded(room_mm, length_mm, least_mm, limits), limits, scratch)
 
 
 @inlined
@@ -654,7 +656,7 @@ def _drawn_fillets(trees, d, limits, scratch):
                 between = max(between, lack)
             else:
                 beside = max(beside, lack)
-        _note(JOINTS, trees.level[base + first] - 1, beside + between, scratch)
+        _note(JOINTS, trees.level[base + first] - 1, beside + between, limits, scratch)
 
 
 @inlined
@@ -772,7 +774,7 @@ def _widths(trees, d, limits, scratch):
             ratio = 2.0 * trees.end_half[base + trees.parent[base + k]] / wide_mm
             if ratio < limits.width_ratio:
                 lack += (limits.width_ratio - ratio) / limits.width_ratio
-        _note(WIDTHS, trees.level[base + k] - 1, lack, scratch)
+        _note(WIDTHS, trees.level[base + k] - 1, lack, limits, scratch)
 
 
 @inlined
@@ -797,7 +799,7 @@ def _packing(trees, d, tables, limits, scratch):
         if trees.leaf[base + k] and trees.kids[base + k] == 0:
             own_percent = 100.0 * tables.pouch_share[build, level] / scratch.passage[k]
             found += _excess(own_percent, limits.packing_percent, limits.most)
-        _note(PACKING, level, found, scratch)
+        _note(PACKING, level, found, limits, scratch)
         if parent >= 0:
             for at in range(level + 1, depth):
                 inside[parent, at] += inside[k, at]

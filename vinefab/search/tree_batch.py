@@ -82,10 +82,48 @@ class TreeBatch:
     @property
     def is_bent(self) -> NDArray[np.bool_]:
         """Whether each row continues its branch behind a bend."""
-        before = np.where(self.parent < 0, 0, self.parent)
-        start = np.repeat(self.first[:-1], np.diff(self.first))
-        bent: NDArray[np.bool_] = (self.parent >= 0) & (self.branch == self.branch[start + before])
+        before = self.row_before
+        bent: NDArray[np.bool_] = (before >= 0) & (self.branch == self.branch[before])
         return bent
+
+    @property
+    def row_before(self) -> Ints:
+        """The row that each row begins at the end of, among all; -1 for trunks."""
+        start = np.repeat(self.first[:-1], np.diff(self.first))
+        before: Ints = np.where(self.parent < 0, -1, start + self.parent)
+        return before
+
+    @property
+    def is_leaf(self) -> NDArray[np.bool_]:
+        """Whether nothing begins at the end of each row."""
+        leaf, before = np.ones(len(self.parent), dtype=np.bool_), self.row_before
+        leaf[before[before >= 0]] = False
+        return leaf
+
+    @property
+    def generations(self) -> list[Ints]:
+        """Rows whose rows before stand in the entry before: trunks first."""
+        before, found = self.row_before, list[Ints]()
+        rows = np.flatnonzero(before < 0)
+        while len(rows):
+            found.append(rows)
+            is_here = np.zeros(len(before), dtype=np.bool_)
+            is_here[rows] = True
+            rows = np.flatnonzero((before >= 0) & is_here[before])
+        return found
+
+    @property
+    def base_width_mm(self) -> Floats:
+        """Lay-flat width where the branch of each row begins."""
+        width_mm, bent, before = self.width_mm.copy(), self.is_bent, self.row_before
+        for rows in self.generations[1:]:
+            behind = rows[bent[rows]]
+            width_mm[behind] = width_mm[before[behind]]
+        return width_mm
+
+    def largest(self, values: Floats) -> Floats:
+        """Return the largest value of the rows of each tree, shape (m,)."""
+        return np.asarray(np.maximum.reduceat(values, self.first[:-1]))
 
     def sums(self, values: Floats) -> Floats:
         """Return the sum of one value of each row over the rows of each tree, shape (m,)."""

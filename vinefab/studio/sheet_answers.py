@@ -33,7 +33,7 @@ from vinefab.model.map import Map, Start
 from vinefab.prediction.deploy import growth_on_maps
 from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task
 from vinefab.prediction.fix_proposal import FIX_TASKS, propose_fix
-from vinefab.search.fix import KEEPS, parsed_keeps
+from vinefab.search.fix_space import KEEPS, parsed_keeps
 from vinefab.studio.pattern_answers import cut_notes
 from vinefab.studio.state import PAGE, StudioState
 
@@ -254,9 +254,13 @@ def bill_lines(subject: Subject, profile: LaserProfile) -> list[BomLine]:
 
 _KEPT_BY = (
     (re.compile(r"level\.\d+\.branches"), "branches"),
-    (re.compile(r"trunk\.length|level\.\d+\.(length|growth_percent)"), "length"),
-    (re.compile(r"level\.\d+\.angle_deg"), "angle"),
+    (
+        re.compile(r"trunk\.length|branch\.\d+\.length|level\.\d+\.(length|growth_percent)"),
+        "length",
+    ),
+    (re.compile(r"(level|branch)\.\d+\.angle_deg"), "angle"),
     (re.compile(r"build\.(widths_mm|taper|pouch|trunk_width_mm|width_ratio)(\..*)?"), "width"),
+    (re.compile(r"branch\.\d+\.(width_mm|taper)"), "width"),
 )
 """The words of `KEEPS` that keep locked values of a design, by the keys of these."""
 

@@ -29,7 +29,7 @@ COMMANDS = {
         ["optimize", "run.toml", "--out", "run", "--cluster", "local:1", "--workers", "0"],
     ),
     "evolution": (("pymoo",), ["optimize", "front.toml", "--out", "run"]),
-    "gis": (("pyogrio",), ["map", "import", EXAMPLES / "imports/survey.gpkg"]),
+    "gis": (("pyogrio", "pyproj"), ["map", "import", EXAMPLES / "imports/survey.gpkg"]),
     "studies": (
         ("matplotlib",),
         ["study", "reproduce", "transfer", "--quick", "--out", "study"],

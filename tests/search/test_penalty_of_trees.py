@@ -1,5 +1,6 @@
 """The penalty of trees whose branches have angles, lengths and bends of their own."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -72,3 +73,35 @@ def test_the_kernel_cuts_joints_as_the_quick_pattern(compensation, gain):
         assert quick.beyond == 0.0 or found[0] > 0.0
     assert seen >= {1, 2, 3, 4}
     assert beyond > 10
+
+
+def moved(design, rng, share):
+    """A design whose branches are turned and stretched at random."""
+    branches = [
+        one.changed(
+            angle_deg=one.angle_deg + float(rng.normal(0.0, 60.0 * share)),
+            length_mm=max(40.0, one.length_mm * float(np.exp(rng.normal(0.0, 2.0 * share)))),
+        )
+        for one in design.branches
+    ]
+    return Design.of_branches(branches, trunk_length_mm=design.trunk_length_mm, build=design.build)
+
+
+@pytest.mark.parametrize(
+    "count", [12, pytest.param(500, marks=pytest.mark.thorough)], ids=["few", "many"]
+)
+def test_trees_without_a_penalty_break_no_rule(count):
+    """The full check sees outlines, seams and laser paths; the penalty none of them."""
+    rng, agree, told = np.random.default_rng(5), [0, 0], 0
+    bases = [Design.read(name) for name in ("grid_explorer", "cave_explorer")]
+    for number in range(count):
+        design = moved(bases[number % 2], rng, (0.01, 0.04, 0.08, 0.12)[number // 2 % 4])
+        penalty, broken = PENALTY(design), PENALTY.broken(design)
+        if broken is None:
+            continue  # a joint that only a simulation tells of
+        told += 1
+        agree[penalty > 0.0] += (penalty > 0.0) == bool(broken)
+    assert told > count / 2
+    assert min(agree) > 0
+    # Details of outlines that are too short to draw, and joints judged a little too hard.
+    assert sum(agree) >= told - math.ceil(0.05 * told)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.search.fix_many import random_tree
+from vinefab.core.errors import BadInputError
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.pressure_rules import worst_growths
 from vinefab.fabrication.rules.rule import Subject
@@ -200,6 +201,12 @@ def test_levels_with_bends_are_changed_branch_by_branch(make, profile):
     assert found.design is not None
     assert len(found.design.tree.bend_mm) == 2
     assert {change.what.split(" ")[0] for change in found.changes} <= {*found.design.names, "level"}
+
+
+def test_a_tree_of_very_many_branches_is_refused(profile):
+    many = [branch(f"b{number}", 1.0 + number, 40.0) for number in range(151)]
+    with pytest.raises(BadInputError, match="152 branches.*at most 150"):
+        propose_fix(tree(*many), profile)
 
 
 @pytest.mark.thorough

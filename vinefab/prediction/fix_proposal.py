@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.progress import each
 from vinefab.core.statistics import PAIRED_TAILS, group_means, mean_interval
@@ -25,6 +26,7 @@ from vinefab.search.fix import FixedDesign, fix_design, fix_in_step
 from vinefab.search.fix_changes import DesignChange, design_changes
 from vinefab.search.fix_space import BRANCHES, FixStage, fix_stages
 from vinefab.search.fix_targets import FixTargets
+from vinefab.search.fix_trees import MOST_FIXED_BRANCHES
 
 MARGINS = (0.005, 0.02, 0.05)
 """How much stricter than the check the search is, one after the other until the check passes."""
@@ -141,6 +143,9 @@ def propose_fix(
         return ProposedFix(before=before, design=None, after=None)
     if len(design.tree.bend_mm):  # bends are changed one by one, on levels too
         design = design.by_branches
+    if design.branches is not None and design.branch_count > MOST_FIXED_BRANCHES:
+        allowed = f"at most {MOST_FIXED_BRANCHES} where branches are changed one by one"
+        raise BadInputError("design", counted(design.branch_count, "branch"), allowed)
     after: CheckReport | None = None
 
     def check(changed: Design) -> CheckReport:

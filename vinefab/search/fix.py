@@ -190,10 +190,12 @@ def _moved_far(space: ChangeSpace) -> Floats | None:
     It finds what no small step leads to: a branch turned past others.
     """
     directions = space.directions()
-    points = [far * directions for far in space.distances]
-    assessed = space.assessed(np.concatenate(points)) if points else []
-    clear = [(cost, number) for number, (_, penalty, cost) in enumerate(assessed) if not penalty]
-    return assessed[min(clear)[1]][0] if clear else None
+    best, least = None, math.inf
+    for far in space.distances:
+        for x, penalty, cost in space.assessed(far * directions):
+            if penalty == 0.0 and cost < least:
+                best, least = x, cost
+    return best
 
 
 def _descended(

@@ -33,6 +33,9 @@ from vinefab.search.fix_targets import FixTargets
 from vinefab.search.penalty_batch import BatchPenalty, fans_of
 from vinefab.search.tree_batch import SomeOf, TreeBatch
 
+MOST_FIXED_BRANCHES = 150
+"""Of a tree that is fixed branch by branch: larger ones would take many minutes."""
+
 NOT_ALLOWED = 1000.0
 """Penalty of vectors that no design has, such as those that pass one sibling through another."""
 

@@ -205,7 +205,7 @@ def test_levels_with_bends_are_changed_branch_by_branch(make, profile):
 
 def test_a_tree_of_very_many_branches_is_refused(profile):
     many = [branch(f"b{number}", 1.0 + number, 40.0) for number in range(151)]
-    with pytest.raises(BadInputError, match="152 branches.*at most 150"):
+    with pytest.raises(BadInputError, match=r"152 branches.*at most 150"):
         propose_fix(tree(*many), profile)
 
 

@@ -232,8 +232,7 @@ def test_hostile_files_are_refused_in_one_line(refusals, case):
 
 STYLES = {
     "no braces": "a " * 150_000,
-    "open comments": "rect {fill: none} " + "/* " * 200_000,
-    "open braces": "a{" * 200_000,
+    "open comments": "text {fill: none} " + "/* " * 200_000,
     "many selectors": ",".join(f"s{n}" for n in range(20_000))
     + "{"
     + "".join(f"p{n}: 1;" for n in range(20_000))
@@ -250,9 +249,19 @@ def test_style_sheets_are_read_in_time_that_grows_with_their_length(vinefab, tmp
     assert time.monotonic() - begin < LONGEST_S
 
 
+def test_rules_in_rules_are_refused_in_time_that_grows_with_their_length(vinefab, tmp_path):
+    path = tmp_path / "m.svg"
+    path.write_text(SVG % f"<style>{'a{' * 200_000}</style>")
+    begin = time.monotonic()
+    code, _, complaint = vinefab("map", "import", path, "--out", tmp_path / "m.geojson")
+    assert (code, complaint.count("\n")) == (2, 1)
+    assert "a rule in a rule is not read" in complaint
+    assert time.monotonic() - begin < LONGEST_S
+
+
 def test_a_sheet_with_comments_and_media_still_hides(vinefab, tmp_path):
     path = tmp_path / "m.svg"
-    sheet = "/* } */ @media print { .a {fill: red} .b, .c /* x */ {display: none} } .d{}"
+    sheet = "/* } */ @media screen { .a {fill: red} .b, .c /* x */ {display: none} } .d{}"
     path.write_text(SVG % f'<style>{sheet}</style><rect class="c" width="9" height="9"/>')
     _, output, _ = vinefab("map", "import", path, "--out", tmp_path / "m.geojson")
     assert "'display:none': 1" in output

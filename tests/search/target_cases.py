@@ -84,10 +84,8 @@ def thick_film(folder):
     return folder / f"recipes/{SEALED}.toml"
 
 
-def cases(folder, given):
+def cases(folder, generations, thick_trunk_mm=None, space=SPACE):
     """Yield each search by its film and pieces, and its number."""
-    thick_trunk_mm, generations = given.thick_trunk_mm, given.generations
-    tree = {"tree": given.tree} | ({"bends": [0, given.bends]} if given.bends else {})
     # Too much thick film is folded in bodies of 24 mm (VF-W03): it has the width by default.
     films = {
         "shipped film": ("", {"trunk_width_mm": 24.0}),
@@ -105,7 +103,7 @@ def cases(folder, given):
                     name=f"case_{number}",
                     maps={"files": [path]},
                     task="reach",
-                    space=SPACE | tree,
+                    space=space,
                     build=build if pieces is None else {**build, "pieces": pieces},
                     search={"population": 60, "generations": generations},
                     evaluation={"recipe": recipe},
@@ -136,10 +134,12 @@ def main():
     parser.add_argument("--tree", choices=["levels", "free"], default="levels")
     parser.add_argument("--bends", type=int, default=0, help="most of each free branch")
     given = parser.parse_args()
+    bends = {"bends": [0, given.bends]} if given.bends else {}
+    space = SPACE | {"tree": given.tree} | bends
     found: dict[str, list[bool]] = {}
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        for kind, number, settings in cases(folder, given):
+        for kind, number, settings in cases(folder, given.generations, given.thick_trunk_mm, space):
             if given.only not in kind:
                 continue
             began = time.process_time()

@@ -121,7 +121,7 @@ def with_map(document, text):
         (lambda d: d["hello"]["state"]["map"].update(source={"file": "/etc/passwd"}), "map is mis"),
         (lambda d: with_map(d, "{}"), "map.type is missing"),
         (lambda d: with_map(d, "{"), "its map is not JSON"),
-        (lambda d: d["hello"]["state"].update(growth={"body": "fat"}), "'centerline' or"),
+        (lambda d: d["hello"]["state"].update(growth={"body": "fat"}), "'inflated' or"),
     ],
 )
 def test_a_damaged_snapshot_is_one_line_that_names_it(state, answers, tmp_path, change, words):

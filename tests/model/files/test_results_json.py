@@ -133,6 +133,7 @@ def test_checks_have_the_agreed_form_and_keep_what_was_skipped() -> None:
         "limit": 3.0,
         "unit": "mm",
         "branches": ["0.0", "0.1"],
+        "names": [],
         "x_mm": 1.0,
         "y_mm": 2.0,
         "marker_wkt": "POINT (1 2)",

@@ -18,7 +18,13 @@ import tinycss2.color4
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.errors import BadInputError, UnfitInputError, UnknownNameError, located
+from vinefab.core.errors import (
+    BadInputError,
+    UnfitInputError,
+    UnknownNameError,
+    UnreadableFileError,
+    located,
+)
 from vinefab.core.validation import Floats
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.source_drawing import (
@@ -144,7 +150,10 @@ def _source(path: Path, options: ImportOptions, *, lines_only: bool) -> SourceDr
     with located(path), np.errstate(over="ignore", invalid="ignore"):
         root = read_nodes(path)
         cascade(root)
-        return _drawing(root, options, lines_only=lines_only)
+        try:
+            return _drawing(root, options, lines_only=lines_only)
+        except RecursionError:  # elements that use others, each within many groups
+            raise UnreadableFileError(path, "has elements nested too deep") from None
 
 
 def _drawing(root: Node, options: ImportOptions, *, lines_only: bool) -> SourceDrawing:

@@ -181,13 +181,13 @@ def test_every_script_in_the_folder_is_tried():
 
 OPTIMIZED = (
     "grid_explorer",
-    "grid_explorer_pieces",
-    "cave_explorer",
     "cave_explorer_pieces",
     "six_branch_anchor",
     *(
         pytest.param(name, marks=pytest.mark.thorough)
         for name in (
+            "grid_explorer_pieces",
+            "cave_explorer",
             "grid_explorer_levels",
             "grid_explorer_pieces_levels",
             "cave_explorer_levels",

@@ -214,7 +214,7 @@ def _layered_csv(capsys, here):
     return refusal(capsys, "a.csv", "--layer", "0")
 
 
-@pytest.mark.parametrize("count", [1001, 120_000])
+@pytest.mark.parametrize("count", [1001, pytest.param(120_000, marks=pytest.mark.thorough)])
 def test_huge_drawings_are_refused_in_bounded_time_and_memory(count, capsys):
     lines = [[(0, 0), (0, 100)]] + [[(0, 100), (2 * n - count, 3000)] for n in range(count)]
     geojson(*(("LineString", line, {}) for line in lines))

@@ -165,3 +165,20 @@ def test_trees_of_level_designs_have_the_penalties_of_the_designs(compensation):
     found = penalties(TreeBatch.of(levels.trees(designs)))
     assert found.tolist() == penalties(designs).tolist()
     assert 20 < (found == 0.0).sum() < 180
+
+
+def test_bends_nearer_to_each_other_than_the_tube_is_wide_are_none():
+    settings = SpaceSettings(
+        tree="free",
+        levels=Bounds(low=2, high=3),
+        length_mm=Bounds(low=40, high=300),
+        bends=Bounds(low=0, high=2),
+    )
+    space = FreeSpace(settings, BuildSettings(trunk_width_mm=40.0))
+    shortest = space.design(np.zeros(len(space)))
+    assert shortest.trunk_length_mm == 40.0
+    assert len(shortest.trunk.bends) == 1
+    rng = np.random.default_rng(4)
+    for x in rng.random((40, len(space))):
+        design = space.design(x)  # what a design refuses is not made
+        assert np.array_equal(space.batch(x[None]).length_mm, design.tree.straight.length_mm)

@@ -200,20 +200,21 @@ class FreeSpace(DesignSpace):
         shape = shape.sorted_by(angle_deg)
         rows = shape.slots
         length_mm, angle_deg = length_mm[rows], angle_deg[rows]
-        bends: Sequence[Sequence[Bend]] = ()
+        build, bends = self.build_of(int(shape.level[-1])), list[Sequence[Bend]]()
         if self.bends:
-            bends = [self._bends(cells[row], mm) for row, mm in zip(rows, length_mm, strict=True)]
+            for row, mm, level in zip(rows, length_mm.tolist(), shape.level.tolist(), strict=True):
+                bends.append(self._bends(cells[row], mm, build.widths_mm[level - 1]))
         return BranchTree.of(
             parent=shape.parent,
             level=shape.level,
             offset_rad=frozen_floats("angle", [rad(one) for one in angle_deg.tolist()]),
             length_mm=frozen_floats("length", length_mm),
-            build=self.build_of(int(shape.level[-1])),
+            build=build,
             bends=bends,
         )
 
-    def _bends(self, cells: Floats, length_mm: float) -> list[Bend]:
-        """Return the bends of a slot's branch."""
+    def _bends(self, cells: Floats, length_mm: float, width_mm: float) -> list[Bend]:
+        """Return the bends of a slot's branch; one nearer to another than it is wide is none."""
         most, found = float(self._most_deg.max()), list[Bend]()
         for number in range(self.bends):
             turn, place = cells[BENDS + 2 * number : BENDS + 2 * number + 2].tolist()
@@ -221,7 +222,8 @@ class FreeSpace(DesignSpace):
             if abs(turn_deg) >= LEAST_TURN_DEG:
                 along = END_SHARE + (1.0 - 2.0 * END_SHARE) * (number + place) / self.bends
                 at_mm = round(along * length_mm, SPACE_DECIMALS)
-                found.append((at_mm, turn_deg))
+                if not found or at_mm - found[-1][0] >= width_mm:
+                    found.append((at_mm, turn_deg))
         return found
 
     def design(self, x: Floats, name: str = "candidate") -> Design:

@@ -844,6 +844,12 @@ class Design(Table):
             return ()
         return (TRUNK, *(branch.name for branch in self._in_order))
 
+    @property
+    def names_by_id(self) -> dict[str, str]:
+        """The names of the branches in a file by their ids; empty where it has levels."""
+        names = self.names
+        return dict(zip(self.tree.ids, names, strict=True)) if names else {}
+
     def words(self, rows: Sequence[int]) -> str:
         """Return what people call some branches: their level where the design has levels."""
         if self.branches is None:
@@ -1111,7 +1117,7 @@ class Design(Table):
         90.0
         """
         free = self.by_branches
-        called = dict(zip(free.tree.ids, free.names, strict=True))
+        called = free.names_by_id
         chosen = called.get(branch, branch)
         if chosen not in free.names:
             raise UnknownNameError("branch", branch, free.names)

@@ -120,14 +120,18 @@ def _values_of_branches(design: Design) -> Iterator[DesignValue]:
             "branches": float(children[tree.level == level - 1].max()),
             "growth_percent": 100.0,
         }
-        for name in (name for name in _LEVEL if name in most):
-            key = f"level.{level - 2}.{_LEVEL[name].name}"
-            value = DesignValue.of(key, level, name, most[name], locked=name == "growth_percent")
+        lowest = {
+            "length_mm": math.floor(0.6 * shortest_mm),
+            "angle_deg": 0.0,
+            "branches": 1.0,
+            "growth_percent": 100.0,
+        }
+        for name, key in _LEVEL.items():
+            locked = name == "growth_percent"
+            place = f"level.{level - 2}.{key.name}"
+            value = DesignValue.of(place, level, name, most[name], locked=locked)
             low, high = value.range
-            if name == "length_mm":
-                low = min(low, max(value.limits[0], math.floor(0.6 * shortest_mm)))
-            elif name in ("angle_deg", "branches"):
-                low = min(low, 1.0 if name == "branches" else 0.0)
+            low = min(low, max(value.limits[0], lowest[name]))
             yield replace(value, range=(low, high))
 
 

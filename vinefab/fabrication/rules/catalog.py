@@ -318,7 +318,7 @@ def _report(
     design: Design | None, outcomes: list[tuple[Rule, RuleApplied | RuleNotApplicable]]
 ) -> CheckReport:
     name, waivers = (design.name, design.waivers) if design else ("", ())
-    called = dict(zip(design.tree.ids, design.names, strict=False)) if design else {}
+    called = design.names_by_id if design else {}
     run: list[RuleRun] = []
     skipped: list[RuleSkipped] = []
     findings: list[Finding] = []

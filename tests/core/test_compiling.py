@@ -191,7 +191,7 @@ SMALL = ("growth.batch_kernel.plan_trees", "growth.batch_kernel.gather_tips")
 
 PRECOMPILE = f"""
 import sys
-from vinefab.core import compiling
+from vinefab.core import compiling, helpers
 heard = []
 compiling._WORTH_S = 0.0
 compiling._processors = lambda: 2
@@ -239,8 +239,8 @@ def test_two_processes_compile_what_is_lacking_and_listeners_hear_of_it(tmp_path
     [
         "sys.executable = ''",
         "compiling._processors = lambda: 1",
-        "compiling._HELPER = 'raise SystemExit(3)'",
-        "compiling._HELPER = 'input(); print(0)'",
+        "helpers._PROGRAM = 'raise SystemExit(3)'",
+        "helpers._PROGRAM = 'input(); print(0)'",
     ],
     ids=["no interpreter", "one processor", "the helper ends", "the helper answers wrongly"],
 )

@@ -31,6 +31,7 @@ from typing import Any
 
 from vinefab.core.errors import MissingPackageError, NotCachedWarning
 from vinefab.core.hashing import sha256_of
+from vinefab.core.helpers import helped
 from vinefab.core.helpers import processors as _processors
 from vinefab.core.progress import COMPILING, Progress, announce_to_all
 from vinefab.core.user_cache import KeptFiles, cache_root
@@ -633,58 +634,14 @@ def _helper(waiting: deque[str]) -> Iterator[None]:
     if alone or not sys.executable or not _own_code().is_writable():
         yield
         return
-    with subprocess.Popen(  # noqa: S603  this interpreter, on our own code
-        [sys.executable, "-P", "-c", _HELPER, str(_PACKAGE.parent)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-    ) as process:
-        asking = threading.Thread(target=_ask, args=(process, waiting), daemon=True)
-        _COMPILATIONS.processes = 2
-        try:
-            asking.start()
+    _COMPILATIONS.processes = 2
+    try:
+        with helped(
+            _compile, waiting, 1, lambda name: _COMPILATIONS.compiling(name, _seconds(name))
+        ):
             yield
-            while asking.is_alive():
-                asking.join(_PATIENCE_S)  # where nothing interrupts a longer wait
-        except BaseException:
-            process.kill()
-            raise
-        finally:
-            _COMPILATIONS.processes = 1
-
-
-_PATIENCE_S = 0.2
-_HELPER = "import sys; sys.path.append(sys.argv[1]); import vinefab.core.compiling as c; c._help()"
-
-
-def _ask(process: subprocess.Popen[bytes], waiting: deque[str]) -> None:
-    """Let a process compile one function after the other, as long as some wait."""
-    if process.stdin is None or process.stdout is None:
-        return
-    while True:
-        try:
-            name = waiting.popleft()
-        except IndexError:
-            break
-        try:
-            with _COMPILATIONS.compiling(name, _seconds(name)):
-                process.stdin.write(f"{name}\n".encode())
-                process.stdin.flush()
-                if process.stdout.readline().decode().strip() != name:
-                    raise BrokenPipeError
-        except OSError:
-            waiting.append(name)
-            break
-    with suppress(OSError):
-        process.stdin.close()
-
-
-def _help() -> None:
-    """Compile the functions that lines of standard input name, and name each when it is done."""
-    for line in sys.stdin:
-        _compile(line.strip())
-        sys.stdout.write(line)
-        sys.stdout.flush()
+    finally:
+        _COMPILATIONS.processes = 1
 
 
 def _dispatchers() -> Iterator[tuple[str, Any]]:

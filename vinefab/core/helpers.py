@@ -13,7 +13,7 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TypeVar
 
@@ -52,7 +52,12 @@ class Helpers:
 
 
 @contextmanager
-def helped(work: Callable[[T], None], waiting: deque[T], count: int) -> Iterator[Helpers]:
+def helped(
+    work: Callable[[T], None],
+    waiting: deque[T],
+    count: int,
+    during: Callable[[T], AbstractContextManager[None]] = lambda _: nullcontext(),
+) -> Iterator[Helpers]:
     """Let other processes take things from a list and work on them, as long as the block lasts.
 
     What a helper makes of a thing is for the function to keep, in a file. A thing whose helper ends
@@ -67,6 +72,8 @@ def helped(work: Callable[[T], None], waiting: deque[T], count: int) -> Iterator
         Things to be done; the block may take some itself.
     count
         Number of helpers; 0 where there are none.
+    during
+        A block that is entered while a helper works on a thing, in a thread of this process.
     """
     line = [sys.executable, "-P", "-c", _PROGRAM, str(_PACKAGE.parent)]
     line += [work.__module__, work.__qualname__]
@@ -81,7 +88,9 @@ def helped(work: Callable[[T], None], waiting: deque[T], count: int) -> Iterator
                     stderr=subprocess.DEVNULL,
                 )
                 processes.append(stack.enter_context(process))
-                threads.append(threading.Thread(target=_ask, args=(process, waiting), daemon=True))
+                threads.append(
+                    threading.Thread(target=_ask, args=(process, waiting, during), daemon=True)
+                )
                 threads[-1].start()
             yield Helpers(threads)
             while Helpers(threads).wait():
@@ -92,7 +101,11 @@ def helped(work: Callable[[T], None], waiting: deque[T], count: int) -> Iterator
             raise
 
 
-def _ask(process: subprocess.Popen[bytes], waiting: deque[T]) -> None:
+def _ask(
+    process: subprocess.Popen[bytes],
+    waiting: deque[T],
+    during: Callable[[T], AbstractContextManager[None]],
+) -> None:
     """Let a process work on one thing after the other, as long as some wait."""
     if process.stdin is None or process.stdout is None:
         return
@@ -102,10 +115,11 @@ def _ask(process: subprocess.Popen[bytes], waiting: deque[T]) -> None:
         except IndexError:
             break
         try:
-            process.stdin.write(base64.b64encode(pickle.dumps(thing)) + b"\n")
-            process.stdin.flush()
-            if process.stdout.readline().strip() != _DONE:
-                raise BrokenPipeError
+            with during(thing):
+                process.stdin.write(base64.b64encode(pickle.dumps(thing)) + b"\n")
+                process.stdin.flush()
+                if process.stdout.readline().strip() != _DONE:
+                    raise BrokenPipeError
         except OSError:
             waiting.append(thing)
             break

@@ -12,6 +12,7 @@ best that this search finds, not proven to be the smallest there is.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,6 +47,9 @@ _SMALLEST = 7.0
 """Logarithm by which fillets shrink to the smallest that the limits allow, whatever they are."""
 
 
+_MOST_PRUNINGS = 12
+"""Ways to prune that are searched in full, the most promising first."""
+
 _POPULATION, _SPREAD, _SEED = 16, 0.3, 1
 _RISE, _STUCK, _STALLED = 0.99, 60, 20
 """CMA-ES ends when nothing was better by one percent for so many generations: before it has met
@@ -58,6 +62,40 @@ class FixedDesign:
 
     design: Design
     cost: float  # weighted sum of its changes
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Original:
+    """A design and its targets; the ways to leave branches out are looked for once."""
+
+    design: Design
+    targets: FixTargets
+
+    def spaces(self, stage: FixStage) -> Sequence[ChangeSpace]:
+        """Return the spaces that a stage searches, the most promising first."""
+        design, targets = self.design, self.targets
+        if design.branches is not None:
+            trees = self._fewer_trees if stage.prunes else [design]
+            return [TreeSpace.of(design, some, targets, stage.kinds) for some in trees]
+        whole = tuple(level.branches for level in design.levels)
+        prunings = self._fewer_on_levels if stage.prunes else [whole]
+        return [FixSpace.of(design, pruning, targets, stage.kinds) for pruning in prunings]
+
+    @cached_property
+    def _fewer_trees(self) -> list[Design]:
+        return kept_trees(self.design, self.targets, _MOST_PRUNINGS)
+
+    @cached_property
+    def _fewer_on_levels(self) -> list[tuple[int, ...]]:
+        whole = tuple(level.branches for level in self.design.levels)
+        fewer = [pruning for pruning in kept_branches(self.design) if pruning != whole]
+
+        def estimated_cost(pruning: tuple[int, ...]) -> float:
+            space = FixSpace.of(self.design, pruning, self.targets)
+            penalty = space.penalty(np.zeros(len(space)))
+            return pruning_cost(self.design, pruning) + PENALTY_COST * penalty
+
+        return sorted(fewer, key=estimated_cost)[:_MOST_PRUNINGS]
 
 
 def fix_design(
@@ -90,9 +128,10 @@ def fix_in_step(
     the groups of single branches in a tree, whose values are too many to move together.
     """
     found: dict[FixStage, FixedDesign] = {}
+    original = _Original(design=design, targets=targets)
     for stage in each("combinations of changes", step):
         most_cost = min((one.cost for one in found.values()), default=np.inf)
-        one = fix_in_stage(design, targets, stage, most_cost if stage.prunes else np.inf)
+        one = _fixed_in_stage(original, stage, most_cost if stage.prunes else np.inf)
         found |= {stage: one} if one else {}
     if design.branches is not None or any(stage.prunes for stage in step):
         return found
@@ -101,25 +140,25 @@ def fix_in_step(
         for stage in step
         if len(stage.groups) > 1 and not any(one.kinds <= stage.kinds for one in found)
     ]
-    if not lacks or not (found or _has_change(design, targets, known=step)):
+    if not lacks or not (found or _has_change(original, known=step)):
         return found
     for stage in each("combinations of changes, all values together", lacks):
-        one = _evolved_in_stage(design, targets, stage)
+        one = _evolved_in_stage(original, stage)
         found |= {stage: one} if one else {}
     return found
 
 
-def _has_change(design: Design, targets: FixTargets, known: Sequence[FixStage]) -> bool:
+def _has_change(original: _Original, known: Sequence[FixStage]) -> bool:
     """Return whether any change is found with every branch, some stages being known to fail."""
     step = [stage for stage in fix_stages(frozenset({BRANCHES}))[-1] if stage not in known]
     tried = each("combinations that were not asked for", step)
-    if any(fix_in_stage(design, targets, stage) for stage in tried):
+    if any(_fixed_in_stage(original, stage) for stage in tried):
         return True
-    return _evolved_in_stage(design, targets, FixStage(kinds=FIX_KINDS)) is not None
+    return _evolved_in_stage(original, FixStage(kinds=FIX_KINDS)) is not None
 
 
-def fix_in_stage(
-    design: Design, targets: FixTargets, stage: FixStage, most_cost: float = np.inf
+def _fixed_in_stage(
+    original: _Original, stage: FixStage, most_cost: float = np.inf
 ) -> FixedDesign | None:
     """Return the cheapest change that steps of values find in one stage, or None.
 
@@ -130,7 +169,7 @@ def fix_in_stage(
     """
     best: FixedDesign | None = None
     most_steps = 60
-    for space in _spaces(design, targets, stage):
+    for space in original.spaces(stage):
         if space.least_cost >= most_cost:
             continue
         # Nothing clears more than the smallest fillets do; of no values there is one vector alone.
@@ -151,9 +190,9 @@ def fix_in_stage(
     return best
 
 
-def _evolved_in_stage(design: Design, targets: FixTargets, stage: FixStage) -> FixedDesign | None:
+def _evolved_in_stage(original: _Original, stage: FixStage) -> FixedDesign | None:
     """Return the cheapest change that CMA-ES finds in a stage that keeps every branch, or None."""
-    (space,) = _spaces(design, targets, stage)
+    (space,) = original.spaces(stage)
     x = _evolved(space)
     return None if x is None else _settled(space, x)
 
@@ -162,26 +201,6 @@ def _settled(space: ChangeSpace, x: Floats) -> FixedDesign:
     """Return the design at a vector without penalty, with its values moved back towards zero."""
     changed = space.at(_retracted(space, x))
     return FixedDesign(design=changed, cost=change_cost(space.design, changed))
-
-
-def _spaces(design: Design, targets: FixTargets, stage: FixStage) -> Sequence[ChangeSpace]:
-    """Return the spaces that a stage searches, the most promising first: little lost or left."""
-    most_prunings = 12  # most ways to prune that are searched in full, the most promising first
-    if design.branches is not None:
-        kept = kept_trees(design, targets, most_prunings) if stage.prunes else [design]
-        return [TreeSpace.of(design, some, targets, stage.kinds) for some in kept]
-    whole = tuple(level.branches for level in design.levels)
-    if not stage.prunes:
-        return [FixSpace.of(design, whole, targets, stage.kinds)]
-    fewer = [pruning for pruning in kept_branches(design) if pruning != whole]
-
-    def estimated_cost(pruning: tuple[int, ...]) -> float:
-        space = FixSpace.of(design, pruning, targets)
-        penalty = space.penalty(np.zeros(len(space)))
-        return pruning_cost(design, pruning) + PENALTY_COST * penalty
-
-    prunings = sorted(fewer, key=estimated_cost)[:most_prunings]
-    return [FixSpace.of(design, pruning, targets, stage.kinds) for pruning in prunings]
 
 
 def _moved_far(space: ChangeSpace) -> Floats | None:
@@ -280,10 +299,16 @@ def _retracted(space: ChangeSpace, x: Floats) -> Floats:
 
 def _without_needless(space: ChangeSpace, x: Floats) -> Floats:
     """Return a vector without the entries that it can do without, the smallest first."""
-    for entry in np.argsort(np.abs(x), kind="stable"):
-        trial = np.where(np.arange(len(x)) == entry, 0.0, x)
-        if x[entry] and space.penalty(trial) == 0.0:
-            x = trial
+    order = [int(entry) for entry in np.argsort(np.abs(x), kind="stable") if x[entry]]
+    while order:
+        some = order[: 2**space.steps_ahead - 1]
+        trials = [np.where(np.arange(len(x)) == entry, 0.0, x) for entry in some]
+        needless = (place for place, found in enumerate(space.assessed(trials)) if found[1] == 0.0)
+        first = next(needless, None)
+        if first is None:
+            order = order[len(some) :]
+        else:
+            x, order = trials[first], order[first + 1 :]
     return x
 
 
@@ -302,18 +327,26 @@ def _moved_back(space: ChangeSpace, x: Floats) -> Floats:
 
 
 def _shrunk(space: ChangeSpace, x: Floats, which: NDArray[np.bool_]) -> Floats:
-    """Return a vector with some entries as near to zero as bisection finds without penalty."""
-    low, high, good = 0.0, 1.0, x
+    """Return a vector with some entries as near to zero as bisection finds without penalty.
+
+    The trials of some steps are assessed together, whichever way the first of these go.
+    """
     if not np.any(x[which]):
         return x
-    backward = 12
-    for turn in range(backward):
-        share = low if turn == 0 else (low + high) / 2.0
-        trial = np.where(which, share * x, x)
-        if space.penalty(trial) == 0.0:
-            good, high = trial, share
-            if turn == 0:
-                return good
-        else:
-            low = share
-    return good
+    low, high, left = 0.0, 1.0, 11
+    shares, found = [0.0], dict[float, bool]()
+    while True:
+        steps = min(space.steps_ahead, left)
+        shares += [low + (high - low) * place / 2**steps for place in range(1, 2**steps)]
+        trials = [np.where(which, share * x, x) for share in shares]
+        for share, (_, penalty, _) in zip(shares, space.assessed(trials), strict=True):
+            found[share] = penalty == 0.0
+        if found[0.0]:
+            return np.where(which, 0.0, x)
+        for _ in range(steps):
+            middle = (low + high) / 2.0
+            low, high = (low, middle) if found[middle] else (middle, high)
+        left -= steps
+        if not left:
+            return x if high == 1.0 else np.where(which, high * x, x)
+        shares = []

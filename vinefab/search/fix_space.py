@@ -116,6 +116,11 @@ class ChangeSpace(Protocol):
         """Distances along the directions that are tried before steps; none where that is slow."""
         ...
 
+    @property
+    def steps_ahead(self) -> int:
+        """Steps of a bisection whose trials are assessed at once: several where that is fast."""
+        ...
+
     def __len__(self) -> int: ...
 
     def at(self, x: Floats) -> Design:
@@ -187,6 +192,11 @@ class FixSpace:
     def distances(self) -> tuple[float, ...]:
         """Distances along the directions that are tried before steps: none, as that is slow."""
         return ()
+
+    @property
+    def steps_ahead(self) -> int:
+        """Steps of a bisection whose trials are assessed at once."""
+        return 1
 
     def at(self, x: Floats) -> Design:
         """Return the design at a vector, settled by the targets, numbers rounded to 0.001 mm."""

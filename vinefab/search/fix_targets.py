@@ -187,8 +187,9 @@ class FixTargets:
             What growth takes, 0 where that is not known.
         """
         least_kpa = math.ceil(1000.0 * takes_kpa / self.window_share) / 1000.0
-        most_kpa = self.most_kpa(widest_mm)
-        return build.changed(pressure_kpa=min(max(build.pressure_kpa, least_kpa), most_kpa))
+        pressure_kpa = min(max(build.pressure_kpa, least_kpa), self.most_kpa(widest_mm))
+        is_same = pressure_kpa == build.pressure_kpa
+        return build if is_same else build.changed(pressure_kpa=pressure_kpa)
 
     def needed_kpa(self, trees: TreeBatch) -> list[float]:
         """Return the pressure that growth takes, where that was measured; else 0."""

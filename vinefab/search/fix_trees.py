@@ -30,7 +30,6 @@ from vinefab.search.fix_space import (
     scaled_build,
 )
 from vinefab.search.fix_targets import FixTargets
-from vinefab.search.penalty_batch import BatchPenalty, fans_of
 from vinefab.search.tree_batch import SomeOf, TreeBatch
 
 MOST_FIXED_BRANCHES = 150
@@ -46,6 +45,9 @@ _SHAPED = ("width", "taper", "fillet", "pouch", "own width")
 """Kinds of changes that builds, or what fits them, depend on."""
 
 _LEAST = 10.0**-FIX_DECIMALS
+
+_MOST_KNOWN = 4096
+"""Builds of one space that are remembered."""
 
 
 class _Values(NamedTuple):
@@ -110,6 +112,11 @@ class TreeSpace:
     def distances(self) -> tuple[float, ...]:
         """Distances along the directions that are tried before steps."""
         return (0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 1.2, 1.6, 2.2)
+
+    @property
+    def steps_ahead(self) -> int:
+        """Steps of a bisection whose trials are assessed at once."""
+        return 3
 
     @cached_property
     def least_cost(self) -> float:
@@ -190,29 +197,13 @@ class TreeSpace:
             builds = [values.builds[number] for number in values.build.tolist()]
             pairs = zip(trees.trees, builds, strict=True)
             return self.targets.penalties([self.kept.changed(shape=t, build=b) for t, b in pairs])
-        return self.targets.of_trees(self._penalty_of(values.builds), trees, values.build)
-
-    def _penalty_of(self, builds: tuple[Build, ...]) -> BatchPenalty:
-        """Return the penalty of the trees with some builds."""
-        most_known = 100
-        if builds not in self._known:
-            if len(self._known) >= most_known:
-                self._known.clear()
-            fans = [fans_of(self._tree)] * len(builds)
-            self._known[builds] = self.targets.rules.of_builds(builds, fans)
-        return self._known[builds]
-
-    @cached_property
-    def _known(self) -> dict[tuple[Build, ...], BatchPenalty]:
-        return {}
+        at_once = self.targets.rules.of_trees(trees, values.builds, values.build)
+        return self.targets.of_trees(at_once, trees, values.build)
 
     def _cost(self, values: _Values) -> Floats:
         """Return the costs of changes to trees, as `change_cost` of their designs; shape (m,)."""
         tree = self._tree
-        of_builds = [
-            math.fsum(change.cost for change in build_changes(self.design.build, build))
-            for build in values.builds
-        ]
+        of_builds = [self._build_cost(build) for build in values.builds]
         total = self.least_cost + np.array(of_builds)[values.build]
         for was, value in ((tree.length_mm, values.length_mm), (tree.bend_mm, values.place_mm)):
             total += WEIGHTS["length"] * _ratios(was, value)
@@ -223,6 +214,19 @@ class TreeSpace:
             has, value = ~np.isnan(own), getattr(values, key)
             total += WEIGHTS[kind.removeprefix("own ")] * _ratios(own[has], value[:, has])
         return total
+
+    def _build_cost(self, build: Build) -> float:
+        """Return the cost of the changes to the build."""
+        if build not in self._build_costs:
+            if len(self._build_costs) >= _MOST_KNOWN:
+                self._build_costs.clear()
+            changes = build_changes(self.design.build, build)
+            self._build_costs[build] = math.fsum(change.cost for change in changes)
+        return self._build_costs[build]
+
+    @cached_property
+    def _build_costs(self) -> dict[Build, float]:
+        return {}
 
     # --- Vectors to values ----------------------------------------------------------------------
 
@@ -317,22 +321,48 @@ class TreeSpace:
 
         Pressures are as designed.
         """
-        places = [self._entries[kind][0] for kind in _SHAPED if kind in self._entries]
-        first, build = np.zeros(1, dtype=np.int64), np.zeros(len(x), dtype=np.int64)
-        if places:
-            shaped = x[:, np.concatenate(places)]
-            _, first, build = np.unique(shaped, axis=0, return_index=True, return_inverse=True)
-        depth = len(self.kept.build.widths_mm)
-        scaled = [scaled_build(self.kept.build, depth, self._factors(x[row])) for row in first]
-        widths_mm = np.array([one.widths_mm for one in scaled])[:, self._tree.level - 1]
-        widths_mm = self._with_own("own width", widths_mm, x[first])
-        fits = np.where(np.isnan(self._own["own fillet"]), widths_mm, np.inf)
-        builds = []
-        for one, fit_mm in zip(scaled, fits, strict=True):
+        shaped = x[:, self._shaped_entries]
+        first: dict[bytes, int] = {}
+        keys = [row.tobytes() for row in shaped]
+        for row, key in enumerate(keys):
+            first.setdefault(key, row)
+        place = {key: number for number, key in enumerate(first)}
+        built = [self._build(key, x[row]) for key, row in first.items()]
+        build = np.array([place[key] for key in keys])
+        widths_mm = np.array([width_mm for _, width_mm in built])
+        return tuple(one for one, _ in built), build, widths_mm[build]
+
+    @cached_property
+    def _shaped_entries(self) -> Ints:
+        """The entries of a vector that builds, or what fits them, depend on."""
+        shaped = [entry for entry, (kind, _) in enumerate(self.variables) if kind in _SHAPED]
+        return np.array(shaped, dtype=np.int64)
+
+    def _build(self, key: bytes, x: Floats) -> tuple[Build, Floats]:
+        """Return the build at a vector with fitting fillets, and the widths of all branches; (n,).
+
+        Parameters
+        ----------
+        key
+            What it depends on.
+        """
+        if key not in self._built:
+            if len(self._built) >= _MOST_KNOWN:
+                self._built.clear()
+            tree, depth = self._tree, len(self.kept.build.widths_mm)
+            scaled = scaled_build(self.kept.build, depth, self._factors(x))
+            widths_mm = np.array(scaled.widths_mm)[tree.level - 1]
+            widths_mm = self._with_own("own width", widths_mm[None], x[None])[0]
+            fits_mm = np.where(np.isnan(self._own["own fillet"]), widths_mm, np.inf)
             levels = range(2, depth + 1)
-            narrowest_mm = [float(fit_mm[self._tree.level == level].min()) for level in levels]
-            builds.append(self.targets.with_fitting_fillets(one, narrowest_mm))
-        return tuple(builds), build.ravel(), widths_mm[build.ravel()]
+            narrowest_mm = [float(fits_mm[tree.level == level].min()) for level in levels]
+            fitting = self.targets.with_fitting_fillets(scaled, narrowest_mm)
+            self._built[key] = fitting, widths_mm
+        return self._built[key]
+
+    @cached_property
+    def _built(self) -> dict[bytes, tuple[Build, Floats]]:
+        return {}
 
     def _factors(self, x: Floats) -> dict[str, dict[int, float]]:
         """Return the factors of the values of the build, by kind and level."""
@@ -348,14 +378,17 @@ class TreeSpace:
         if self.targets.fit.measured:
             takes_kpa = self.targets.growth_kpa(self._batch(values)).tolist()
         wide_mm = values.width_mm.max(axis=1).tolist()
-        kinds = zip(values.build.tolist(), wide_mm, takes_kpa, strict=True)
         place: dict[tuple[int, float, float], int] = {}
-        rows = [place.setdefault(kind, len(place)) for kind in kinds]
-        builds = []
-        for number, widest_mm, takes in place:
-            build = values.builds[number]
-            pouch_mm = build.pouch.flat_width_mm if build.pouch else 0.0
-            builds.append(self.targets.with_pressure(build, max(widest_mm, pouch_mm), takes))
+        builds: dict[Build, int] = {}
+        rows = []
+        for kind in zip(values.build.tolist(), wide_mm, takes_kpa, strict=True):
+            if kind not in place:
+                number, widest_mm, takes = kind
+                build = values.builds[number]
+                pouch_mm = build.pouch.flat_width_mm if build.pouch else 0.0
+                pressed = self.targets.with_pressure(build, max(widest_mm, pouch_mm), takes)
+                place[kind] = builds.setdefault(pressed, len(builds))
+            rows.append(place[kind])
         return values._replace(builds=tuple(builds), build=np.array(rows))
 
     # --- Values to trees ------------------------------------------------------------------------
@@ -538,9 +571,9 @@ def _estimates(
     trees = [tree.taken(way, tree.length_mm[way]) for way in ways]
     depths = np.array([int(one.level.max()) for one in trees])
     builds = [scaled_build(design.build, depth, {}) for depth in range(1, depths.max() + 1)]
-    fans = [fans_of(tree)] * len(builds)
-    at_once = targets.rules.of_builds(builds, fans)
-    penalties = targets.of_trees(at_once, TreeBatch.of(trees), depths - 1)
+    batch = TreeBatch.of(trees)
+    at_once = targets.rules.of_trees(batch, builds, depths - 1)
+    penalties = targets.of_trees(at_once, batch, depths - 1)
     whole_mm = tree.total_length_mm
     lost = np.array([loss_cost(whole_mm, one.total_length_mm) for one in trees])
     return lost + PENALTY_COST * penalties, penalties

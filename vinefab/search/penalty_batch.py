@@ -5,7 +5,7 @@ Everything that depends on a build and a level alone is computed once, by the ru
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
@@ -61,7 +61,6 @@ from vinefab.inflation.pattern import (
 from vinefab.inflation.table import FILLET
 from vinefab.model.design import MOST_BRANCHES, MOST_LEVELS, Build, Design
 from vinefab.model.laser import LaserProfile, Material
-from vinefab.model.tree import BranchTree
 from vinefab.outline.body_outline import flat_layout
 from vinefab.outline.ends import Leaf, level_fillets_mm, pouch_takes_mm
 from vinefab.outline.joint import LEAST_SEGMENT_MM, STEEPEST, Point
@@ -333,6 +332,8 @@ class PenaltyRules:
     changed: LimitChanges
     limits: PenaltyLimits
     grows: bool  # whether the pressure for growth counts
+    # what the tables have of builds that were asked for before
+    known: dict[Build, "_OfBuild"] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(
@@ -419,13 +420,25 @@ class PenaltyRules:
             Of each build, the numbers of children that the joints below each level may have, the
             trunk's at 0.
         """
+        found = [self._of_build(build) for build in builds]
         return BatchPenalty(
-            tables=_tables(self, builds, fans),
-            levels=_level_tables(self, builds),
+            tables=_tables(self, found, fans),
+            levels=Sizes(
+                *(_padded(some) for some in zip(*(one.sizes for one in found), strict=True))
+            ),
             limits=self.limits,
             builds=tuple(builds),
             material=self.profile.material,
         )
+
+    def _of_build(self, build: Build) -> "_OfBuild":
+        """Return what the tables have of a build."""
+        most_known = 4096
+        if build not in self.known:
+            if len(self.known) >= most_known:
+                self.known.clear()
+            self.known[build] = _of_build(self, build)
+        return self.known[build]
 
     def of_space(self, space: DesignSpace) -> "BatchPenalty":
         """Return the penalty of a space's designs, one build for each depth."""
@@ -439,9 +452,13 @@ class PenaltyRules:
 
     def at_once(self, designs: Sequence[Design]) -> tuple["BatchPenalty", TreeBatch]:
         """Return the penalty of designs with a build each, and their trees."""
-        fans = [fans_of(design.tree) for design in designs]
+        trees = TreeBatch.of_designs(designs)
         builds = [design.build for design in designs]
-        return self.of_builds(builds, fans), TreeBatch.of_designs(designs)
+        return self.of_trees(trees, builds, np.arange(len(designs))), trees
+
+    def of_trees(self, trees: TreeBatch, builds: Sequence[Build], rows: Ints) -> "BatchPenalty":
+        """Return the penalty of some trees, by the rows of their builds."""
+        return self.of_builds(builds, _even_fans(trees, rows, len(builds)))
 
     def penalties(self, designs: Sequence[Design]) -> Floats:
         """Return the penalties of some designs, shape (m,)."""
@@ -471,13 +488,30 @@ class PenaltyRules:
         return np.concatenate(begins), np.concatenate(stops)
 
 
-def fans_of(tree: BranchTree) -> Mapping[int, Collection[int]]:
-    """Return the numbers of children that joints of a tree have, by their level from 0."""
-    found = dict[int, set[int]]()
-    children = np.bincount(tree.parent[1:], minlength=len(tree))
-    for level, count in zip(tree.level.tolist(), children.tolist(), strict=True):
-        if count:
-            found.setdefault(level - 1, set()).add(count)
+def _even_fans(trees: TreeBatch, rows: Ints, count: int) -> list[dict[int, set[int]]]:
+    """Return the numbers of children of even fans, by the level of their joints from 0.
+
+    Of the trees with each build, by the rows of these. All other joints go by the law of single
+    ones, and tables of fans take some milliseconds each.
+    """
+    close = 1e-8  # ten times as close as the kernel takes for even
+    found = [dict[int, set[int]]() for _ in range(count)]
+    children = np.flatnonzero((trees.parent >= 0) & ~trees.is_bent)
+    if not len(children):
+        return found
+    above, offset = trees.row_before[children], trees.offset_rad[children]
+    first = np.flatnonzero(np.concatenate([[True], above[1:] != above[:-1]]))
+    sizes = np.diff(first, append=len(children))
+    fan = np.repeat(offset[first + sizes - 1] - offset[first], sizes)
+    place = np.arange(len(children)) - np.repeat(first, sizes)
+    most = np.repeat(np.maximum(1, sizes - 1), sizes)
+    even = np.where(np.repeat(sizes, sizes) > 1, fan * (place / most - 0.5), 0.0)
+    is_even = np.logical_and.reduceat(np.abs(offset - even) <= close, first)
+    build = rows[np.repeat(np.arange(len(trees)), np.diff(trees.first))[children[first]]]
+    level = trees.level[children[first]] - 2
+    kinds = np.stack([build, level, sizes])[:, is_even]
+    for row, joint, size in np.unique(kinds, axis=1).T.tolist():
+        found[row].setdefault(joint, set()).add(size)
     return found
 
 
@@ -697,56 +731,103 @@ def _scratch(rows: int, capsules: int) -> Scratch:
     )
 
 
-def _tables(
-    rules: PenaltyRules, builds: Sequence[Build], fans: Sequence[Mapping[int, Collection[int]]]
-) -> BuildTables:
-    """Return the tables that depend on a build and a level alone."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _OfBuild:
+    """What the tables have of one build."""
+
+    build: Build
+    sizes: tuple[Sequence[float], ...]  # as of `Sizes`, by level
+    # of a leaf of each level
+    tip_mm: Sequence[float]
+    tip_cut_mm: Sequence[float]
+    pouch_share: Sequence[float]
+    pouch: Sequence[Sequence[tuple[Point, Point, float]]]
+    # of the build
+    pouch_mm: float
+    tail: Sequence[tuple[Point, Point, float]]
+    most_kpa: float
+    widest_mm: float
+    # of even fans, by their parent's level from 0 and number of children, once asked for
+    laws: dict[tuple[int, int], FanLaw] = field(default_factory=dict)
+
+    def law(self, place: int, children: int, material: Material) -> FanLaw:
+        """Return the law of joints with so many children."""
+        key, build = (place, children), self.build
+        if key not in self.laws:
+            pair_mm = build.end_widths_mm[place], build.widths_mm[place + 1]
+            fillet_mm = build.fillet_mm[place]
+            self.laws[key] = joint_law(build, material, pair_mm, fillet_mm, children)
+        return self.laws[key]
+
+
+def _of_build(rules: PenaltyRules, build: Build) -> _OfBuild:
+    """Return what the tables have of one build."""
     profile, changed, limits = rules.profile, rules.changed, rules.limits
     material, window = profile.material, check_window.limits_under(changed)
+    widths_mm, ends_mm, fillets_mm = build.widths_mm, build.end_widths_mm, level_fillets_mm(build)
+    leaves = [
+        Leaf(half_mm=end_mm / 2.0, lean_rad=0.0, fillet_mm=fillet_mm)
+        for end_mm, fillet_mm in zip(ends_mm, fillets_mm, strict=True)
+    ]
+    pouch_mm = build.pouch.flat_width_mm if build.pouch else 0.0
+    is_stretched = limits.compensated
+    return _OfBuild(
+        build=build,
+        sizes=(
+            [mm / 2.0 for mm in widths_mm],
+            [mm / 2.0 for mm in ends_mm],
+            fillets_mm,
+            [stretch_at(build, material, mm) if is_stretched else 1.0 for mm in widths_mm],
+            [strain_at(build, material, mm) for mm in ends_mm],
+        ),
+        tip_mm=[pouch_takes_mm(leaf, build.pouch, 0.0) for leaf in leaves],
+        tip_cut_mm=[pouch_takes_mm(leaf, build.pouch, limits.reach_mm) for leaf in leaves],
+        pouch_share=[
+            pouch_mm * limits.film_mm / (limits.lumen * mm**2) if pouch_mm > mm else 0.0
+            for mm in ends_mm
+        ],
+        pouch=[pouch_capsules(build.pouch, leaf) for leaf in leaves],
+        pouch_mm=pouch_mm,
+        tail=tail_capsules(build),
+        most_kpa=most_growth_kpa(build, profile, window) if rules.grows else math.inf,
+        widest_mm=widest_cut_mm(build, profile, changed),
+    )
+
+
+def _tables(
+    rules: PenaltyRules, found: Sequence[_OfBuild], fans: Sequence[Mapping[int, Collection[int]]]
+) -> BuildTables:
+    """Return the tables that depend on a build and a level alone."""
+    limits, material = rules.limits, rules.profile.material
+    builds = [one.build for one in found]
     single = law.network("flat" if limits.compensated else "deployed")
     # How the fans that some builds may have are cut: each law once, and where it stands.
     counts = {count for by_place in fans for some in by_place.values() for count in some}
     children = min(MOST_CHILDREN, max(counts, default=1))
     law_at = np.full((len(builds), max(len(one.widths_mm) for one in builds), children + 1), -1)
     fan_laws: dict[FanLaw, int] = {}
-    for row, (build, by_place) in enumerate(zip(builds, fans, strict=True)):
-        for place in range(len(build.widths_mm) - 1):
+    for row, (one, by_place) in enumerate(zip(found, fans, strict=True)):
+        for place in range(len(one.build.widths_mm) - 1):
             for count in (count for count in by_place.get(place, ()) if count <= children):
-                pair_mm = build.end_widths_mm[place], build.widths_mm[place + 1]
-                found = joint_law(build, material, pair_mm, build.fillet_mm[place], count)
-                law_at[row, place, count] = fan_laws.setdefault(found, len(fan_laws))
+                by_fan = one.law(place, count, material)
+                law_at[row, place, count] = fan_laws.setdefault(by_fan, len(fan_laws))
     law_rows = [one.rows for one in fan_laws if limits.compensated]
     drawn = [one.passages_as_drawn for one in fan_laws if not limits.compensated]
-    leaves = [_leaves(build) for build in builds]
-    pouches = [[pouch_capsules(build.pouch, leaf) for leaf in row]
-               for build, row in zip(builds, leaves, strict=True)]  # fmt: skip
-    pouch_first, pouch = _capsule_rows([one for row in _filled(pouches) for one in row])
-    tail_first, tail = _capsule_rows(list(map(tail_capsules, builds)))
-    pouch_mm = np.array([[build.pouch.flat_width_mm if build.pouch else 0.0] for build in builds])
-    ends_mm = _padded([build.end_widths_mm for build in builds])
-    pouch_shares = pouch_mm * limits.film_mm / (limits.lumen * ends_mm**2)
+    pouches = _filled([one.pouch for one in found])
+    pouch_first, pouch = _capsule_rows([one for row in pouches for one in row])
+    tail_first, tail = _capsule_rows([one.tail for one in found])
+    pouch_share = _padded([one.pouch_share for one in found], 0.0)
     tails_mm = np.array([build.tail_mm for build in builds])
     collars_mm = np.array([build.collar.reach_mm if build.collar else 0.0 for build in builds])
-
-    def taken(offset_mm: float) -> Floats:
-        return _padded(
-            [
-                [pouch_takes_mm(leaf, build.pouch, offset_mm) for leaf in row]
-                for build, row in zip(builds, leaves, strict=True)
-            ]
-        )
-
     return BuildTables(
-        tip=taken(0.0),
-        tip_cut=taken(limits.reach_mm),
-        pouch_share=np.where(pouch_mm > ends_mm, pouch_shares, 0.0),
-        pouch_width=np.broadcast_to(pouch_mm, ends_mm.shape).copy(),
+        tip=_padded([one.tip_mm for one in found]),
+        tip_cut=_padded([one.tip_cut_mm for one in found]),
+        pouch_share=pouch_share,
+        pouch_width=np.repeat([[one.pouch_mm] for one in found], pouch_share.shape[1], axis=1),
         tail_mm=tails_mm,
         even_mm=tails_mm - collars_mm,
-        most_kpa=np.array(
-            [most_growth_kpa(one, profile, window) if rules.grows else math.inf for one in builds]
-        ),
-        widest_mm=np.array([widest_cut_mm(build, profile, changed) for build in builds]),
+        most_kpa=np.array([one.most_kpa for one in found]),
+        widest_mm=np.array([one.widest_mm for one in found]),
         pouch_first=pouch_first[:-1].reshape(len(builds), -1),
         pouch_count=np.array([len(row[0]) for row in pouches]),
         pouch=pouch,
@@ -769,43 +850,16 @@ def _tables(
     )
 
 
-def _level_tables(rules: PenaltyRules, builds: Sequence[Build]) -> Sizes:
-    """Return the sizes of the branches of each level."""
-    material, widths_mm = rules.profile.material, _padded([build.widths_mm for build in builds])
-    stretch = np.ones_like(widths_mm)
-    if rules.limits.compensated:
-        stretch = _padded(
-            [[stretch_at(build, material, mm) for mm in build.widths_mm] for build in builds]
-        )
-    return Sizes(
-        half=widths_mm / 2.0,
-        end_half=_padded([build.end_widths_mm for build in builds]) / 2.0,
-        fillet=_padded([level_fillets_mm(build) for build in builds]),
-        stretch=stretch,
-        strain=_padded(
-            [[strain_at(build, material, mm) for mm in build.end_widths_mm] for build in builds]
-        ),
-    )
-
-
-def _leaves(build: Build) -> list[Leaf]:
-    """Return the end of an even leaf of each level."""
-    return [
-        Leaf(half_mm=end_mm / 2.0, lean_rad=0.0, fillet_mm=fillet_mm)
-        for end_mm, fillet_mm in zip(build.end_widths_mm, level_fillets_mm(build), strict=True)
-    ]
-
-
 def _filled(rows: Sequence[Sequence[_Entry]]) -> list[list[_Entry]]:
     """Return rows of different lengths as long as the longest, their last entry repeated."""
     longest = max(map(len, rows))
     return [[*row, *[row[-1]] * (longest - len(row))] for row in rows]
 
 
-def _padded(rows: Sequence[Sequence[float]]) -> Floats:
-    """Return rows of different lengths as one table, with ones where they end."""
+def _padded(rows: Sequence[Sequence[float]], empty: float = 1.0) -> Floats:
+    """Return rows of different lengths as one table, with a value behind where they end."""
     longest = max(map(len, rows))
-    return np.array([[*row, *[1.0] * (longest - len(row))] for row in rows])
+    return np.array([[*row, *[empty] * (longest - len(row))] for row in rows])
 
 
 def _capsule_rows(found: Sequence[Sequence[tuple[Point, Point, float]]]) -> tuple[Ints, Floats]:

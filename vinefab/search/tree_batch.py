@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import overload
 
 import numpy as np
@@ -34,7 +35,7 @@ class SomeOf(Sequence[BranchTree]):
         return self._make(int(self._rows[index]))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class TreeBatch:
     """Trees, m of them, and their straight parts one tree after the other, parents first.
 
@@ -69,38 +70,38 @@ class TreeBatch:
         """Return the trees of some designs, at least one, written either way."""
         return cls.of([design.tree for design in designs])
 
-    @property
+    @cached_property
     def sizes(self) -> Ints:
         """Number of branches of each tree, shape (m,)."""
         return np.add.reduceat((~self.is_bent).astype(np.int64), self.first[:-1])
 
-    @property
+    @cached_property
     def depth(self) -> Ints:
         """Number of levels of each tree, the trunk included, shape (m,)."""
         return np.maximum.reduceat(self.level, self.first[:-1])
 
-    @property
+    @cached_property
     def is_bent(self) -> NDArray[np.bool_]:
         """Whether each row continues its branch behind a bend."""
         before = self.row_before
         bent: NDArray[np.bool_] = (before >= 0) & (self.branch == self.branch[before])
         return bent
 
-    @property
+    @cached_property
     def row_before(self) -> Ints:
         """The row that each row begins at the end of, among all; -1 for trunks."""
         start = np.repeat(self.first[:-1], np.diff(self.first))
         before: Ints = np.where(self.parent < 0, -1, start + self.parent)
         return before
 
-    @property
+    @cached_property
     def is_leaf(self) -> NDArray[np.bool_]:
         """Whether nothing begins at the end of each row."""
         leaf, before = np.ones(len(self.parent), dtype=np.bool_), self.row_before
         leaf[before[before >= 0]] = False
         return leaf
 
-    @property
+    @cached_property
     def generations(self) -> list[Ints]:
         """Rows whose rows before stand in the entry before: trunks first."""
         before, found = self.row_before, list[Ints]()
@@ -112,7 +113,7 @@ class TreeBatch:
             rows = np.flatnonzero((before >= 0) & is_here[before])
         return found
 
-    @property
+    @cached_property
     def base_width_mm(self) -> Floats:
         """Lay-flat width where the branch of each row begins."""
         width_mm, bent, before = self.width_mm.copy(), self.is_bent, self.row_before

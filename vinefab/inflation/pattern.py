@@ -6,7 +6,7 @@ in their fan and number of children, so that one short table for each of these n
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import pairwise
@@ -153,7 +153,7 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
     else:
         grown_mm[0] *= stretch[0]
     gain = 1.0 if material.closing_gain is None else material.closing_gain.value
-    families = joint_families(drawn)
+    families = joint_families(drawn, design.called(parts.ids))
     tasks = [
         JointTask(
             plan=family.plan,
@@ -221,10 +221,15 @@ class JointFamily:
     name: str  # ``level 2`` where all joints of the level are alike, else branches
 
 
-def joint_families(drawn: DrawnTree) -> list[JointFamily]:
+def joint_families(drawn: DrawnTree, called: Sequence[str] = ()) -> list[JointFamily]:
     """Return the joints and bends of a tree by their kinds, in the order of the first of each.
 
     Tapers of the parents' own sides make no difference.
+
+    Parameters
+    ----------
+    called
+        What people call the straight parts; their ids if left out.
     """
     tree = drawn.tree
     away_mm = [0.0] * len(tree)
@@ -242,7 +247,7 @@ def joint_families(drawn: DrawnTree) -> list[JointFamily]:
         for plan, row in ((plan, row) for plan, rows in family for row in rows):
             by_way.setdefault(ways_mm(row), (plan, []))[1].append(row)
         alike += by_way.values()
-    ids, found = tree.ids, []
+    names, found = called or tree.ids, []
     forks = {row for row, below in enumerate(drawn.children) if below}
     forks -= {row for plan, rows in alike if plan.is_bend for row in rows}
     for plan, rows in sorted(alike, key=lambda one: min(one[1])):
@@ -250,11 +255,11 @@ def joint_families(drawn: DrawnTree) -> list[JointFamily]:
         own = level[rows[0]]
         if plan.is_bend:
             words = "bend at the end of" if len(rows) == 1 else "bends at the ends of"
-            name = f"{words} {some_of([ids[row] for row in rows], 3)}"
+            name = f"{words} {some_of([names[row] for row in rows], 3)}"
         elif len(rows) == sum(level[row] == own for row in forks):
             name = f"level {own + 1}"
         else:
-            some = some_of([ids[row] for row in rows], 3)
+            some = some_of([names[row] for row in rows], 3)
             name = f"joint{'' if len(rows) == 1 else 's'} at the end of {some}"
         found.append(
             JointFamily(

@@ -8,7 +8,7 @@ Each table of a design file is one class: noun, file form and the studio's form 
 import math
 import re
 import reprlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -849,6 +849,27 @@ class Design(Table):
         """The names of the branches in a file by their ids; empty where it has levels."""
         names = self.names
         return dict(zip(self.tree.ids, names, strict=True)) if names else {}
+
+    def called(self, ids: Iterable[str]) -> tuple[str, ...]:
+        """Return what people call some branches: their names in the file, or their ids.
+
+        Parameters
+        ----------
+        ids
+            Of branches, or of their straight parts behind bends.
+
+        Examples
+        --------
+        >>> Design.read("scout").by_branches.called(["0", "0/2"])
+        ('trunk', 'trunk after its bend 2')
+        """
+        names = self.names_by_id
+        if not names:
+            return tuple(ids)
+        parts = (one.partition("/") for one in ids)
+        return tuple(
+            f"{names[own]} after its bend {part}" if part else names[own] for own, _, part in parts
+        )
 
     def words(self, rows: Sequence[int]) -> str:
         """Return what people call some branches: their level where the design has levels."""

@@ -255,7 +255,16 @@ class OutlineProblem:
     count: int = 1  # number of places: all joints of a level are alike
     measured_mm: float
     limit_mm: float
-    message: str  # one sentence: the problem and its remedy
+    sentence: str  # the problem and its remedy, with ``{names}`` in place of the branches
+
+    @property
+    def message(self) -> str:
+        """The problem and its remedy as one sentence, branches by their ids."""
+        return self.words(self.branches)
+
+    def words(self, names: Sequence[str]) -> str:
+        """Return the sentence with other names for the branches."""
+        return self.sentence.format(names=" and ".join(names))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -367,7 +376,7 @@ class _Places:
         """Return a problem that occurs at the end of some parts; the first of them is named."""
         x, y = self.layout.end_mm[rows[0]].tolist()
         names = tuple(self.ids[branch] for branch in branches)
-        message = _MESSAGES[kind].format(names=" and ".join(names), found=found[0], limit=found[1])
+        sentence = _MESSAGES[kind].format(names="{names}", found=found[0], limit=found[1])
         return OutlineProblem(
             kind=kind,
             branches=names,
@@ -376,9 +385,9 @@ class _Places:
             count=len(rows),
             measured_mm=min(max(found[0], -LARGEST_MM), LARGEST_MM),
             limit_mm=found[1],
-            message=message
+            sentence=sentence
             if len(rows) == 1
-            else f"{message} It is so at {counted(len(rows), 'place')} alike.",
+            else f"{sentence} It is so at {counted(len(rows), 'place')} alike.",
         )
 
 

@@ -297,12 +297,6 @@ def _replaced(old: Sequence[_Entry], new: Sequence[_Entry], rules: set[str]) -> 
     return tuple(entries)
 
 
-def _called(branch: str, called: Mapping[str, str]) -> str:
-    """Return what a file calls the branch of an id, or its part behind a bend."""
-    own, _, part = branch.partition("/")
-    return called.get(own, own) + (f" after its bend {part}" if part else "")
-
-
 def run_rig_checks(subject: RigSubject) -> CheckReport:
     """Return the report of the rules about test rigs, the only ones that need no design."""
     design = subject.design
@@ -318,7 +312,6 @@ def _report(
     design: Design | None, outcomes: list[tuple[Rule, RuleApplied | RuleNotApplicable]]
 ) -> CheckReport:
     name, waivers = (design.name, design.waivers) if design else ("", ())
-    called = design.names_by_id if design else {}
     run: list[RuleRun] = []
     skipped: list[RuleSkipped] = []
     findings: list[Finding] = []
@@ -347,7 +340,7 @@ def _report(
                         limit=violation.limit,
                         unit=rule.unit,
                         branches=violation.branches,
-                        names=tuple(_called(one, called) for one in violation.branches if called),
+                        names=design.called(violation.branches) if design and design.names else (),
                         x_mm=x_mm,
                         y_mm=y_mm,
                         marker_wkt=violation.marker,

@@ -585,7 +585,7 @@ def _violation(
     """Return a violation by all joints of a level, placed at the first of them."""
     rows = sorted(joint.branch(strip.owner) for strip in (gap.first, gap.second))
     all_joints = f" (and at {joint.joints - 1} more joints)" if joint.joints > 1 else ""
-    names = " and ".join(subject.ids(*rows))
+    names = " and ".join(subject.called(*rows))
     message = f"branches {names}{all_joints} are {predicate}"
     at_mm = branch_point_mm(subject.layout, joint.children[0], 0.0)
     return broken.on(subject, rows, message, at=at_mm, aspect=aspect)

@@ -194,6 +194,10 @@ class Subject(RigSubject):
         """Return the ids of branches, by index."""
         return tuple(self.names[branch] for branch in branches)
 
+    def called(self, *branches: int) -> tuple[str, ...]:
+        """Return what people call branches, by index: their names in a file, or their ids."""
+        return self.design.called(self.ids(*branches))
+
 
 ROUNDING = 1e-9
 """Relative slack, so that a value set exactly to a limit keeps it after unit conversions."""
@@ -622,7 +626,7 @@ def outline_violations(
     named = [set(violation.branches) for violation in known]
     return tuple(
         Violation(
-            message=problem.message,
+            message=problem.words(subject.design.called(problem.branches)),
             measured=problem.measured_mm,
             limit=problem.limit_mm,
             branches=problem.branches,

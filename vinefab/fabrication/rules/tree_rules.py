@@ -443,10 +443,10 @@ def check_sleeve_room(subject: Subject, _: Limits) -> RuleApplied:
     """Branches to be cut have room for a sleeve."""
     partition, violations = _cut(subject)[0], []
     for found in partition.unparted:
-        names = subject.ids(*found.branches)
-        message = f"{_few(names)} {found.why}, and cutting in pieces cannot help: "
+        names = _few(subject.called(*found.branches))
+        message = f"{names} {found.why}, and cutting in pieces cannot help: "
         if found.between:
-            between = _few(subject.ids(*found.between))
+            between = _few(subject.called(*found.between))
             message += (
                 f"no branch between them ({between}) has {found.needed_mm:.1f} mm of straight side "
                 "for a sleeve: lengthen one, or shorten fillets, lap or pouch"
@@ -458,7 +458,7 @@ def check_sleeve_room(subject: Subject, _: Limits) -> RuleApplied:
                 message=message,
                 measured=found.room_mm,
                 limit=found.needed_mm,
-                branches=names[:4],
+                branches=subject.ids(*found.branches)[:4],
                 at_mm=branch_point_mm(subject.layout, found.branches[0], 0.5),
                 marker=mark_branches(subject.layout, found.branches),
                 aspect=found.why,

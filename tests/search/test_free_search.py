@@ -43,10 +43,12 @@ def search(run):
     return Search.of(run, training_maps(run), penalty_of(run), fresh_maps=fresh_maps(run))
 
 
-def optimizer(population=12, level_generations=2, seed=5):
+def optimizer(population=12, level_generations=2, seed=5, penalty=None):
     """A search of its own, and how well its points would do: as long branches as possible."""
     space = FreeSpace(SpaceSettings(**FREE), BuildSettings(**BUILD))
     levels = IslandsConfig().start(space.levels.axes, population, seed)
+    if penalty:
+        levels.screen_by(lambda x: np.array([penalty(space.levels.design(one).tree) for one in x]))
     return space, FreeSearch(space, levels, level_generations, population, seed)
 
 
@@ -154,15 +156,12 @@ def too_long(tree):
 
 
 def test_rules_draw_points_back_and_the_middle_keeps_them():
-    space, found = optimizer(level_generations=1)
+    space, found = optimizer(level_generations=1, penalty=too_long)
 
     def penalty(x):
         return np.array([too_long(space.tree(one)) for one in x])
 
     found.screen_by(penalty)
-    found.screen_levels_by(
-        lambda x: np.array([too_long(space.levels.design(one).tree) for one in x])
-    )
     for x in run_on(space, found, 12):
         assert penalty(x).max() == 0.0 or len(x) == 1
     assert penalty(np.array(found.recommended())).max() == 0.0
@@ -190,6 +189,45 @@ def test_it_begins_at_given_trees_in_place_of_levels():
     found.start_from([space.vector(given)])
     first = space.tree(found.ask()[0])
     assert np.degrees(first.offset_rad).tolist() == pytest.approx([0.0, -40.0, 31.0], abs=0.006)
+
+
+def test_a_mirrored_search_with_trials_of_structure_stays_mirrored():
+    space = FreeSpace(SpaceSettings(**FREE, mirrored=True), BuildSettings(**BUILD))
+    levels = IslandsConfig().start(space.levels.axes, 12, 5)
+    found, sizes = FreeSearch(space, levels, 2, 12, 5), set()
+    found.screen_by(lambda x: np.zeros(len(x)))
+    for generation in range(4 + 2 * (TRIAL_EVERY + TRIALS)):
+        x = found.ask()
+        for tree in space.batch(x).trees:
+            ahead = tree.parent[1:] == 0
+            angles = np.sort(tree.offset_rad[1:][ahead])
+            assert angles == pytest.approx(-angles[::-1], abs=1e-12)
+            sizes.add(len(tree))
+        found.tell(x, film(space, x) if generation < 30 else -np.abs(space.batch(x).sizes - 9.0))
+    assert len(sizes) > 3
+
+
+def test_a_search_of_one_branch_changes_no_other():
+    space = FreeSpace(SpaceSettings(**FREE, only=("0.1",)), BuildSettings(**BUILD))
+    levels = IslandsConfig().start(space.levels.axes, 12, 5)
+    found = FreeSearch(space, levels, 2, 12, 5)
+    given = Design.of_branches(
+        [
+            Branch(name="a", angle_deg=-40.0, length_mm=90.0),
+            Branch(name="b", angle_deg=31.0, length_mm=70.0),
+            Branch(name="c", of="b", angle_deg=10.0, length_mm=50.0),
+        ],
+        trunk_length_mm=100.0,
+    )
+    found.start_from([space.vector(given)])
+    for _ in range(2 * TRIAL_EVERY):
+        x = found.ask()
+        for tree in space.batch(x).trees:
+            assert tree.length_mm[[0, 1, 3]].tolist() == [100.0, 90.0, 50.0]
+            assert np.degrees(tree.offset_rad[[1, 3]]).tolist() == pytest.approx([-40.0, 10.0])
+        found.tell(x, -np.abs(space.batch(x).length_mm.reshape(len(x), -1)[:, 2] - 123.0))
+    (best, *_) = found.recommended()
+    assert space.tree(best).length_mm[2] == pytest.approx(123.0, abs=1.0)
 
 
 def test_each_generation_has_fresh_maps_where_maps_are_generated():

@@ -22,13 +22,9 @@ import numpy as np
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, Ints
 from vinefab.search.evaluator import INVALID_FITNESS
-from vinefab.search.free_space import ANGLE, EMPTY, FreeSpace
+from vinefab.search.free_space import EMPTY, FreeSpace
 from vinefab.search.optimizers.cmaes import LEAST_POPULATION, Distribution
-from vinefab.search.optimizers.optimizer import (
-    Optimizer,
-    PenaltyOfPoints,
-    ScreeningOptimizer,
-)
+from vinefab.search.optimizers.optimizer import Optimizer, PenaltyOfPoints
 from vinefab.search.settings import SearchSettings
 from vinefab.search.space import DesignBatch
 
@@ -128,7 +124,7 @@ class FreeSearch:
     space
         The space of free trees.
     levels
-        The search of its levels.
+        The search of its levels, which is screened for itself.
     level_generations
         Generations of that search.
     """
@@ -151,6 +147,7 @@ class FreeSearch:
         self._trees: _Trees | None = None
         self._trial: _Race | None = None
         self._middles: list[Floats] = []  # the latest middles of the search of trees
+        self._moved: Ints | None = None  # coordinates of the only branches that may change
         self._asked: Floats | None = None
 
     @classmethod
@@ -169,14 +166,11 @@ class FreeSearch:
         """Take the penalty of points: only those without are evaluated, where there are any."""
         self._penalty = penalty
 
-    def screen_levels_by(self, penalty: PenaltyOfPoints) -> None:
-        """Take the penalty of points of the space of levels."""
-        if isinstance(self._levels, ScreeningOptimizer):
-            self._levels.screen_by(penalty)
-
     def start_from(self, points: Sequence[Floats]) -> None:
         """Take the trees to begin at, in place of levels."""
         self._level_generations = 0
+        if only := self._space.settings.only:
+            self._moved = self._space.coordinates_of(points[0], only)
         for point in points:
             self._kept.points.append(np.array(point, dtype=np.float64))
             self._kept.fitness.append(0.0)
@@ -202,7 +196,7 @@ class FreeSearch:
             self._race = self._begun_race()
         if self._trees is None or self._race is not None:
             return cast("_Race", self._race).points
-        if self._trial is None and self._trees.age == TRIAL_EVERY:
+        if self._trial is None and self._trees.age == TRIAL_EVERY and self._moved is None:
             self._trial = self._begun_trial(self._trees)
         return self._sampled(self._trees) if self._trial is None else self._trial.points
 
@@ -281,7 +275,7 @@ class FreeSearch:
 
     def _small(self, designs: DesignBatch) -> Ints:
         """Return which designs of levels have as few branches as a tree may have."""
-        return np.flatnonzero(designs.sizes <= self._space.slots)
+        return np.flatnonzero(designs.sizes <= self._space.most_branches)
 
     def _level_points(self) -> Floats:
         levels = self._space.levels
@@ -311,7 +305,7 @@ class FreeSearch:
 
     def _filled(self, x: Floats, rng: np.random.Generator) -> Floats:
         """Return a tree with branches added wherever the rules leave room."""
-        if self._penalty is None or self._penalties(x[None])[0] > 0.0:
+        if self._penalty is None or self._moved is not None or self._penalties(x[None])[0] > 0.0:
             return x
         while True:
             for parent, share in self._gaps(x, rng):
@@ -324,16 +318,8 @@ class FreeSearch:
                 return x
 
     def _gaps(self, x: Floats, rng: np.random.Generator) -> list[tuple[int, float]]:
-        """Return where children may be added: the slot of the parent, and the angle's share.
-
-        Angles are those in the middle between two neighbours, and of the ends and the outer ones.
-        """
-        space, found = self._space, list[tuple[int, float]]()
-        parents, angles = space.parents(x), space.cells(x)[:, ANGLE]
-        for slot in space.slots_that_may_branch(x):
-            shares = np.sort(angles[parents == slot])
-            ends = np.concatenate([[0.0], shares, [1.0]]) if len(shares) else np.array([0.0, 1.0])
-            found += [(slot, float(share)) for share in (ends[1:] + ends[:-1]) / 2.0]
+        """Return where children may be added, in random order: slot of the parent, and angle."""
+        found = self._space.gaps(x)
         order = rng.permutation(len(found)).tolist()
         return [found[place] for place in order]
 
@@ -362,7 +348,7 @@ class FreeSearch:
 
     def _trees_at(self, middle: Floats, spread: Floats) -> _Trees:
         """Return a search around a tree."""
-        active = self._space.active(middle)
+        active = self._space.active(middle) if self._moved is None else self._moved
         search = Distribution(
             middle[active], spread[active], population=self._population, counts=[]
         )

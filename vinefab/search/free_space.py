@@ -3,6 +3,9 @@
 A point has the same coordinates for each of a number of slots: the parent (or none: the slot is
 empty), the angle, the length, and turn and place of each bend that a branch may have. Slot 0 is
 the trunk; parents stand before their children.
+
+In a mirrored space the slots are those of one half: every branch off the axis has a twin on the
+other side. The axis is the trunk with the branches that go straight on from it.
 """
 
 import math
@@ -11,8 +14,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.limits import rad
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints
@@ -43,6 +47,9 @@ END_SHARE = 0.02
 PARENT, ANGLE, LENGTH, BENDS = range(4)
 """Columns of a slot; of each bend, two from the last on: its turn and its place."""
 
+SAME_SHARE = 1e-9
+"""Coordinates that differ by less are one."""
+
 _Number = int | Ints
 
 EMPTY = -1
@@ -68,7 +75,11 @@ class FreeSpace(DesignSpace):
         self.deepest = int(settings.levels.high)
         children = [int(settings.bounds(n, "branches").high) for n in range(2, self.deepest + 1)]
         whole = sum(math.prod(children[:n]) for n in range(self.deepest))
-        self.slots = min(whole, int(min(SLOTS, self.most.get("branches", SLOTS))))
+        self.most_branches = min(whole, int(min(SLOTS, self.most.get("branches", SLOTS))))
+        self.mirrored = settings.mirrored
+        # Of a mirrored tree one branch of each level may lie on the axis, without a twin.
+        alone = min(self.deepest, self.most_branches) if self.mirrored else self.most_branches
+        self.slots = alone + (self.most_branches - alone) // 2
         self.bends = int(settings.bends.high)
         self.columns = 3 + 2 * self.bends
         ranges = [self._ranges(level) for level in range(1, self.deepest + 1)]
@@ -114,33 +125,41 @@ class FreeSpace(DesignSpace):
         Raises
         ------
         BadInputError
-            If it has more branches than there are slots, or more levels.
+            If it has more branches than there are slots, or more levels, or in a mirrored space is
+            not its own mirror image.
         """
-        if len(tree) > self.slots or int(tree.level.max()) > self.deepest:
-            allowed = f"at most {counted(self.slots, 'branch')} on {counted(self.deepest, 'level')}"
-            raise BadInputError("space", f"a design with {counted(len(tree), 'branch')}", allowed)
+        count = len(tree)
+        if count > self.most_branches or int(tree.level.max()) > self.deepest:
+            most = counted(self.most_branches, "branch")
+            allowed = f"at most {most} on {counted(self.deepest, 'level')}"
+            raise BadInputError("space", f"a design with {counted(count, 'branch')}", allowed)
+        rows = _half_of(tree) if self.mirrored else np.arange(count)
+        slot = np.full(count, EMPTY)
+        slot[rows] = np.arange(len(rows))
         x = np.full((self.slots, self.columns), 0.5)
         x[1:, PARENT] = self._share_of_parent(np.arange(1, self.slots), EMPTY)
-        low_mm, high_mm, most_deg = self._ranges_at(tree.level)
-        angle = np.degrees(tree.offset_rad)
-        x[: len(tree), LENGTH] = _share(tree.length_mm, low_mm, high_mm)
-        x[: len(tree), ANGLE] = _share(angle, -most_deg, most_deg)
-        rows = np.arange(1, len(tree))
-        x[rows, PARENT] = self._share_of_parent(rows, tree.parent[1:])
+        low_mm, high_mm, most_deg = self._ranges_at(tree.level[rows])
+        angle = np.degrees(tree.offset_rad[rows])
+        x[: len(rows), LENGTH] = _share(tree.length_mm[rows], low_mm, high_mm)
+        x[: len(rows), ANGLE] = _share(angle, -most_deg, most_deg)
+        below = np.arange(1, len(rows))
+        x[below, PARENT] = self._share_of_parent(below, slot[tree.parent[rows[1:]]])
         widest_deg = float(self._most_deg.max())
         for branch, at_mm, turn in zip(
             tree.bend_branch.tolist(), tree.bend_mm.tolist(), tree.bend_rad.tolist(), strict=True
         ):
             if not self.bends:
                 break  # the nearest tree is straight
+            if slot[branch] == EMPTY:
+                continue  # its twin has it
             along = (at_mm / float(tree.length_mm[branch]) - END_SHARE) / (1.0 - 2.0 * END_SHARE)
             along = min(max(along, 0.0), 1.0) * self.bends
             # At the border of two stretches it is in the one before.
             number = max(0, math.ceil(along) - 1)
             column = BENDS + 2 * number
             share = (math.degrees(turn) / widest_deg + 1.0) / 2.0
-            x[branch, column] = min(1.0, max(0.0, share))
-            x[branch, column + 1] = along - number
+            x[slot[branch], column] = min(1.0, max(0.0, share))
+            x[slot[branch], column + 1] = along - number
         return x.ravel()
 
     def _ranges_at(self, level: Ints) -> tuple[Floats, Floats, Floats]:
@@ -162,10 +181,14 @@ class FreeSpace(DesignSpace):
         if not alike:
             return TreeBatch.of([self.tree(row) for row in x])
         shape = self._shape(cells[0, :, PARENT])
-        low_mm, high_mm, most_deg = self._ranges_at(shape.slot_level)
-        length_mm = _values(cells[:, :, LENGTH], low_mm, high_mm)
-        angle_deg = _values(cells[:, :, ANGLE], -most_deg, most_deg)
-        angle_deg[:, 0] = 0.0
+        length_mm, angle_deg = self._sizes(shape, cells)
+        if self.mirrored:
+            ahead = angle_deg == 0.0
+            if (ahead != ahead[0]).any():  # one has gone to the axis
+                return TreeBatch.of([self.tree(row) for row in x])
+            shape = self._both_halves(shape, self._on_axis(shape, ahead[0]))
+            length_mm = np.tile(length_mm, 2)
+            angle_deg = np.concatenate([angle_deg, -angle_deg], axis=1)
         shapes = [shape.sorted_by(row) for row in angle_deg]
         slots = np.stack([one.slots for one in shapes])
         count, size = slots.shape
@@ -194,16 +217,22 @@ class FreeSpace(DesignSpace):
         """Return the tree at a point."""
         cells = x.reshape(self.slots, self.columns)
         shape = self._shape(cells[:, PARENT])
-        low_mm, high_mm, most_deg = self._ranges_at(shape.slot_level)
-        length_mm = _values(cells[:, LENGTH], low_mm, high_mm)
-        angle_deg = _values(cells[:, ANGLE], -most_deg, most_deg)
+        length_mm, angle_deg = self._sizes(shape, cells)
+        straight = self._on_axis(shape, angle_deg == 0.0)
+        if self.mirrored:
+            shape = self._both_halves(shape, straight)
+            length_mm = np.tile(length_mm, 2)
+            angle_deg = np.concatenate([angle_deg, -angle_deg])
         shape = shape.sorted_by(angle_deg)
         rows = shape.slots
         length_mm, angle_deg = length_mm[rows], angle_deg[rows]
         build, bends = self.build_of(int(shape.level[-1])), list[Sequence[Bend]]()
         if self.bends:
             for row, mm, level in zip(rows, length_mm.tolist(), shape.level.tolist(), strict=True):
-                bends.append(self._bends(cells[row], mm, build.widths_mm[level - 1]))
+                slot, side = row % self.slots, 1.0 if row < self.slots else -1.0
+                own = self._bends(cells[slot], mm, build.widths_mm[level - 1])
+                own = [] if straight[slot] else own
+                bends.append([(at_mm, side * turn_deg) for at_mm, turn_deg in own])
         return BranchTree.of(
             parent=shape.parent,
             level=shape.level,
@@ -212,6 +241,31 @@ class FreeSpace(DesignSpace):
             build=build,
             bends=bends,
         )
+
+    def _sizes(self, shape: "_Shape", cells: Floats) -> tuple[Floats, Floats]:
+        """Return lengths, mm, and angles, deg, of the slots of cells, shape (..., slots) each."""
+        low_mm, high_mm, most_deg = self._ranges_at(shape.slot_level)
+        length_mm = _values(cells[..., LENGTH], low_mm, high_mm)
+        angle_deg = _values(cells[..., ANGLE], -most_deg, most_deg)
+        angle_deg[..., 0] = 0.0
+        return length_mm, angle_deg
+
+    def _on_axis(self, shape: "_Shape", ahead: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which slots lie on the axis, those ahead of one that does; (slots,).
+
+        None does where the space is not mirrored.
+        """
+        found = np.zeros(self.slots, dtype=np.bool_)
+        found[0] = self.mirrored
+        for slot, above in enumerate(shape.index.tolist()):
+            found[slot] |= above >= 0 and bool(found[above] and ahead[slot])
+        return found
+
+    def _both_halves(self, half: "_Shape", on_axis: NDArray[np.bool_]) -> "_Shape":
+        """Return the shape with a twin of every slot off the axis, so many slots behind it."""
+        above = half.index
+        twins = np.where((above >= 0) & ~on_axis[above], above + self.slots, above)
+        return self._shape_of(np.concatenate([above, np.where(on_axis, EMPTY, twins)]))
 
     def _bends(self, cells: Floats, length_mm: float, width_mm: float) -> list[Bend]:
         """Return the bends of a slot's branch; one nearer to another than it is wide is none."""
@@ -291,17 +345,57 @@ class FreeSpace(DesignSpace):
         low_mm, high_mm, most_deg = self._ranges_at(shape.slot_level)
         has[low_mm == high_mm, LENGTH] = False
         has[most_deg == 0.0, ANGLE] = False
+        on_axis = self._on_axis(shape, self._sizes(shape, self.cells(x))[1] == 0.0)
+        has[on_axis, ANGLE] = False
+        has[on_axis, BENDS:] = False
         return np.flatnonzero(has)
 
-    def slots_that_may_branch(self, x: Floats) -> list[int]:
-        """Return the slots of branches that may have another child."""
-        shape = self._shape(self.cells(x)[:, PARENT])
-        found = []
+    def coordinates_of(self, x: Floats, ids: Sequence[str]) -> Ints:
+        """Return the coordinates that some branches of the tree at a point have.
+
+        Raises
+        ------
+        UnfitInputError
+            If there is no such branch, or nothing of them can change.
+        """
+        cells = self.cells(x)
+        shape = self._shape(cells[:, PARENT])
+        slots = shape.sorted_by(self._sizes(shape, cells)[1]).slots
+        rows = dict(zip(self.tree(x).ids, slots.tolist(), strict=True))
+        own = [rows.get(one, EMPTY) for one in ids]
+        active = self.active(x)
+        found = active[np.isin(active // self.columns, own)]
+        if EMPTY in own or not len(found):
+            problem = f"nothing of {', '.join(ids)} can change"
+            raise UnfitInputError("space.only", problem, "widen its ranges, or name other branches")
+        return found
+
+    def gaps(self, x: Floats) -> list[tuple[int, float]]:
+        """Return where a child may be added: the slot of its parent, and its angle's coordinate.
+
+        Angles are those in the middle between two neighbours, and of the ends and the outer ones.
+        """
+        cells, found = self.cells(x), list[tuple[int, float]]()
+        shape = self._shape(cells[:, PARENT])
+        on_axis = self._on_axis(shape, self._sizes(shape, cells)[1] == 0.0)
+        twins = int((~on_axis[shape.slots]).sum()) if self.mirrored else 0
+        room = self.most_branches - len(shape.slots) - twins
         for slot, level in zip(shape.slots.tolist(), shape.level.tolist(), strict=True):
-            if level < self.deepest:
-                most = self.settings.bounds(level + 1, "branches").high
-                if (shape.index == slot).sum() < most:
-                    found.append(slot)
+            if level == self.deepest:
+                continue
+            children = np.flatnonzero(shape.index == slot)
+            shares = cells[children, ANGLE]
+            if on_axis[slot]:  # the twins of its children stand there too
+                shares = np.concatenate([shares, 1.0 - shares[~on_axis[children]]])
+            most = min(room, int(self.settings.bounds(level + 1, "branches").high) - len(shares))
+            ends = np.array([0.0, *np.sort(shares), 1.0])
+            for share in ((ends[1:] + ends[:-1]) / 2.0).tolist():
+                is_ahead = bool(on_axis[slot]) and abs(share - 0.5) < SAME_SHARE
+                if on_axis[slot] and share < 0.5 and not is_ahead:
+                    continue  # its twin is found as well
+                branches = 2 if self.mirrored and not is_ahead else 1
+                if branches <= room and (branches if on_axis[slot] else 1) <= most:
+                    found.append((slot, 0.5 if is_ahead else share))
         return found
 
     def free_slot(self, x: Floats, parent: int, taken: Sequence[int] = ()) -> int | None:
@@ -354,6 +448,10 @@ class FreeSpace(DesignSpace):
         index = (parents * np.arange(1, self.slots + 1)).astype(np.int64)
         index = np.minimum(index, np.arange(self.slots)) - 1
         index[0] = -1
+        return self._shape_of(index)
+
+    def _shape_of(self, index: Ints) -> "_Shape":
+        """Return the shape for the parent slot of each slot."""
         key = index.tobytes()
         if key not in self._shapes:
             if len(self._shapes) > 1000:
@@ -412,6 +510,42 @@ class _Shape:
         level = np.zeros(len(self.index), dtype=np.int64)
         level[self.slots] = self.level
         return self._ordered(self.index, level, angle)
+
+
+def _half_of(tree: BranchTree) -> Ints:
+    """Return the rows of the axis of a tree and of all that lies left of it.
+
+    Raises
+    ------
+    UnfitInputError
+        If the tree is not its own mirror image, within a hundredth of a millimetre or degree.
+    """
+    near, angle_deg = 1.001 * 10.0**-SPACE_DECIMALS, np.degrees(tree.offset_rad)
+    children = [np.flatnonzero(tree.parent == row).tolist() for row in range(len(tree))]
+
+    def values(row: int, side: float) -> Floats:
+        bends = [(at_mm, side * math.degrees(turn)) for at_mm, turn in tree.bends_of(row)]
+        return np.array([tree.length_mm[row], side * angle_deg[row], *np.ravel(bends)])
+
+    def are_twins(one: int, two: int) -> bool:
+        own, other = values(one, 1.0), values(two, -1.0)
+        if own.shape != other.shape or len(children[one]) != len(children[two]):
+            return False
+        pairs = zip(children[one], reversed(children[two]), strict=True)
+        is_near = bool((np.abs(own - other) <= near).all())
+        return is_near and all(are_twins(*pair) for pair in pairs)
+
+    if not are_twins(0, 0):
+        problem = "is true, and a design to begin at is not its own mirror image"
+        raise UnfitInputError("space.mirrored", problem, "leave it out, or begin at one that is")
+    on_axis, kept = {0}, [0]
+    for row, above in enumerate(tree.parent.tolist()[1:], start=1):
+        if above in on_axis and abs(angle_deg[row]) <= near:
+            on_axis.add(row)
+        elif above not in kept or (above in on_axis and angle_deg[row] < 0.0):
+            continue
+        kept.append(row)
+    return np.array(kept)
 
 
 def _share(values: Floats, low: Floats, high: Floats) -> Floats:

@@ -575,6 +575,7 @@ def without_rules(settings: RunSettings) -> RunSettings:
         evaluation=settings.evaluation.changed(fabricable=False, joint_weight=0.0),
         search=settings.search.changed(generations=generations, evaluations=0, wall_time_s=0.0),
         start_from=(),
+        space=settings.space.changed(only=()),
     )
 
 

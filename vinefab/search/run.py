@@ -79,6 +79,7 @@ from vinefab.search.settings import (
     RunSettings,
     SearchSettings,
     check_objectives,
+    check_only,
     has_own_targets,
     limit_option,
     with_limits,
@@ -190,24 +191,26 @@ class Search:
         axes = evaluator.space.levels.axes
         asked = started(config, settings.optimizer.name, axes, population, seed)
         check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
-        if isinstance(evaluator.space, FreeSpace):
-            if settings.objectives:
-                problem = "is 'free', and task.objectives names several"
-                raise UnfitInputError("space.tree", problem, "name one objective, or leave it out")
-            asked = FreeSearch.of(evaluator.space, asked, settings.search)
-        if settings.start_from and not isinstance(asked, StartingOptimizer):
-            problem = f"optimizer {settings.optimizer.name!r} cannot begin at designs"
-            remedy = "leave it out, or use the optimizer islands"
-            raise UnfitInputError("optimizer.start_from", problem, remedy)
+        check_only(settings.space.only, len(settings.start_from))
         with calling(f"optimizer {settings.optimizer.name!r}", asked):
             if settings.objectives and isinstance(asked, FrontOptimizer):
                 asked.set_lowest(evaluator.lowest)
             # A user's own penalty may take longer than growth: screening asks for many.
             if evaluator.screens and isinstance(asked, ScreeningOptimizer):
+                asked.screen_by(evaluator.penalties_of_levels)
+        if isinstance(evaluator.space, FreeSpace):
+            if settings.objectives:
+                problem = "is 'free', and task.objectives names several"
+                raise UnfitInputError("space.tree", problem, "name one objective, or leave it out")
+            asked = FreeSearch.of(evaluator.space, asked, settings.search)
+            if evaluator.screens:
                 asked.screen_by(evaluator.penalties)
-            if evaluator.screens and isinstance(asked, FreeSearch):
-                asked.screen_levels_by(evaluator.penalties_of_levels)
-            if settings.start_from and isinstance(asked, StartingOptimizer):
+        if settings.start_from and not isinstance(asked, StartingOptimizer):
+            problem = f"optimizer {settings.optimizer.name!r} cannot begin at designs"
+            remedy = "leave it out, or use the optimizer islands"
+            raise UnfitInputError("optimizer.start_from", problem, remedy)
+        if settings.start_from and isinstance(asked, StartingOptimizer):
+            with calling(f"optimizer {settings.optimizer.name!r}", asked):
                 asked.start_from([np.array(point) for point in settings.start_from])
         search = cls(
             settings=settings,

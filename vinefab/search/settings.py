@@ -431,7 +431,13 @@ def read_run(name_or_path: str | PathLike[str]) -> RunSettings:
             objectives=task.objectives,
             other_parameters=others,
         )
-        settings = settings.changed(start_from=_points(optimizer.start_from, settings, path))
+        begun = _designs(optimizer.start_from, settings, path)
+        only = _ids(settings.space.only, begun)
+        space = settings.space.changed(only=only) if only else settings.space
+        points = (space_of(space, settings.build).vector(design) for design in begun)
+        settings = settings.changed(
+            space=space, start_from=tuple(tuple(point.tolist()) for point in points)
+        )
         check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
         # Built once here, so that a wrong name or parameter is reported with the file.
         settings.maps.environment_options()
@@ -505,11 +511,9 @@ def _with_files(maps: MapSettings, folder: Path) -> MapSettings:
     return MapSettings(count=len(paths), files=paths, start=maps.start)
 
 
-def _points(
-    given: Sequence[str], settings: RunSettings, path: Path
-) -> tuple[tuple[float, ...], ...]:
-    """Return the points of the designs to begin at: the nearest within the space's bounds."""
-    space, points = space_of(settings.space, settings.build), []
+def _designs(given: Sequence[str], settings: RunSettings, path: Path) -> list[Design]:
+    """Return the designs to begin at: searches take the nearest within the space's bounds."""
+    designs = []
     low, high = int(settings.space.levels.low), int(settings.space.levels.high)
     for place, name in enumerate(given, start=1):
         file, key = path.parent / name, f"optimizer.start_from[{place}]"
@@ -525,8 +529,29 @@ def _points(
             found = f"{name}, a design with {counted(design.depth, 'level')}"
             allowed = f"designs with {low} to {counted(high, 'level')}, as in space.levels"
             raise BadInputError(key, found, allowed)
-        points.append(tuple(space.vector(design).tolist()))
-    return tuple(points)
+        designs.append(design)
+    return designs
+
+
+def check_only(only: Sequence[str], begun: int) -> None:
+    """Raise `BadInputError` for branches that alone may change without one design to begin at."""
+    if only and begun != 1:
+        problem = "names branches of the design to begin at"
+        raise UnfitInputError("space.only", problem, "give one in optimizer.start_from")
+
+
+def _ids(only: Sequence[str], begun: Sequence[Design]) -> tuple[str, ...]:
+    """Return the ids of the branches that may change, which a run file names."""
+    check_only(only, len(begun))
+    if not only:
+        return ()
+    ids = begun[0].tree.ids
+    names = begun[0].names or ids
+    for name in only:
+        if name not in names:
+            allowed = f"branches of {begun[0].name}{nearest(name, names)}"
+            raise BadInputError("space.only", name, allowed)
+    return tuple(ids[names.index(name)] for name in only)
 
 
 def check_objectives(objectives: Sequence[str], task: str, optimizer: str) -> None:

@@ -23,7 +23,7 @@ from pydantic import (
 )
 from typing_extensions import Doc
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnfitInputError
 from vinefab.core.front_door import imported_later
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.table import Table
@@ -397,6 +397,18 @@ class SpaceSettings(Table):
         Literal["levels", "free"],
         Doc("free: after a search of levels, every branch has its own angle and length"),
     ] = "levels"
+    mirrored: Annotated[
+        bool,
+        Doc("a free tree is its own mirror image: half the variables; its axis stays straight"),
+    ] = False
+    only: Annotated[
+        tuple[str, ...],
+        Field(strict=False),
+        Doc(
+            "branches of the design to begin at, by name, that may change; what hangs on them "
+            "moves along; empty: all, and branches come and go"
+        ),
+    ] = ()
     bends: Annotated[Range, Doc("preformed bends of a branch of a free tree; the most is 8")] = (
         Bounds(low=0, high=0)
     )
@@ -425,6 +437,13 @@ class SpaceSettings(Table):
         _check_bounds("bends", "bends", self.bends, (0, MOST_SPACE_BENDS))
         for name, limits in LIMITS.items():
             _check_bounds(name, name, getattr(self, name), limits)
+        if self.mirrored and self.tree != "free":
+            remedy = "set tree = 'free', or symmetric for levels"
+            raise UnfitInputError("mirrored", "is true, and tree is 'levels'", remedy)
+        if self.only and (self.tree != "free" or self.mirrored):
+            other = "mirrored is true" if self.mirrored else "tree is 'levels'"
+            remedy = "set tree = 'free', not mirrored, or leave it out"
+            raise UnfitInputError("only", f"is given, and {other}", remedy)
         deepest, numbers = int(self.levels.high), [level.number for level in self.level]
         for place, level in enumerate(self.level):
             if level.number in numbers[:place]:
@@ -463,7 +482,7 @@ class SpaceSettings(Table):
 
     def bounds(self, level: int, name: str) -> Bounds:
         """Return the range of a variable of one level."""
-        if self.symmetric and name == "growth_percent":
+        if (self.symmetric or self.mirrored) and name == "growth_percent":
             return Bounds(low=SYMMETRIC_PERCENT, high=SYMMETRIC_PERCENT)
         given: Bounds = getattr(self, name)
         return self.by_level.get(level, {}).get(name, given)

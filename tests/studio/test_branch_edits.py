@@ -64,6 +64,21 @@ def test_the_tip_comes_to_where_it_is_dragged_and_no_other_branch_moves_but_its_
     assert after_design == pulled(tree(), {"branch": branch, "by": list(by)})
 
 
+@pytest.mark.parametrize(
+    "design", [tree(), Design.read("three_level_tree")], ids=["free", "levels"]
+)
+def test_with_a_tip_comes_the_growth_of_the_changed_design(design):
+    state, branch = state_of(design), "left" if design.branches else "0.0"
+    live = {"have": None, "branch": branch}
+    found = tip_answer(state, {"branch": branch, "by": [4.0, -3.0], "live": live})
+    content = design_content(design)
+    table, _, place = found["key"].partition(".")
+    (content[table][int(place)] if place else content[table]).update(found["values"])
+    changed = state_of(design_of(content, "test"))
+    assert found["live"] == live_answer(changed, live)
+    assert "live" not in tip_answer(state, {"branch": branch, "by": [4.0, -3.0]})
+
+
 def test_a_trunk_keeps_its_heading():
     first, last = places(tree())["trunk"]
     after = pulled(tree(), {"branch": "trunk", "by": [0.0, 10.0]})

@@ -299,3 +299,25 @@ def test_controls_of_a_branch_have_names_and_are_large_enough_for_fingers(tab):
     box, window = tab.box("#branch"), tab.page.evaluate("innerWidth")
     assert box["x"] >= 0
     assert box["x"] + box["width"] <= window
+
+
+def test_a_search_is_offered_the_chosen_branch_alone(tab, world):
+    shows(tab, world, pose())
+    tab.page.evaluate(
+        """() => {
+          const {request} = studio;
+          studio.request = (name, ask) => {
+            if (name !== "search_start") return request(name, ask);
+            globalThis.sent = ask;
+            return new Promise(() => {});
+          };
+        }"""
+    )
+    choose(tab, "right")
+    tab.page.click("#tab-search")
+    tab.page.check("#search-only")
+    assert "only branch right" in tab.page.inner_text("label[for=search-only]")
+    tab.page.click("#search button:has-text('Start')")
+    tab.until("() => globalThis.sent?.only === 'right'")
+    tab.page.uncheck("#search-here")
+    assert not tab.page.is_visible("#search-only")

@@ -117,7 +117,7 @@ def test_the_tip_follows(branch):
     by_mm = np.array([0.0, 12.0]) if branch == "0" else np.array([7.0, 9.0])
     to = tip_of(state, branch) + by_mm
     after = pulled(state, tip_answer(state, {"branch": branch, "to": to.tolist()}))
-    assert tip_of(after, branch) == pytest.approx(to, abs=1e-6)
+    assert tip_of(after, branch) == pytest.approx(to, abs=0.02)  # values are in hundredths
 
 
 @pytest.mark.parametrize(

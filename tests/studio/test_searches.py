@@ -441,3 +441,25 @@ def test_a_design_of_levels_may_be_searched_branch_by_branch(tmp_path):
     settings = read_run(tmp_path / RUN_FILE)
     assert settings.space.tree == "free"
     assert len(settings.start_from) == 1
+
+
+def test_a_search_may_change_one_branch_alone(tmp_path):
+    state = StudioState.of(free_page(Design.read("grid_explorer")))
+    for name, text in run_files(state, {"only": "1-1"}, tmp_path).items():
+        (tmp_path / name).write_text(text)
+    assert 'only = ["1-1"]' in (tmp_path / RUN_FILE).read_text()
+    settings, design = read_run(tmp_path / RUN_FILE), state.design
+    assert settings.space.only == (design.tree.ids[design.names.index("1-1")],)
+    for ask in ({"only": "up"}, {"only": "1-1", "start_here": False}, {"only": ["1-1"]}):
+        with pytest.raises(BadInputError, match="a branch of a design of branches"):
+            run_files(state, ask, tmp_path)
+    with pytest.raises(BadInputError, match="a branch of a design of branches"):
+        run_files(StudioState.of(page()), {"only": "0.1", "free": True}, tmp_path)
+    text = (tmp_path / RUN_FILE).read_text()
+    for wrong, words in (("1-l", "did you mean '1-"), ("zzz", "branches of grid_explorer")):
+        (tmp_path / RUN_FILE).write_text(text.replace('["1-1"]', f'["{wrong}"]'))
+        with pytest.raises(BadInputError, match=words):
+            read_run(tmp_path / RUN_FILE)
+    (tmp_path / RUN_FILE).write_text(text.replace("start_from", "# start_from"))
+    with pytest.raises(BadInputError, match=r"give one in optimizer\.start_from"):
+        read_run(tmp_path / RUN_FILE)

@@ -3,6 +3,7 @@
 import cmath
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -23,10 +24,11 @@ from vinefab.model.design import (
     Trunk,
     default_fillets_mm,
     design_content,
+    design_of,
 )
 from vinefab.model.tree import Bend, child_lengths_mm
 from vinefab.studio.chosen_branch import by_name, part_of, place_on, row_of
-from vinefab.studio.live_answers import deployed_robot
+from vinefab.studio.live_answers import deployed_robot, live_answer
 from vinefab.studio.state import PAGE, StudioState, branches_named
 
 _LEAST_MM = 1.0
@@ -49,13 +51,15 @@ def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     ----------
     ask
         ``branch``: name, or id where the design has levels; ``to``: where, map coordinates in mm,
-        or ``by``: by how much; ``bend``: the place of a bend in the branch's list, else its tip.
+        or ``by``: by how much; ``bend``: the place of a bend in the branch's list, else its tip;
+        ``live``: what is asked of the growth of the changed design, as of `live_answer`.
 
     Returns
     -------
     dict
         ``key``: the table of the design, ``trunk``, ``level.0`` or ``branch.3``; ``values``: its
-        new values by name, units as in design files; ``bend``: the place of the bend among them.
+        new values by name, units as in design files; ``bend``: the place of the bend among them;
+        ``live``: the growth with them, where it was asked for.
     """
     deployment = deployed_robot(state).deployment
     design, label = state.design, ask.get("branch")
@@ -66,18 +70,34 @@ def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     chain = [complex(x, y) for x, y in chain_mm.tolist()]
     part = part_of(design, str(label))
     if part is None:
-        return _of_level(state, deployment, row, chain, _wanted(chain[-1], ask))
-    if ask.get("bend") is not None:
+        found = _of_level(state, deployment, row, chain, _wanted(chain[-1], ask))
+    elif ask.get("bend") is not None:
         found = _bend_moved(part, chain, ask)
     else:
         grown_mm = float(deployment.grown_mm[row])
         found = {"values": _tip_moved(part, grown_mm, chain, _wanted(chain[-1], ask), state.locks)}
     values = {key: _rounded(value) for key, value in found["values"].items()}
+    answer = {"key": _key(design, str(label)), **found, "values": values}
     # A drag never leaves a design that cannot be: the next one could not begin there.
-    names = {"length": "length_mm"}
+    changed = _with_values(design, answer["key"], values)
+    live = ask.get("live")
+    if not values or not isinstance(live, Mapping):
+        return answer
+    return {**answer, "live": live_answer(replace(state, design=changed), live)}
+
+
+def _with_values(design: Design, key: str, values: Mapping[str, Any]) -> Design:
+    """Return a design with some values of one of its tables."""
+    content = dict(design_content(design))
+    table, _, place = key.partition(".")
+    if place:
+        rows = list(content[table])
+        rows[int(place)] = {**rows[int(place)], **values}
+        content[table] = rows
+    else:
+        content[table] = {**content[table], **values}
     with branches_named([*by_name(design)]):
-        design.with_branch(str(label), **{names.get(key, key): values[key] for key in values})
-    return {**found, "key": _key(design, str(label)), "values": values}
+        return design_of(content, PAGE)
 
 
 def _rounded(value: Any) -> Any:  # noqa: ANN401  a number, or bends
@@ -116,10 +136,9 @@ def _wanted(at: complex, ask: Mapping[str, Any]) -> complex:
 
 
 def _key(design: Design, label: str) -> str:
-    if label == TRUNK:
-        return "trunk"
+    """Return the key of the table of a branch; empty where its level has one."""
     names = [branch.name for branch in design.branches or ()]
-    return f"branch.{names.index(label)}"
+    return f"branch.{names.index(label)}" if label in names else TRUNK if names else ""
 
 
 def _turned(knee: complex, stretch: complex, reach: complex) -> tuple[float, float]:

@@ -114,8 +114,22 @@ def _prepared(ground: EditedMap) -> PreparedMap:
     return PreparedMap.of(ground.world)
 
 
-def grown(state: StudioState, start: Pose) -> tuple[Deployment, Terrain]:
-    """Return the deployment from a start, and a terrain with every obstacle that it meets.
+_Grown = tuple[Deployment, Terrain]
+
+_LAST_GROWN: list[tuple[tuple[object, ...], _Grown]] = []
+"""The last growth after all that it depends on: a tip is dragged from where it was shown."""
+
+
+def grown(state: StudioState, start: Pose) -> _Grown:
+    """Return the deployment from a start, and a terrain with every obstacle that it meets."""
+    of = state.ground, start, state.growth, current_engine(), state.profile, state.design
+    if not _LAST_GROWN or _LAST_GROWN[0][0] != of:
+        _LAST_GROWN[:] = [(of, _grown_anew(state, start))]
+    return _LAST_GROWN[0][1]
+
+
+def _grown_anew(state: StudioState, start: Pose) -> _Grown:
+    """Return the same, simulated.
 
     Building walls for every body radius takes time with every obstacle of a map, far more than
     growing. So obstacles are left out that no branch could come to, however it turned: those

@@ -191,6 +191,7 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
             "seed": 1,
             "start_here": True,
             "free": is_free,
+            "only": None,
         },
         "must_be_free": is_free,
     }
@@ -210,8 +211,8 @@ def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[
     ask
         ``task``, ``objectives``, ``maps``, ``levels``, ``ranges`` by key of the design,
         ``fabricable``, ``population``, ``generations``, ``optimizer``, ``seed``, ``start_here``,
-        ``free``: whether every branch has its own angle and length; what is left out is as in
-        `run_proposal`.
+        ``free``: whether every branch has its own angle and length; ``only``: the branch that alone
+        may change, null for all; what is left out is as in `run_proposal`.
     folder
         Where the files will be; the run is called after it.
     """
@@ -226,6 +227,11 @@ def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[
         others = [name for name in objectives if name != given["task"]]
         content["task"]["objectives"] = [given["task"], *others]
     content["space"] = _space(state, ask) | (_free(state.design) if is_free else {})
+    if (only := given["only"]) is not None:
+        if only not in state.design.names or not given["start_here"]:
+            allowed = "a branch of a design of branches, at which the search begins"
+            raise BadInputError("only", only, allowed, PAGE)
+        content["space"]["only"] = [only]
     build = design_content(state.design)["build"]  # as the page's, without settings that no run has
     content["build"] = {name: build[name] for name in BuildSettings.model_fields if name in build}
     content["growth"] = {

@@ -118,6 +118,8 @@ type App = {
   say(text: string, kind?: "info" | "error"): void;
   fail(thrown: unknown, about?: string): void;
   ask<P extends Panel>(panel: P, ask?: object, options?: { state?: StudioState }): Promise<Answers[P]>;
+  /** Do something during which questions of some panels are answered without the server: it has sent the answers with another one. */
+  knowing(answered: Partial<Answers>, fn: () => void): void;
   cancel(panel: Panel): void;
   onProgress(panel: Panel, fn: Progress): void;
   request<Q extends RequestName>(name: Q, ask?: object): Promise<RequestAnswers[Q]>;
@@ -196,7 +198,7 @@ type ThingKind = "start" | "obstacle" | "target" | "branch";
 
 type BranchEdit = "free" | "child" | "remove" | "mirror" | "bend";
 /** Where a tip or a bend is to go. */
-type TipAsk = { to?: Place; by?: Place; bend?: number };
+type TipAsk = { to?: Place; by?: Place; bend?: number; live?: object };
 type BranchEdits = {
   tip(branch: string, ask: TipAsk, group?: string): Promise<unknown>;
   edit(name: BranchEdit, branch?: string, to?: Place): Promise<unknown>;
@@ -276,7 +278,7 @@ type Answers = {
   live: LiveAnswer;
   before: LiveAnswer;
   front: { front_mm: number; full_mm: number; robot_svg: string };
-  tip: { key: string; values: { length?: number; angle_deg?: number; bends?: number[][] }; bend?: number };
+  tip: { key: string; values: { length?: number; angle_deg?: number; bends?: number[][] }; bend?: number; live?: LiveAnswer };
   edit: { design: Design; branch: string | null };
   cut: { cut: Record<string, CutNote>; outline_svg: string; outline_box: number[] | null };
   inflated: { svg: string; box: number[]; blocks: Block[] };
@@ -492,6 +494,6 @@ type Proposal = {
   has_map: boolean; has_targets: boolean; must_be_free: boolean;
   settings: {
     task: string; objectives: string[]; maps: { environment: string; count: number; seed: number; shown: boolean }; fabricable: boolean;
-    population: number; generations: number; optimizer: string; seed: number; start_here: boolean; free: boolean;
+    population: number; generations: number; optimizer: string; seed: number; start_here: boolean; free: boolean; only: string | null;
   };
 };

@@ -5,9 +5,6 @@ import { valueAt } from "studio/dom.js";
 /** What an edit is called in undo. @type {Record<BranchEdit, string>} */
 const LABELS = { free: "design freed", child: "a branch more", remove: "a branch less", mirror: "a branch mirrored", bend: "a bend more" };
 
-/** What a hand sets needs no more digits than a laser has. @param {number | number[][]} value @returns {number | number[][]} */
-const rounded = (value) => (Array.isArray(value) ? value.map((row) => row.map((one) => Number(rounded(one)))) : Math.round(100 * value) / 100);
-
 /** Tell whether a design has a branch, by what the page calls it. @param {Design} design @param {string} label */
 export const hasBranch = ({ branch }, label) => (branch ? label === "trunk" || branch.some(({ name }) => name === label) : /^0(\.\d+)*$/.test(label));
 
@@ -23,13 +20,15 @@ export function branchEdits(app) {
 
   return {
     tip: (branch, ask, group) => inTurn(async () => {
-      const { key, values, bend } = await app.ask("tip", { branch, ...ask }, { state: app.store.get() });
-      app.store.change(`${ask.bend === undefined ? "tip" : "bend"} of ${branch}`, ({ design }) => {
+      const state = app.store.get();
+      const { key, values, bend, live } = await app.ask("tip", { branch, ...ask }, { state });
+      // What grows comes with it: a drag waits for one answer, not for two.
+      const isOfThis = app.store.get() === state && !app.previewed;
+      app.knowing(live && isOfThis ? { live } : {}, () => app.store.change(`${ask.bend === undefined ? "tip" : "bend"} of ${branch}`, ({ design }) => {
         const table = key && /** @type {{ name?: string } | undefined} */ (valueAt(design, key));
         // Undo may have come between: then there is another branch at this place, or none.
-        if (!table || (table.name ?? branch) !== branch) return;
-        Object.assign(table, Object.fromEntries(Object.entries(values).map(([name, value]) => [name, rounded(value)])));
-      }, group ? { group } : {});
+        if (table && (table.name ?? branch) === branch) Object.assign(table, values);
+      }, group ? { group } : {}));
       if (bend !== undefined) ask.bend = bend;
     }),
 

@@ -118,6 +118,9 @@ export function mount(root, app) {
   let lastMoved = 0;
   addEventListener("moved", (event) => { lastMoved ||= event.detail; });
 
+  /** Return what is asked of what grows. */
+  const question = () => ({ have: ground, obstacle: chosen?.kind === "obstacle" ? chosen.id : null, branch: app.branch });
+
   /** Ask for what grows; while an obstacle is dragged, for scores only once the hand rests. */
   async function ask(isHeld = false) {
     const isShaping = isShape(dragging);
@@ -125,7 +128,7 @@ export function mount(root, app) {
     const since = lastMoved;
     lastMoved = 0;
     try {
-      await app.ask("live", { have: ground, ground: !isShaping, scores: !isShaping || isHeld, obstacle: chosen?.kind === "obstacle" ? chosen.id : null, branch: app.branch });
+      await app.ask("live", { ...question(), ground: !isShaping, scores: !isShaping || isHeld });
       if (since) requestAnimationFrame(() => setTimeout(() => {
         app.timings.push(performance.now() - since);
         if (app.timings.length > 5000) app.timings.splice(0, 1000);
@@ -483,6 +486,7 @@ export function mount(root, app) {
     const asked = /** @type {TipAsk} */ (held.bend === undefined ? {} : { bend: held.bend });
     while (held.to) {
       asked.to = held.to;
+      asked.live = question();
       held.to = null;
       await app.edits.tip(held.branch, asked, group);
     }
@@ -669,7 +673,7 @@ export function mount(root, app) {
       changePose(({ heading_deg }) => ({ heading_deg: heading_deg + far * (dy - dx) }), "heading by key");
     } else if (handle) {
       changePose(({ x_mm, y_mm }) => ({ x_mm: x_mm + far * dx, y_mm: y_mm + far * dy }), "start by key");
-    } else if (chosen?.kind === "branch") app.edits.tip(chosen.id, { by: [far * dx, far * dy] });
+    } else if (chosen?.kind === "branch") app.edits.tip(chosen.id, { by: [far * dx, far * dy], live: question() });
     else if (chosen?.kind === "obstacle") edit("obstacle moved", ["move", chosen.id, far * dx, far * dy]);
     else if (chosen) moveTarget(chosen.id, ([x, y]) => [x + far * dx, y + far * dy]);
   }

@@ -176,6 +176,10 @@ function settings() {
   const fabricable = el("input", { type: "checkbox", id: "search-fabricable" });
   const here = el("input", { type: "checkbox", id: "search-here" });
   const free = el("input", { type: "checkbox", id: "search-free" });
+  const only = el("input", { type: "checkbox", id: "search-only" });
+  const onlyWords = el("label", { for: only.id });
+  const onlyField = el("div", { class: "field", hidden: true }, only, onlyWords);
+  let branch = /** @type {string | null} */ (null); // that is chosen on the map
   const population = numberInput("population", 2, 100000);
   const generations = numberInput("generations", 1, 1000000);
   const optimizer = el("select", { id: "search-optimizer" });
@@ -198,8 +202,17 @@ function settings() {
     const usual = chosenObjectives().length || !fabricable.checked ? "" : "islands";
     here.disabled = !free.checked && (optimizer.value || usual) !== "islands";
     free.disabled = Boolean(proposal?.must_be_free);
+    // One branch of its own, where it is.
+    onlyField.hidden = branch === null || !free.disabled || !here.checked;
+    onlyWords.textContent = `only ${branch === "trunk" ? "the trunk" : `branch ${branch}`}: what hangs on it moves along`;
   };
-  for (const control of [maps, task, objectives, fabricable, optimizer, free]) control.addEventListener("change", showChoices);
+  /** @param {string | null} label */
+  const choose = (label) => {
+    if (label !== branch) only.checked = false;
+    branch = label;
+    showChoices();
+  };
+  for (const control of [maps, task, objectives, fabricable, optimizer, free, here]) control.addEventListener("change", showChoices);
   for (const control of [task, maps, count, seed, optimizer, fabricable, here, free, population, generations, run_seed]) {
     control.addEventListener("change", () => chosen.add(control));
   }
@@ -305,6 +318,7 @@ function settings() {
       seed: Number(run_seed.value),
       start_here: here.checked && !here.disabled,
       free: free.checked,
+      only: only.checked && !onlyField.hidden ? branch : null,
     };
   }
 
@@ -325,11 +339,12 @@ function settings() {
       el("div", { class: "field" }, fabricable, el("label", { for: fabricable.id }, "only robots that can be made, with this recipe")),
       el("div", { class: "field" }, free, el("label", { for: free.id }, "every branch has its own angle and length")),
       el("div", { class: "field" }, here, el("label", { for: here.id }, "begin at the present design"), el("span", { class: "unit" }, "(free trees, islands)")),
+      onlyField,
       el("div", { class: "field pair" }, el("label", { for: population.id }, "Designs"), population, el("label", { for: generations.id }, "× generations"), generations),
       el("div", { class: "field pair" }, el("label", { for: optimizer.id }, "Optimizer"), optimizer, el("label", { for: run_seed.id }, "seed"), run_seed),
     ),
   );
-  return { box, show, asked, isShown: () => proposal !== null };
+  return { box, show, asked, choose, isShown: () => proposal !== null };
 }
 
 /** @param {HTMLElement} root @param {App} app */
@@ -361,6 +376,8 @@ export function mount(root, app) {
   const front_card = el("div", { class: "card", hidden: true }, front_title, front_axis, front_box, front_words, el("div", { class: "buttons" }, take_point, back));
 
   const form = settings();
+  app.onBranch(form.choose);
+  form.choose(app.branch);
   const folder = el("input", { type: "text", id: "search-folder", spellcheck: "false" });
   const start = button("Start", async () => {
     if (!form.isShown()) return;

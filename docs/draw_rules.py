@@ -26,8 +26,10 @@ from rule_subjects import (
     quantity,
     recipe,
     rigged,
+    sealed_across,
     seamed,
     square,
+    tipped,
     with_paths,
 )
 
@@ -252,6 +254,8 @@ SCENES = {
         right=recipe(status=RecipeStatus.COUPON_OK),
         draw=drawn.draw_status,
     ),
+    "VF-L07": RuleScene(wrong=tipped(0.3), right=tipped(3.0), draw=drawn.draw_bend),
+    "VF-L08": RuleScene(wrong=sealed_across, right=of(), draw=drawn.draw_open_mouth),
     "VF-X01": RuleScene(
         wrong=lambda: Subject.of(
             design((2, 120.0, 90.0)),

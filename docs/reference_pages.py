@@ -29,8 +29,10 @@ from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.contacts import ContactsFile, MeasuredContacts
 from vinefab.model.design import Design
 from vinefab.model.files.run_context import RunContext
-from vinefab.model.laser import Machine, Material, Quantity, Recipe
+from vinefab.model.laser import Material, Recipe
+from vinefab.model.machine import HotTipMachine, KnifeMachine, LaserMachine, SealerMachine
 from vinefab.model.map import Start
+from vinefab.model.quantity import Quantity
 from vinefab.model.start import StartTable
 from vinefab.rig.part import PrinterForm
 from vinefab.search.optimizers.optimizer import OPTIMIZERS
@@ -74,11 +76,33 @@ FORMATS = (
     ),
     Format(
         name="machine",
-        title="Machine (`vinefab/machine-1`, TOML)",
-        form=Machine,
+        title="Machine: a laser cutter (`vinefab/machine-1`, TOML)",
+        form=LaserMachine,
         about="A laser cutter; `vinefab new machine mine.toml` writes one. A recipe names it "
         "(`machine`) and finds it in the same folder, or in your "
         "[own folder](../files.md#where-files-are-found). "
+        "Every number is a table with its standing. Other kinds: [hot tip](machine_hot_tip.md), "
+        "[knife](machine_knife.md), [sealer](machine_sealer.md).",
+    ),
+    Format(
+        name="machine_hot_tip",
+        title="Machine: a hot tip (`vinefab/machine-1`, TOML)",
+        form=HotTipMachine,
+        about='A printer or router whose heated tip seals, `kind = "hot_tip"`. '
+        "Every number is a table with its standing.",
+    ),
+    Format(
+        name="machine_knife",
+        title="Machine: a knife (`vinefab/machine-1`, TOML)",
+        form=KnifeMachine,
+        about='A drag knife or an oscillating blade, `kind = "knife"`; recipes name it as '
+        "`cutter`. Every number is a table with its standing.",
+    ),
+    Format(
+        name="machine_sealer",
+        title="Machine: a sealer (`vinefab/machine-1`, TOML)",
+        form=SealerMachine,
+        about='An impulse sealer with straight bars, `kind = "sealer"`. '
         "Every number is a table with its standing.",
     ),
     Format(

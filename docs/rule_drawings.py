@@ -626,6 +626,31 @@ def draw_status(subject: Subject, sketch: Sketch) -> None:
     sketch.says = "coupons cut, measured" if measured else "coupons not yet cut"
 
 
+def draw_bend(subject: Subject, sketch: Sketch) -> None:
+    """Draw the band that a tip seals along a bend, and the tip at its tightest place."""
+    (seam,) = subject.job.paths
+    width = subject.profile.settings(Operation.WELD).seam_width_mm.value
+    line = shapely.LineString(seam.contour.flattened_mm(0.01))
+    sketch.draw(line.buffer(width / 2.0, cap_style="flat"), "film")
+    sketch.line(shapely.get_coordinates(line), "beam")
+    x, y = shapely.get_coordinates(line.interpolate(0.5, normalized=True))[0].tolist()
+    sketch.disc((x, y), width / 2.0, "m")
+    sketch.box_mm = (93.0, 97.0, 106.0, 108.0)
+    radius = min(segment.radius_mm for segment in seam.contour.segments)
+    sketch.says = f"tip of {width:g} mm, bend of {radius:g} mm"
+
+
+def draw_open_mouth(subject: Subject, sketch: Sketch) -> None:
+    seams = subject.job.along(Operation.WELDCUT)
+    for seam in seams:
+        sketch.line(seam.contour.flattened_mm(0.1), "rim")
+    if len(seams) > 1:
+        sketch.line(seams[0].contour.points_mm, "m")
+    x, y = seams[-1].contour.points_mm[[0, -1]].mean(axis=0).tolist()
+    sketch.box_mm = (x - 60.0, y - 50.0, x + 60.0, y + 50.0)
+    sketch.says = "sealed across the mouth" if len(seams) > 1 else "open at the mouth"
+
+
 # --- Files and rig ------------------------------------------------------------------------------
 
 

@@ -27,8 +27,9 @@ from vinefab.model.design import (
 )
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.job import LaserPath, Operation
-from vinefab.model.laser import LaserProfile, Quantity, Standing, read_profile
+from vinefab.model.laser import LaserProfile, read_profile
 from vinefab.model.outline import Contour
+from vinefab.model.quantity import Quantity, Standing
 from vinefab.rig.part import Mesh, read_printer
 from vinefab.rig.solid import Course, built_of
 
@@ -124,6 +125,31 @@ def with_paths(*extra: LaserPath, away_mm: float | None = None) -> Callable[[], 
         return replace(subject, job=replace(job, paths=(*job.paths, *paths)))
 
     return made
+
+
+def tipped(radius_mm: float) -> Callable[[], Subject]:
+    """Return a maker of a seam that a hot tip makes around a bend."""
+
+    def made() -> Subject:
+        subject = Subject.of(design(), read_profile("hot_tip_220__stretchlon_200"))
+        corners = [[90.0, 100.0], [100.0, 100.0], [100.0 + radius_mm, 100.0 + radius_mm]]
+        line = Contour.polyline(np.array([*corners, [corners[2][0], 110.0]]), closed=False)
+        bulges = np.array([0.0, np.tan(np.pi / 8.0), 0.0])
+        seam = LaserPath(
+            operation=Operation.WELD, contour=replace(line, bulges=bulges), label="seam", of="bend"
+        )
+        return replace(subject, job=replace(subject.job, paths=(seam,)))
+
+    return made
+
+
+def sealed_across() -> Subject:
+    """Return a tube whose seam goes on across its mouth."""
+    subject = Subject.of(design(), profile())
+    sealed = subject.job.along(Operation.WELDCUT)[0]
+    across = Contour.polyline(sealed.contour.points_mm[[-1, 0]], closed=False)
+    paths = (replace(sealed, contour=across), *subject.job.paths)
+    return replace(subject, job=replace(subject.job, paths=paths))
 
 
 def path(operation: Operation, points: list[list[float]], *, closed: bool = False) -> LaserPath:

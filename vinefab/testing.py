@@ -7,6 +7,7 @@ where it breaks its contract. A part that raises ends in `vinefab.core.errors.Br
 import json
 import pickle
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,8 @@ from vinefab.growth.plan import Plans
 from vinefab.maps.generators.environments import Environment
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Design
-from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.model.laser import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE, names
+from vinefab.model.laser import LaserProfile, read_profile
 from vinefab.model.map import Map, map_text
 from vinefab.search.optimizers.optimizer import OptimizerConfig, SearchAxes, started
 from vinefab.search.record.result import state_from_text, state_to_text
@@ -131,13 +132,22 @@ def check_rule(rule: Rule, violating: Mapping[str, Design] | None = None) -> Non
 
 def check_laser_format(laser_format: LaserFormat) -> None:
     """Check a laser format: its files hold all paths of a job, as their reader reads them."""
-    profile = read_profile(DEFAULT_RECIPE)
+    profile = _profile_for(laser_format)
     for name in _DESIGNS:
         job = Subject.of(Design.read(name), profile).job
         if job is not None:
             spec = LaserFileSpec(job=job, profile=profile)
             problems = file_problems(laser_format, laser_format.write(spec).encode(), spec)
             _ensure(not problems, f"{name}: {'; '.join(problems)}")
+
+
+def _profile_for(laser_format: LaserFormat) -> LaserProfile:
+    """Return the first shipped recipe whose tools a format is for, with beds that hold anything."""
+    tools = laser_format.tools
+    known = (read_profile(name) for name in (DEFAULT_RECIPE, *names("recipe")))
+    found = next(one for one in known if not tools or not tools.isdisjoint(one.tools))
+    side = found.machine.bed_width_mm.changed(value=2000.0)
+    return replace(found, machine=found.machine.changed(bed_width_mm=side, bed_height_mm=side))
 
 
 def _ensure(condition: bool, problem: str) -> None:  # noqa: FBT001

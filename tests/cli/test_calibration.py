@@ -7,7 +7,8 @@ import pytest
 
 from vinefab.cli.main import main
 from vinefab.model.files.shipped import shipped_root
-from vinefab.model.laser import RecipeStatus, Standing, read_profile
+from vinefab.model.laser import RecipeStatus, read_profile
+from vinefab.model.quantity import Standing
 
 RECIPE = "co2_60w__stretchlon_200"
 READ = {

@@ -8,23 +8,17 @@ import shapely
 from shapely import Point
 
 from tests.outline.conftest import fan, make_fan, make_plan, plan, sound_body, sound_design
+from vinefab.fabrication.formats.laser_drawing import package_spec
 from vinefab.fabrication.formats.laser_formats import laser_files
-from vinefab.fabrication.package.prepare import Prepared, package_spec
+from vinefab.fabrication.package.prepare import Prepared
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import Build, Design
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import (
-    LaserProfile,
-    Machine,
-    Material,
-    OperationSettings,
-    Quantity,
-    Recipe,
-    RecipeStatus,
-    Standing,
-)
+from vinefab.model.laser import LaserProfile, Material, Recipe, RecipeStatus
+from vinefab.model.machine import LaserMachine, LaserSettings
 from vinefab.model.outline import Contour, Part, Segment
+from vinefab.model.quantity import Quantity, Standing
 from vinefab.model.tree import Partition, Piece, Sleeve, piece_label
 from vinefab.outline.body_outline import flat_layout
 
@@ -107,7 +101,7 @@ def _quantity(value, standing=Standing.MEASURED):
 @pytest.fixture(scope="session")
 def settings():
     """Settings with round numbers: 100 mm/s, two passes, all measured but the kerf."""
-    return OperationSettings(
+    return LaserSettings(
         power_percent=_quantity(50.0),
         min_power_percent=_quantity(10.0),
         speed_mm_s=_quantity(100.0),
@@ -125,7 +119,7 @@ def settings():
 @pytest.fixture(scope="session")
 def profile(settings):
     """A 60 W machine with 1000 mm/s2, two plies of 0.05 mm at 1000 kg/m3, an untried recipe."""
-    machine = Machine(
+    machine = LaserMachine(
         name="tester",
         title="Tester's laser",
         bed_width_mm=_quantity(600.0),

@@ -9,11 +9,11 @@ from vinefab.model.files.shipped import names, shipped_root
 from vinefab.model.laser import (
     LaserProfile,
     RecipeStatus,
-    SealerSettings,
-    Standing,
     read_machine,
     read_profile,
 )
+from vinefab.model.machine import LaserMachine, Sealer
+from vinefab.model.quantity import Standing
 from vinefab.physics.tube import seam_load_n_mm, spot_at_mm
 
 SHIPPED = "co2_60w__stretchlon_200"
@@ -54,7 +54,10 @@ def test_the_shipped_recipe_is_unverified_and_says_so() -> None:
     assert profile.machine.usable_mm == (990.0, 590.0)
 
 
-LASERED = [name for name in names("recipe") if name.endswith("stretchlon_200")]
+LASERED = [
+    name for name in names("recipe") if "weldcut" in {beam for beam, *_ in read_profile(name).beams}
+]
+SEALED = [name for name in names("recipe") if read_profile(name).recipe.sealer is not None]
 
 
 @pytest.mark.parametrize("name", LASERED)
@@ -79,19 +82,23 @@ def test_computed_spots_agree_with_the_machine(name: str, operation: str) -> Non
     assert settings.spot_mm.value == pytest.approx(spot, abs=0.005)
 
 
-@pytest.mark.parametrize("name", names("machine"))
+LASERS = [name for name in names("machine") if isinstance(read_machine(name), LaserMachine)]
+
+
+@pytest.mark.parametrize("name", LASERS)
 def test_computed_rayleigh_lengths_follow_from_the_spot(name: str) -> None:
     machine = read_machine(name)
+    assert isinstance(machine, LaserMachine)
     expected = math.pi * (machine.spot_mm.value / 2) ** 2 / 10.6e-3
     assert machine.rayleigh_mm.value == pytest.approx(expected, rel=0.02)
 
 
-@pytest.mark.parametrize("name", [name for name in names("recipe") if name not in LASERED])
+@pytest.mark.parametrize("name", SEALED)
 def test_films_that_no_laser_welds_have_a_sealer_in_their_recipe(name: str) -> None:
     profile = read_profile(name)
     weld = profile.settings("weld")
     assert not profile.material.weldable
-    assert isinstance(weld, SealerSettings)
+    assert isinstance(weld, Sealer)
     assert weld.seam_width_mm.value > 0.0
     assert weld.temperature_c.standing is Standing.ASSUMED
 

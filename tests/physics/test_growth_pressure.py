@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from vinefab.core.errors import BadInputError
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.laser import Standing
+from vinefab.model.quantity import Standing
 from vinefab.physics.growth_pressure import (
     FITTED,
     GrowthPath,

@@ -15,7 +15,8 @@ from vinefab.model.design import (
     Waiver,
     default_fillets_mm,
 )
-from vinefab.model.laser import Quantity, Standing, read_profile
+from vinefab.model.laser import read_profile
+from vinefab.model.quantity import Quantity, Standing
 from vinefab.prediction.deploy import deploy_from_starts
 from vinefab.prediction.fix_proposal import propose_fix, score_change_lines
 

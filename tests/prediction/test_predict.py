@@ -14,7 +14,8 @@ import pytest
 from vinefab.model.design import Build, Design
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
-from vinefab.model.laser import RecipeStatus, Standing, read_profile
+from vinefab.model.laser import RecipeStatus, read_profile
+from vinefab.model.quantity import Standing
 from vinefab.model.score import HARDLY_GROWN, NOTHING_TOUCHED, Failures
 from vinefab.physics.tube import self_weight_span_mm
 from vinefab.prediction.family_deployments import (

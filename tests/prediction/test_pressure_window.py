@@ -4,7 +4,8 @@ import pytest
 from vinefab.core.view import document
 from vinefab.model.design import Build, Design, Pouch
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.model.laser import Standing, read_profile
+from vinefab.model.laser import read_profile
+from vinefab.model.quantity import Standing
 from vinefab.pages.panel import Shape
 from vinefab.prediction.family_deployments import PredictionPlan, PreparedFamily, deploy_family
 from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureTable

@@ -9,8 +9,8 @@ import pytest
 from vinefab.core.errors import BadInputError
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.laser import Standing
 from vinefab.model.map import Pose, Start, map_text
+from vinefab.model.quantity import Standing
 from vinefab.prediction import run_winner
 from vinefab.prediction.family_deployments import (
     PredictionPlan,

@@ -11,7 +11,8 @@ from tests.search.target_cases import SPACE, cases, thick_film
 from vinefab.core.progress import heard_by
 from vinefab.model.design import Design
 from vinefab.model.finding import Finding, Severity
-from vinefab.model.laser import Quantity, Standing, read_profile
+from vinefab.model.laser import read_profile
+from vinefab.model.quantity import Quantity, Standing
 from vinefab.search.finalists import RepairBudget
 from vinefab.search.manufacturability import (
     FAILED,

@@ -10,7 +10,8 @@ from vinefab.core.errors import BadInputError
 from vinefab.fabrication.checking import check_design
 from vinefab.model.design import Build, Design, Level, Pouch, Waiver
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.model.laser import Quantity, Standing, read_profile
+from vinefab.model.laser import read_profile
+from vinefab.model.quantity import Quantity, Standing
 from vinefab.search.manufacturability import (
     ManufacturabilityPenalty,
     SpaceQuery,

@@ -26,7 +26,8 @@ from vinefab.model.design import (
     default_fillets_mm,
 )
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.model.laser import Quantity, Standing, read_profile
+from vinefab.model.laser import read_profile
+from vinefab.model.quantity import Quantity, Standing
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.penalty_batch import (
     MOST_CHECKED_BRANCHES,

@@ -9,7 +9,8 @@ import pytest
 from vinefab.inflation.pattern import quick_pattern
 from vinefab.model.design import Branch, Build, Design
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.model.laser import Quantity, Standing, read_profile
+from vinefab.model.laser import read_profile
+from vinefab.model.quantity import Quantity, Standing
 from vinefab.search import penalty_batch, penalty_kernel
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 

@@ -7,17 +7,11 @@ from pathlib import Path
 from vinefab.core.errors import UnknownNameError
 from vinefab.core.table import Table
 from vinefab.core.view import Answer, Block, Data, Fact, Facts, Result, Rows, Text
-from vinefab.fabrication.package.bom import fluence_mj_mm2, operation_energy_mj_mm
+from vinefab.fabrication.package.bom import computed_energies
 from vinefab.model.files.shipped import existing_file, locate, names, user_names, user_root
 from vinefab.model.files.toml import read_toml
-from vinefab.model.laser import (
-    Quantity,
-    SealerSettings,
-    quantities,
-    read_machine,
-    read_material,
-    read_profile,
-)
+from vinefab.model.laser import read_machine, read_material, read_profile
+from vinefab.model.quantity import Quantity, quantities
 
 PROFILE_KINDS = ("machine", "material", "recipe")
 
@@ -106,14 +100,9 @@ def profile_numbers(name: str) -> dict[str, Quantity]:
     recipe = profile.recipe
     numbers: dict[str, Quantity] = {}
     for operation, settings in recipe.by_operation.items():
-        if isinstance(settings, SealerSettings):
-            numbers |= _prefixed(operation, recipe.sealer)
-            continue
         numbers |= _prefixed(operation, settings)
-        numbers[f"{operation}.line_energy_mj_mm"] = operation_energy_mj_mm(
-            profile.machine, settings
-        )
-        numbers[f"{operation}.fluence_mj_mm2"] = fluence_mj_mm2(profile.machine, settings)
+        energies = computed_energies(profile, settings)
+        numbers |= {f"{operation}.{key}": energy for key, energy in energies.items()}
     numbers |= _prefixed("growth", recipe.growth) | _prefixed("coupons", recipe.coupons)
     for window in recipe.coupons.windows:
         numbers |= _prefixed(f"{window.operation}.focus_{window.focus_mm:g}_mm", window)

@@ -27,7 +27,8 @@ from vinefab.inflation.solving import JointTask, solved_joints
 from vinefab.inflation.table import CHILDREN, FILLET, RATIO, STRAIN, fan_table, flat_fan, scaled
 from vinefab.model.design import Build, Design
 from vinefab.model.files.run_context import ChosenRecipe
-from vinefab.model.laser import LaserProfile, Material, Standing
+from vinefab.model.laser import LaserProfile, Material
+from vinefab.model.quantity import Standing
 from vinefab.outline.body_outline import DrawnTree
 from vinefab.outline.joint import JointPlan
 from vinefab.physics.tube import hoop_strain

@@ -11,7 +11,8 @@ from vinefab.core.codec import Record
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import positive
-from vinefab.model.laser import LaserProfile, OperationSettings
+from vinefab.model.laser import LaserProfile
+from vinefab.model.machine import OperationSettings
 from vinefab.model.outline import Contour
 
 

@@ -1,11 +1,11 @@
-"""Laser profiles: machines, materials and recipes, every number with its standing.
+"""Profiles: materials and recipes, with the machines that recipes name.
 
 Each is declared once: as the table of a file (TOML) and as the noun that rooms share. Files of
-recipes name those of their machine and material.
+recipes name those of their machines and material.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
@@ -16,140 +16,34 @@ from pydantic import Field, model_validator
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, UnfitInputError, UnknownNameError
-from vinefab.core.limits import SMALLEST
 from vinefab.core.plain_text import quoted, visible
 from vinefab.core.table import Table, validated
 from vinefab.model.files.shipped import file_named, is_inside, locate, names, user_names
 from vinefab.model.files.toml import read_toml
-
-LARGEST_QUANTITY = 1e12
-"""Limit of every number with a standing, in its unit."""
-
-
-class Standing(StrEnum):
-    """How far a number may be trusted."""
-
-    MEASURED = "measured"
-    PAPER = "paper"
-    PUBLISHED = "published"
-    COMPUTED = "computed"
-    ASSUMED = "assumed"
-
-
-class Quantity(Table):
-    """A number with its standing and source; its unit is in the name of the field that holds it.
-
-    In files: the inline table ``{ value, standing, source }``.
-    """
-
-    value: Annotated[
-        float,
-        Interval(ge=-LARGEST_QUANTITY, le=LARGEST_QUANTITY),
-        Doc("in the unit that ends the key"),
-    ]
-    standing: Annotated[Standing, Field(strict=False), Doc("how far it may be trusted")]
-    source: Annotated[str, Field(min_length=1), Doc("who says so, or how it was found")]
-    uncertainty: Annotated[
-        float | None,
-        Interval(ge=0, le=LARGEST_QUANTITY),
-        Doc("one standard deviation, in the same unit"),
-    ] = None
-    # It changes nothing that is predicted: no part of a recipe's fingerprint.
-    uncertainty_95: Annotated[
-        float | None,
-        Interval(ge=0, le=LARGEST_QUANTITY),
-        Field(repr=False),
-        Doc(
-            "half of the 95 % interval, in the same unit; wider than two standard deviations where"
-            " readings were few"
-        ),
-    ] = None
-
-    def __float__(self) -> float:
-        return self.value
-
-    def __ge__(self, least: float) -> bool:  # fields declare ranges of quantities as of numbers
-        return self.value >= least
-
-    def __le__(self, most: float) -> bool:
-        return self.value <= most
-
-    def words(self) -> str:
-        """Return the number and, if known, its 95 % interval or else its standard uncertainty.
-
-        >>> friction = Quantity(value=0.26, standing=Standing.MEASURED, source="my incline")
-        >>> friction.changed(uncertainty=0.013).words()
-        '0.26 +- 0.013'
-        >>> friction.changed(uncertainty_95=0.056).words()
-        '0.26 +- 0.056 (95 %)'
-        """
-        if self.uncertainty_95 is not None:
-            return f"{self.value:g} +- {self.uncertainty_95:.2g} (95 %)"
-        spread = "" if self.uncertainty is None else f" +- {self.uncertainty:.2g}"
-        return f"{self.value:g}{spread}"
-
-
-_POSITIVE = Interval(ge=SMALLEST, le=1e9)
-_NOT_NEGATIVE = Interval(ge=0, le=1e9)
-_LENGTH = Interval(ge=SMALLEST, le=1e5)
-_BREADTH = Interval(ge=0, le=1e3)
-_FRICTION = Interval(ge=0, le=10)
-
-FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]
-_Name = Annotated[FileName, Doc("as the file, without its suffix")]
-_Title = Annotated[str, Doc("for people")]
-
-
-def quantities(table: Table) -> dict[str, Quantity]:
-    """Return the numbers with a standing that a table holds, by key."""
-    return {name: value for name, value in table if isinstance(value, Quantity)}
-
-
-class Machine(Table):
-    """A laser cutter: a file in ``laser_profiles/machines``."""
-
-    schema_: Annotated[
-        Literal["vinefab/machine-1"],
-        Field(alias="schema", repr=False),
-        Doc("kind of file and its version"),
-    ] = "vinefab/machine-1"
-    name: _Name
-    title: _Title
-    bed_width_mm: Annotated[Quantity, _LENGTH, Unit("mm"), Doc("along x")]
-    bed_height_mm: Annotated[Quantity, _LENGTH, Unit("mm"), Doc("along y")]
-    margin_mm: Annotated[Quantity, _BREADTH, Unit("mm"), Doc("rim of the bed that stays free")]
-    power_w: Annotated[Quantity, _POSITIVE, Unit("W"), Doc("of the laser")]
-    spot_mm: Annotated[Quantity, _POSITIVE, Unit("mm"), Doc("diameter in focus")]
-    rayleigh_mm: Annotated[
-        Quantity, _POSITIVE, Unit("mm"), Doc("depth over which the spot grows by the root of 2")
-    ]
-    speed_max_mm_s: Annotated[Quantity, _POSITIVE, Unit("mm/s"), Doc("of the head")]
-    acceleration_mm_s2: Annotated[Quantity, _POSITIVE, Unit("mm/s2"), Doc("of the head")]
-    colours: Annotated[str, Doc("preset of its software")] = "default"
-    hairline_mm: Annotated[
-        float, Ge(SMALLEST), Le(10), Unit("mm"), Doc("line width that its driver takes for a cut")
-    ] = 0.01
-
-    @model_validator(mode="after")
-    def _has_room(self) -> "Machine":
-        least_mm = min(self.bed_width_mm.value, self.bed_height_mm.value)
-        if 2.0 * self.margin_mm.value >= least_mm:
-            allowed = f"less than half of the bed ({least_mm:g} mm)"
-            raise BadInputError("margin_mm", self.margin_mm.value, allowed)
-        return self
-
-    @property
-    def usable_mm(self) -> tuple[float, float]:
-        """Width and height of the bed inside its margins."""
-        margin = 2.0 * self.margin_mm.value
-        return self.bed_width_mm.value - margin, self.bed_height_mm.value - margin
-
-    @property
-    def usable_box_mm(self) -> tuple[float, float, float, float]:
-        """The bed inside its margins: least x, least y, greatest x, greatest y."""
-        margin, (width, height) = self.margin_mm.value, self.usable_mm
-        return margin, margin, margin + width, margin + height
-
+from vinefab.model.machine import (
+    MACHINES,
+    FileName,
+    HotTip,
+    Knife,
+    LaserMachine,
+    LaserSettings,
+    Machine,
+    OperationSettings,
+    ProfileName,
+    ProfileTitle,
+    Scissors,
+    Sealer,
+    Tool,
+)
+from vinefab.model.quantity import (
+    FRICTION,
+    LENGTH,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Quantity,
+    Standing,
+    quantities,
+)
 
 SHRINKAGE_PERCENT = (-20.0, 50.0)
 """Least and greatest shrinkage of a film; below 0 it grows."""
@@ -195,12 +89,12 @@ class SeamTest:
 
 
 _BurstPressure = Annotated[
-    Quantity | None, _POSITIVE, Unit("kPa"), Doc("at which a welded tube burst")
+    Quantity | None, POSITIVE, Unit("kPa"), Doc("at which a welded tube burst")
 ]
 _SurvivedPressure = Annotated[
-    Quantity | None, _POSITIVE, Unit("kPa"), Doc("that a welded tube bore: a lower bound")
+    Quantity | None, POSITIVE, Unit("kPa"), Doc("that a welded tube bore: a lower bound")
 ]
-_TubeWidth = Annotated[Quantity | None, _POSITIVE, Unit("mm"), Doc("lay-flat width of that tube")]
+_TubeWidth = Annotated[Quantity | None, POSITIVE, Unit("mm"), Doc("lay-flat width of that tube")]
 _CLOSING = Interval(ge=CLOSING_GAIN[0], le=CLOSING_GAIN[1])
 _SHRINKAGE = Interval(ge=SHRINKAGE_PERCENT[0], le=SHRINKAGE_PERCENT[1])
 
@@ -213,15 +107,15 @@ class Material(Table):
         Field(alias="schema", repr=False),
         Doc("kind of file and its version"),
     ] = "vinefab/material-1"
-    name: _Name
-    title: _Title
-    ply_mm: Annotated[Quantity, _POSITIVE, Unit("mm"), Doc("thickness of one layer")]
+    name: ProfileName
+    title: ProfileTitle
+    ply_mm: Annotated[Quantity, POSITIVE, Unit("mm"), Doc("thickness of one layer")]
     plies: Annotated[int, Ge(1), Le(10), Doc("layers that are welded at once")]
-    roll_width_mm: Annotated[Quantity, _LENGTH, Unit("mm"), Doc("of the film as it is bought")]
-    density_kg_m3: Annotated[Quantity, _POSITIVE, Unit("kg/m3"), Doc("of the film")]
-    modulus_mpa: Annotated[Quantity, _POSITIVE, Unit("MPa"), Doc("of elasticity")]
-    strength_mpa: Annotated[Quantity, _POSITIVE, Unit("MPa"), Doc("in tension")]
-    friction: Annotated[Quantity, _FRICTION, Doc("against the environment")]
+    roll_width_mm: Annotated[Quantity, LENGTH, Unit("mm"), Doc("of the film as it is bought")]
+    density_kg_m3: Annotated[Quantity, POSITIVE, Unit("kg/m3"), Doc("of the film")]
+    modulus_mpa: Annotated[Quantity, POSITIVE, Unit("MPa"), Doc("of elasticity")]
+    strength_mpa: Annotated[Quantity, POSITIVE, Unit("MPa"), Doc("in tension")]
+    friction: Annotated[Quantity, FRICTION, Doc("against the environment")]
     burst_kpa: _BurstPressure = None
     burst_width_mm: _TubeWidth = None
     survived_kpa: _SurvivedPressure = None
@@ -234,7 +128,7 @@ class Material(Table):
     ] = ""
     lamination_ply_mm: Annotated[
         float | None,
-        _LENGTH,
+        LENGTH,
         Field(repr=False),
         Unit("mm"),
         Doc("thickness of one layer of the film that lamination is for"),
@@ -312,12 +206,12 @@ class Measured(Table):
     burst_width_mm: _TubeWidth = None
     survived_kpa: _SurvivedPressure = None
     survived_width_mm: _TubeWidth = None
-    friction: Annotated[Quantity | None, _FRICTION, Doc("of your film on your obstacles")] = None
+    friction: Annotated[Quantity | None, FRICTION, Doc("of your film on your obstacles")] = None
     shrinkage_percent: Annotated[
         Quantity | None, _SHRINKAGE, Unit("%"), Doc("of your film where it is welded")
     ] = None
     modulus_mpa: Annotated[
-        Quantity | None, _POSITIVE, Unit("MPa"), Doc("of your film, at working pressure")
+        Quantity | None, POSITIVE, Unit("MPa"), Doc("of your film, at working pressure")
     ] = None
     closing_gain: Annotated[
         Quantity | None, _CLOSING, Doc("of your joints: how far they bend over the simulated")
@@ -347,80 +241,13 @@ class RecipeStatus(StrEnum):
     BURST_TESTED = "burst_tested"
 
 
-class Tool(StrEnum):
-    """What runs an operation."""
-
-    LASER = "laser"
-    IMPULSE_SEALER = "impulse_sealer"
-
-
-class OperationSettings(Table):
-    """How the laser runs one operation: a table ``[operations.NAME]`` of a recipe."""
-
-    power_percent: Annotated[Quantity, Interval(ge=1e-6, le=100), Unit("%"), Doc("of the laser")]
-    min_power_percent: Annotated[Quantity, Interval(ge=0, le=100), Unit("%"), Doc("in corners")]
-    speed_mm_s: Annotated[Quantity, _POSITIVE, Unit("mm/s"), Doc("of the head")]
-    passes: Annotated[int, Ge(1), Le(100), Doc("over the same path")]
-    focus_offset_mm: Annotated[
-        Quantity,
-        Interval(ge=-1000, le=1000),
-        Unit("mm"),
-        Doc("above the focus; widens the spot"),
-    ]
-    frequency_hz: Annotated[Quantity, _NOT_NEGATIVE, Unit("Hz"), Doc("of pulses")]
-    air_assist: Annotated[bool, Doc("whether air blows on the cut")]
-    spot_mm: Annotated[Quantity, _POSITIVE, Unit("mm"), Doc("diameter at this offset")]
-    kerf_mm: Annotated[Quantity, _BREADTH, Unit("mm"), Doc("width that is removed")]
-    seam_width_mm: Annotated[
-        Quantity, _BREADTH, Unit("mm"), Doc("width that is fused inward of the kerf")
-    ]
-    overcut_mm: Annotated[
-        Quantity, _BREADTH, Unit("mm"), Doc("that a closed path runs past its start")
-    ]
-
-    @model_validator(mode="after")
-    def _corners_have_less(self) -> "OperationSettings":
-        power, least = self.power_percent.value, self.min_power_percent.value
-        if least > power:
-            raise BadInputError("min_power_percent", least, f"at most power_percent, {power:g}")
-        return self
-
-    @property
-    def by_laser(self) -> bool:
-        """Whether the laser runs it."""
-        return not isinstance(self, SealerSettings)
-
-    def line_energy_mj_mm(self, machine: Machine) -> float:
-        """Return the energy per length of path, all passes: power over speed."""
-        power_w = machine.power_w.value * self.power_percent.value / 100.0
-        return 1000.0 * self.passes * power_w / self.speed_mm_s.value
-
-    def fluence_j_cm2(self, machine: Machine) -> float:
-        """Return the energy per area of the beam's track: line energy over the spot."""
-        return 0.1 * self.line_energy_mj_mm(machine) / self.spot_mm.value
-
-    def __repr_name__(self) -> str:
-        return "OperationSettings"
-
-    def __repr_args__(self) -> Iterable[tuple[str, Any]]:
-        return self.record().items()
-
-    def record(self) -> dict[str, object]:
-        """Return the settings and their tool as reports have them (and fingerprint them)."""
-        values = dict(self)
-        values.pop("pin_mm", None)  # it changes no prediction: fingerprints stay as they were
-        sealing = {name: values.pop(name, None) for name in ("temperature_c", "dwell_s")}
-        tool = Tool.LASER if self.by_laser else Tool.IMPULSE_SEALER
-        return {**values, "tool": tool, **sealing}
-
-
 class Operations(Table):
-    """The tables ``[operations.NAME]`` of a recipe."""
+    """What a laser runs: the tables ``[operations.NAME]`` of a recipe."""
 
-    mark: Annotated[OperationSettings | None, Doc("labels next to the body")] = None
-    weld: Annotated[OperationSettings | None, Doc("seam only")] = None
-    weldcut: Annotated[OperationSettings | None, Doc("seam and cut in one pass")] = None
-    cut: Annotated[OperationSettings, Doc("mouth and sheet")]
+    mark: Annotated[LaserSettings | None, Doc("labels next to the body")] = None
+    weld: Annotated[LaserSettings | None, Doc("seam only")] = None
+    weldcut: Annotated[LaserSettings | None, Doc("seam and cut in one pass")] = None
+    cut: Annotated[LaserSettings, Doc("mouth and sheet")]
 
     @model_validator(mode="after")
     def _seams_seal(self) -> "Operations":
@@ -433,48 +260,18 @@ class Operations(Table):
         return self
 
 
-class Sealer(Table):
-    """The table ``[sealer]`` of a recipe whose seams an impulse sealer makes."""
-
-    temperature_c: Annotated[Quantity, _POSITIVE, Unit("C"), Doc("of the bar")]
-    dwell_s: Annotated[Quantity, _POSITIVE, Unit("s"), Doc("for which it stays shut")]
-    seam_width_mm: Annotated[Quantity, _POSITIVE, Unit("mm"), Doc("of the bar")]
-    pin_mm: Annotated[
-        Quantity,
-        Interval(ge=1, le=20),
-        Field(repr=False),
-        Unit("mm"),
-        Doc("diameter of the pins that a sheet is put back by"),
-    ] = Quantity(value=4.0, standing=Standing.ASSUMED, source="common locating pin")
-
-
-class SealerSettings(Sealer, OperationSettings):
-    """Settings of lines to seal along by hand: power and speed of the laser are 0."""
-
-    @classmethod
-    def of(cls, sealer: Sealer) -> "SealerSettings":
-        """Return the settings of a sealer."""
-        given = Quantity(
-            value=0.0, standing=Standing.COMPUTED, source="an impulse sealer makes the seam"
-        )
-        nothing = dict.fromkeys(OperationSettings.model_fields, given)
-        # Not checked: what a laser cannot do either.
-        values = {**nothing, **dict(sealer), "passes": 1, "air_assist": False}
-        return cls.model_construct(**values)
-
-
 class GrowthConstants(Table):
     """The four constants of the growth-pressure model, each with its standing."""
 
     yield_kpa: Annotated[
-        Quantity, _NOT_NEGATIVE, Unit("kPa"), Doc("below which film does not evert")
+        Quantity, NOT_NEGATIVE, Unit("kPa"), Doc("below which film does not evert")
     ]
-    drag_kpa_m: Annotated[Quantity, _NOT_NEGATIVE, Unit("kPa/m"), Doc("per metre of path")]
+    drag_kpa_m: Annotated[Quantity, NOT_NEGATIVE, Unit("kPa/m"), Doc("per metre of path")]
     # The published value is for a spool; crumpled storage is unknown, 0 to 8 kPa.
     storage_kpa: Annotated[
-        Quantity, _NOT_NEGATIVE, Unit("kPa"), Doc("tension of the film in its store")
+        Quantity, NOT_NEGATIVE, Unit("kPa"), Doc("tension of the film in its store")
     ]
-    friction: Annotated[Quantity, _FRICTION, Doc("film on film, per radian of turn")]
+    friction: Annotated[Quantity, FRICTION, Doc("film on film, per radian of turn")]
 
     def at_diameter(self, diameter_mm: float, fitted_diameter_mm: float) -> "GrowthConstants":
         """Return the constants for another tube of the same film.
@@ -517,7 +314,7 @@ class GrowthFit(GrowthConstants):
     """The table ``[growth]`` of a recipe: growth-pressure constants of the user's own tube."""
 
     width_mm: Annotated[
-        Quantity, _POSITIVE, Unit("mm"), Doc("lay-flat width of the tube that was grown")
+        Quantity, POSITIVE, Unit("mm"), Doc("lay-flat width of the tube that was grown")
     ]
 
 
@@ -533,9 +330,9 @@ class EnergyWindow(Table):
     focus_mm: Annotated[
         float, Ge(-1000), Le(1000), Unit("mm"), Doc("offset at which they were cut")
     ]
-    least_mj_mm: Annotated[Quantity | None, _POSITIVE, Unit("mJ/mm"), Doc("that welded")] = None
+    least_mj_mm: Annotated[Quantity | None, POSITIVE, Unit("mJ/mm"), Doc("that welded")] = None
     most_mj_mm: Annotated[
-        Quantity | None, _POSITIVE, Unit("mJ/mm"), Doc("that did not cut through")
+        Quantity | None, POSITIVE, Unit("mJ/mm"), Doc("that did not cut through")
     ] = None
 
     @model_validator(mode="after")
@@ -566,14 +363,14 @@ class Coupons(Table):
 
     peel_n_mm: Annotated[
         Quantity | None,
-        _NOT_NEGATIVE,
+        NOT_NEGATIVE,
         Unit("N/mm"),
         Doc("force per width at which a strip peeled"),
     ] = None
     crotch_burst_kpa: Annotated[
-        Quantity | None, _POSITIVE, Unit("kPa"), Doc("of the crotch coupon")
+        Quantity | None, POSITIVE, Unit("kPa"), Doc("of the crotch coupon")
     ] = None
-    crotch_fillet_mm: Annotated[Quantity | None, _POSITIVE, Unit("mm"), Doc("its radius")] = None
+    crotch_fillet_mm: Annotated[Quantity | None, POSITIVE, Unit("mm"), Doc("its radius")] = None
     windows: Annotated[
         tuple[EnergyWindow, ...], Field(strict=False), Doc("line energies that passed")
     ] = ()
@@ -595,16 +392,16 @@ class LapBond(Table):
     method: Annotated[
         LapMethod, Field(strict=False), Doc("how the socket is bonded to the plug inside it")
     ]
-    band_mm: Annotated[Quantity, _POSITIVE, Unit("mm"), Doc("width of the bond, along the branch")]
+    band_mm: Annotated[Quantity, POSITIVE, Unit("mm"), Doc("width of the bond, along the branch")]
     strength_n_per_mm: Annotated[
         Quantity | None,
-        _POSITIVE,
+        POSITIVE,
         Unit("N/mm"),
         Doc("per millimetre of the plug's rim, at which laps failed"),
     ] = None
     survived_n_per_mm: Annotated[
         Quantity | None,
-        _POSITIVE,
+        POSITIVE,
         Unit("N/mm"),
         Doc("per millimetre of rim, that laps bore: a lower bound, which counts where none failed"),
     ] = None
@@ -652,13 +449,13 @@ class DerivedFor(Table):
     """The table ``[derived_for]`` of a recipe: the film that its settings were derived for."""
 
     film_mm: Annotated[
-        float, _LENGTH, Unit("mm"), Doc("thickness of all plies, while the settings were found")
+        float, LENGTH, Unit("mm"), Doc("thickness of all plies, while the settings were found")
     ]
     melt_j_cm2: Annotated[
-        Quantity | None, _POSITIVE, Unit("J/cm2"), Doc("that film takes to melt")
+        Quantity | None, POSITIVE, Unit("J/cm2"), Doc("that film takes to melt")
     ] = None
     cut_j_cm2: Annotated[
-        Quantity | None, _POSITIVE, Unit("J/cm2"), Doc("that film takes to be cut")
+        Quantity | None, POSITIVE, Unit("J/cm2"), Doc("that film takes to be cut")
     ] = None
 
     def share(self, material: Material) -> float:
@@ -675,21 +472,30 @@ SAME_FILM = 0.02
 
 
 class Recipe(Table):
-    """Settings for one material on one machine: a file in ``laser_profiles/recipes``."""
+    """Settings for one material: a file in ``laser_profiles/recipes``.
+
+    One machine seals and cuts, or ``machine`` seals and ``cutter`` cuts. What no machine does,
+    people do: seal along the lines with a ``[sealer]``, cut along them with scissors.
+    """
 
     schema_: Annotated[
         Literal["vinefab/recipe-1"], Field(alias="schema"), Doc("kind of file and its version")
     ] = "vinefab/recipe-1"
-    name: _Name
-    title: _Title
+    name: ProfileName
+    title: ProfileTitle
     machine: Annotated[FileName, Doc("its profile: a name, or a file in the recipe's folder")]
+    cutter: Annotated[
+        FileName | None, Doc("the machine that cuts, if another one than seals: as machine")
+    ] = None
     material: Annotated[FileName, Doc("its profile: a name, or a file in the recipe's folder")]
     status: Annotated[
         RecipeStatus, Field(strict=False), Doc("how far it is verified on your machine")
     ]
     source: Annotated[str, Field(min_length=1), Doc("where the settings come from")]
-    operations: Annotated[Operations, Doc("settings of each operation")]
+    operations: Annotated[Operations | None, Doc("of a laser: settings of each operation")] = None
     sealer: Annotated[Sealer | None, Doc("in place of laser welds")] = None
+    hot_tip: Annotated[HotTip | None, Doc("how a hot tip seals")] = None
+    knife: Annotated[Knife | None, Doc("how a blade cuts")] = None
     measured: Annotated[Measured | None, Doc("values of your film, in place of the material's")] = (
         None
     )
@@ -708,23 +514,51 @@ class Recipe(Table):
 
     @model_validator(mode="after")
     def _one_tool_seals(self) -> "Recipe":
-        welded = self.operations.weld is not None
-        if self.sealer is None and not welded and self.operations.weldcut is None:
-            remedy = "add weldcut, weld or a [sealer]"
-            raise UnfitInputError("operations", "nothing makes the seam", remedy)
+        laser = self.operations
+        welded = laser is not None and laser.weld is not None
+        one_pass = laser is not None and laser.weldcut is not None
+        if self.hot_tip is not None and (welded or one_pass or self.sealer is not None):
+            problem = "is given together with another seam"
+            raise UnfitInputError("hot_tip", problem, "leave [sealer] and welds of a laser out")
         if self.sealer is not None and welded:
             raise UnfitInputError(
                 "sealer", "is given together with operations.weld", "leave one of them out"
             )
+        if self.hot_tip is None and self.sealer is None and not (welded or one_pass):
+            if laser is None:
+                raise UnfitInputError("operations", "is missing", "give it")
+            remedy = "add weldcut, weld or a [sealer]"
+            raise UnfitInputError("operations", "nothing makes the seam", remedy)
+        if self.knife is not None and laser is not None:
+            problem = "is given together with operations.cut"
+            raise UnfitInputError("knife", problem, "leave one of them out")
         return self
 
     @cached_property
     def by_operation(self) -> Mapping[str, OperationSettings]:
-        """Settings by operation; those of a sealer are the ``weld``."""
-        found = {name: given for name, given in self.operations if given is not None}
-        if self.sealer is None:
-            return found
-        return {"weld": SealerSettings.of(self.sealer), **found}
+        """Settings by operation; a sealer or a hot tip makes the ``weld``."""
+        found: dict[str, OperationSettings] = {
+            name: given for name, given in self.operations or () if given is not None
+        }
+        found.setdefault("cut", self.knife or Scissors())
+        seals = self.sealer or self.hot_tip
+        return found if seals is None else {"weld": seals, **found}
+
+    def table_of(self, operation: str) -> tuple[str, ...]:
+        """Return the table of the file that holds an operation's settings, if there is one."""
+        tables: dict[Tool, str] = {
+            Tool.LASER: f"[operations.{operation}]",
+            Tool.HOT_TIP: "[hot_tip]",
+            Tool.KNIFE: "[knife]",
+            Tool.IMPULSE_SEALER: "[sealer]",
+        }
+        table = tables.get(self.by_operation[operation].tool)
+        return () if table is None else (table,)
+
+    @property
+    def seals(self) -> str:
+        """The operation that makes the seam."""
+        return "weldcut" if "weldcut" in self.by_operation else "weld"
 
     def __repr_args__(self) -> Iterable[tuple[str, Any]]:
         """Yield the values that predictions of a robot in one piece use, for fingerprints."""
@@ -744,11 +578,50 @@ class LaserProfile:
     ----------
     machine, material, recipe
         Its three parts.
+    cutter
+        The machine that cuts, if another one than seals.
     """
 
     machine: Machine
     material: Material
     recipe: Recipe
+    cutter: Machine | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        for name, settings in self.recipe.by_operation.items():
+            if not settings.tool.by_hand and self.machine_of(settings.tool) is None:
+                named = " nor ".join(one.name for one in self.machines)
+                tool = settings.tool.replace("_", " ")
+                problem = f"{name} takes a {tool}, and {named} is none"
+                remedy = "name one as machine or as cutter"
+                raise UnfitInputError(f"recipe {self.recipe.name}", problem, remedy)
+
+    @property
+    def machines(self) -> tuple[Machine, ...]:
+        """The machines on which the film lies, in this order."""
+        return (self.machine,) if self.cutter is None else (self.machine, self.cutter)
+
+    def machine_of(self, tool: Tool) -> Machine | None:
+        """Return the machine that has a tool."""
+        return next((one for one in self.machines if one.tool is tool), None)
+
+    @property
+    def tools(self) -> frozenset[Tool]:
+        """What runs the recipe's operations."""
+        return frozenset(one.tool for one in self.recipe.by_operation.values())
+
+    @property
+    def beams(self) -> Iterator[tuple[str, LaserSettings, LaserMachine]]:
+        """The operations that a laser runs, with settings and machine."""
+        for name, settings in self.recipe.by_operation.items():
+            machine = self.machine_of(settings.tool)
+            if isinstance(settings, LaserSettings) and isinstance(machine, LaserMachine):
+                yield name, settings, machine
+
+    @property
+    def status(self) -> RecipeStatus:
+        """How far the recipe is verified with this film: not at all, with another one."""
+        return RecipeStatus.UNVERIFIED if self.stale_words else self.recipe.status
 
     def settings(self, operation: str) -> OperationSettings:
         """Return the settings of one operation.
@@ -768,33 +641,41 @@ class LaserProfile:
     @property
     def stale_words(self) -> str:
         """How stale the settings are with this film, with a scaled estimate; empty if they fit."""
-        known, film, operations = self.recipe.derived_for, self.material, self.recipe.by_operation
+        known, film = self.recipe.derived_for, self.material
         if known is None or not known.is_other(film):
             return ""
-        cutting = next((name for name in ("weldcut", "cut") if name in operations), "")
-        settings = operations[cutting]
-        message = (
-            f"the settings were derived for film of {known.film_mm:g} mm in all plies, and this is "
-            f"{film.film_mm:g} mm: "
-        )
-        if known.cut_j_cm2 is not None:
-            needs = known.share(film) * known.cut_j_cm2.value
-            gives = settings.fluence_j_cm2(self.machine)
-            message += (
-                f"to cut it takes about {needs:.0f} J/cm^2 ({known.cut_j_cm2.standing}: "
-                f"{known.cut_j_cm2.value:g}, scaled with the thickness), and {cutting} delivers "
-                f"{gives:.0f}, "
-                f"{'less' if gives < needs else 'more'} than that: "
-            )
-        speed = settings.speed_mm_s.value / known.share(film)
         return (
-            f"{message}run {cutting} at about {speed:.0f} mm/s in place of "
-            f"{settings.speed_mm_s.value:g} (scaled), cut the coupons of `vinefab coupon` anew, "
-            "and run `vinefab calibrate`"
+            f"the settings were derived for film of {known.film_mm:g} mm in all plies, and this is "
+            f"{film.film_mm:g} mm: {self._scaled_words(known, known.share(film))}, cut the coupons "
+            "of `vinefab coupon` anew, and run `vinefab calibrate`"
         )
 
+    def _scaled_words(self, known: DerivedFor, share: float) -> str:
+        """Return the settings of the seam and, where it is cut apart, of the cut: scaled."""
+        operations = self.recipe.by_operation
+        by_laser = {name: machine for name, _, machine in self.beams}
+        scaled = ["weldcut"] if "weldcut" in operations else ["weld", "cut"]
+        found = []
+        for name in scaled:
+            settings = operations[name]
+            words = settings.scaled_words(name, share)
+            # A laser that only welds stays far below what cuts: the cut tells.
+            if not words or (name == "weld" and name in by_laser):
+                continue
+            if isinstance(settings, LaserSettings) and known.cut_j_cm2 is not None:
+                needs = share * known.cut_j_cm2.value
+                gives = settings.fluence_j_cm2(by_laser[name])
+                words = (
+                    f"to cut it takes about {needs:.0f} J/cm^2 ({known.cut_j_cm2.standing}: "
+                    f"{known.cut_j_cm2.value:g}, scaled with the thickness), and {name} delivers "
+                    f"{gives:.0f}, {'less' if gives < needs else 'more'} than that: {words}"
+                )
+            found.append(words)
+        return "; ".join(found)
 
-P = TypeVar("P", Machine, Material, Recipe)
+
+P = TypeVar("P", Material, Recipe)
+N = TypeVar("N", Machine, Material, Recipe)
 
 
 def read_profile(recipe: str | Path) -> LaserProfile:
@@ -813,27 +694,36 @@ def read_profile(recipe: str | Path) -> LaserProfile:
 
 
 def profile_files(recipe: str | Path) -> dict[str, Path]:
-    """Return the files that `read_profile` reads: ``recipe``, ``machine`` and ``material``."""
+    """Return the files that `read_profile` reads: ``recipe``, ``machine`` and so on."""
     path = locate("recipe", recipe)
     found = _read(Recipe, path)
-    named = {"machine": found.machine, "material": found.material}
-    return {"recipe": path, **{kind: _beside(path, kind, name) for kind, name in named.items()}}
+    files = {"recipe": path, "machine": _beside(path, "machine", found.machine)}
+    if found.cutter is not None:
+        files["cutter"] = _beside(path, "machine", found.cutter)
+    return {**files, "material": _beside(path, "material", found.material)}
 
 
 def profile_of(document: Mapping[str, Any], path: Path) -> LaserProfile:
     """Return the profile of a recipe file's content."""
     recipe = _named_as_its_file(Recipe, document, path)
     material = _read(Material, _beside(path, "material", recipe.material))
+    cutter = None if recipe.cutter is None else _beside(path, "machine", recipe.cutter)
     return LaserProfile(
-        machine=_read(Machine, _beside(path, "machine", recipe.machine)),
+        machine=read_machine(_beside(path, "machine", recipe.machine)),
         material=material if recipe.measured is None else recipe.measured.replaced_in(material),
         recipe=recipe,
+        cutter=None if cutter is None else read_machine(cutter),
     )
 
 
 def read_machine(name_or_path: str | Path) -> Machine:
     """Return a machine; errors as in `read_profile`."""
-    return _read(Machine, locate("machine", name_or_path))
+    path = locate("machine", name_or_path)
+    document = read_toml(path)
+    kind = document.get("kind", "laser")
+    if not isinstance(kind, str) or kind not in MACHINES:
+        raise BadInputError("kind", kind, f"one of {', '.join(MACHINES)}", path)
+    return _named_as_its_file(MACHINES[kind], document, path)
 
 
 def read_material(name_or_path: str | Path) -> Material:
@@ -858,7 +748,7 @@ def _read(kind: type[P], path: Path) -> P:
     return _named_as_its_file(kind, read_toml(path), path)
 
 
-def _named_as_its_file(kind: type[P], document: Mapping[str, Any], path: Path) -> P:
+def _named_as_its_file(kind: type[N], document: Mapping[str, Any], path: Path) -> N:
     found = validated(kind, document, path)
     if found.name != visible(path.stem):
         # Other files refer to a profile by its file name: two names would be a trap.

@@ -15,7 +15,8 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints
 from vinefab.model.deployment import Deployment
-from vinefab.model.laser import GrowthConstants, Quantity, Standing
+from vinefab.model.laser import GrowthConstants
+from vinefab.model.quantity import Quantity, Standing
 from vinefab.model.tree import BranchTree
 from vinefab.physics.tube import inflated_diameter_mm
 

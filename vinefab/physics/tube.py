@@ -13,7 +13,8 @@ from typing import TypeVar
 
 from vinefab.core.limits import STANDARD_GRAVITY_M_S2
 from vinefab.core.validation import Floats
-from vinefab.model.laser import Quantity, SeamTest, Standing
+from vinefab.model.laser import SeamTest
+from vinefab.model.quantity import Quantity, Standing
 
 N_MM2_PER_KPA = 1e-3
 """1 kPa is 0.001 N/mm^2."""

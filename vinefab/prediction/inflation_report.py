@@ -39,7 +39,8 @@ from vinefab.inflation.pattern import (
 )
 from vinefab.inflation.robot import ACROSS, InflatedRobot, inflated_robot, with_short_tail
 from vinefab.model.design import Design
-from vinefab.model.laser import LaserProfile, Material, Standing
+from vinefab.model.laser import LaserProfile, Material
+from vinefab.model.quantity import Standing
 from vinefab.outline.body_outline import FlatLayout, body_outline, flat_layout
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (

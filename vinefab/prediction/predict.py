@@ -52,8 +52,9 @@ from vinefab.model.contacts import MeasuredNumber
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport
-from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
+from vinefab.model.laser import LaserProfile, Material
 from vinefab.model.map import Map
+from vinefab.model.quantity import Quantity, Standing
 from vinefab.model.score import FAILED_PERCENT, HARDLY_GROWN, NOTHING_TOUCHED, Failures
 from vinefab.model.target import TargetsResult
 from vinefab.pages.page_files import page_svg

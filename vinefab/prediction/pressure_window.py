@@ -14,7 +14,8 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
-from vinefab.model.laser import LaserProfile, Standing
+from vinefab.model.laser import LaserProfile
+from vinefab.model.quantity import Standing
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import (
     ALERT,

@@ -22,7 +22,7 @@ from vinefab.core.table import Table, declared_keys, validated
 from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints, positive
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import read_toml
-from vinefab.model.laser import Quantity
+from vinefab.model.quantity import Quantity
 
 if TYPE_CHECKING:
     from vinefab.model.map import Map

@@ -33,7 +33,7 @@ from vinefab.fabrication.rules.rule import RigFacts, RigPartFacts
 from vinefab.model.files.shipped import json_object, path_inside, read_bytes, read_text
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
-from vinefab.model.laser import FileName
+from vinefab.model.machine import FileName
 from vinefab.model.map import Map
 from vinefab.rig.build import RigComparison
 from vinefab.rig.fixtures import Fixtures

@@ -28,8 +28,9 @@ from vinefab.growth.terrain import Terrain
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import design_content
 from vinefab.model.finding import CheckReport, Finding, Severity
-from vinefab.model.laser import LaserProfile, Standing
+from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Start
+from vinefab.model.quantity import Standing
 from vinefab.prediction.deploy import growth_on_maps
 from vinefab.prediction.family_deployments import ScorePlan, score_design_on_task
 from vinefab.prediction.fix_proposal import FIX_TASKS, propose_fix

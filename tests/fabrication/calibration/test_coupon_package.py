@@ -10,6 +10,7 @@ import shapely
 
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.calibration.coupon_package import (
+    CouponSet,
     coupon_files,
     coupon_readme,
     make_coupons,
@@ -25,6 +26,7 @@ from vinefab.fabrication.calibration.coupons import (
     lap_pieces,
 )
 from vinefab.fabrication.job.passes import weldcut_offset_mm
+from vinefab.model.finding import CheckReport
 from vinefab.model.job import Operation
 from vinefab.model.laser import read_profile
 from vinefab.model.outline import Part
@@ -168,7 +170,11 @@ def test_the_instructions_say_how_laps_are_bonded_and_where_their_pressure_goes(
     assert [note.split()[0] for note in bursts] == [note.split()[0] for note in bore]
     profile = read_profile(RECIPE)
     unbonded = replace(profile, recipe=profile.recipe.changed(lap=None))
-    words = " ".join(coupon_readme(unbonded, (), None).split())
+    report = CheckReport(design="", recipe="", run=(), skipped=(), findings=())
+    none = CouponSet(
+        profile=unbonded, sheets=(), matrix=None, grid=None, left_out=(), report=report, laser={}
+    )
+    words = " ".join(coupon_readme(none).split())
     assert "the recipe has no [lap]" in words
 
 

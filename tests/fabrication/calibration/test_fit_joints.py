@@ -20,7 +20,8 @@ from vinefab.inflation.mesh import tube_stretch
 from vinefab.inflation.pattern import pattern_of
 from vinefab.inflation.robot import inflated_robot
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.laser import Quantity, Standing, profile_of, read_profile
+from vinefab.model.laser import profile_of, read_profile
+from vinefab.model.quantity import Quantity, Standing
 
 RECIPE = "co2_60w__stretchlon_200"
 PROFILE = read_profile(RECIPE)

@@ -9,7 +9,8 @@ import pytest
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.calibration.coupons import read_results
 from vinefab.fabrication.calibration.fit_recipe import fitted_recipe
-from vinefab.model.laser import Quantity, RecipeStatus, Standing, read_profile
+from vinefab.model.laser import RecipeStatus, read_profile
+from vinefab.model.quantity import Quantity, Standing
 
 RECIPE = "co2_60w__stretchlon_200"
 PROFILE = read_profile(RECIPE)

@@ -1,6 +1,7 @@
 """The contract of every registered laser format: what it writes is read back and compared.
 
-A format that is added to the registry is tested here without a line about it.
+A format that is added to the registry is tested here without a line about it, but for those of
+tools that no laser recipe has: `test_gcode_format.py`.
 """
 
 import csv
@@ -37,10 +38,13 @@ from vinefab.fabrication.job.placement import SheetOptions
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, read_profile
+from vinefab.model.machine import Tool
 from vinefab.model.outline import Contour
 
 JOBS = ("one pass", "two passes", "pouches", "several", "coupons", "energy matrix")
-FORMATS = sorted(LASER_FORMATS)
+FORMATS = sorted(
+    name for name, one in LASER_FORMATS.items() if not one.tools or Tool.LASER in one.tools
+)
 WITH_SETTINGS = [name for name in FORMATS if LASER_FORMATS[name].needs_profile]
 
 
@@ -195,7 +199,8 @@ def test_every_file_that_is_written_has_been_read_back(monkeypatch: pytest.Monke
     monkeypatch.setattr(laser_formats, "LASER_FORMATS", Registry("laser format", watched))
     written = laser_files(spec_of("one pass"), requested=FORMATS)
     assert sorted(read) == sorted(data.decode() for data in written.files.values())
-    assert len(written.files) == len(FORMATS)
+    steps = sum(3 for name in FORMATS if LASER_FORMATS[name].each_operation)
+    assert len(written.files) == len(FORMATS) + steps
     assert set(written.problems) == set(written.files)
 
 
@@ -263,7 +268,7 @@ FORMAT = LaserFormat(
     write=write, read=read, tolerance_mm=1e-5, contour=flattened_contour, sagitta_mm=FLATTEN_MM,
 )
 """
-LINE = "gcode = their_gcode:FORMAT\n"
+LINE = "ngc = their_gcode:FORMAT\n"
 
 
 @pytest.fixture
@@ -307,13 +312,16 @@ def test_a_new_format_is_one_file_and_one_line_and_every_text_names_it(
     assert (out / f"{stem}.ngc").read_text().startswith("G21 G90")
     assert f"{stem}.ngc" in (out / "MANIFEST.sha256").read_text()
     readme = " ".join((out / "README.txt").read_text().split())
-    words = "outline.ngc: G-code; for machines without a program of their own; from theirs."
+    words = "outline.ngc: G-code; for machines without a program of their own; from theirs; "
+    words += "one operation alone: outline_mark.ngc, outline_weldcut.ngc, outline_cut.ngc."
     assert words in readme
     assert f"{stem}.ngc: see Files), in millimetres" in readme
     content = json.loads((out / "job.json").read_text())
+    alone = [f"{stem}_{name}.ngc" for name in ("mark", "weldcut", "cut")]
+    assert all((out / name).is_file() for name in alone)
     assert content["formats"][-1] == {
-        "name": "gcode",
-        "files": [f"{stem}.ngc"],
+        "name": "ngc",
+        "files": [f"{stem}.ngc", *alone],
         "title": "G-code",
         "use": "for machines without a program of their own",
         "package": "theirs",
@@ -347,7 +355,7 @@ def test_a_new_format_without_a_reader_is_not_registered(gcode: Path, tmp_path: 
     out = tmp_path / "package"
     done = fabricate(gcode, out)
     assert done.returncode == 0
-    assert "laser format gcode not loaded: BadInputError: laser format G-code: read" in done.stdout
+    assert "laser format ngc not loaded: BadInputError: laser format G-code: read" in done.stdout
     assert not (out / "outline.ngc").exists()
 
 

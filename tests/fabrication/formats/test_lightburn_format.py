@@ -17,7 +17,8 @@ from vinefab.fabrication.formats.lightburn_format import (
     lightburn_text,
 )
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LaserProfile, Sealer
+from vinefab.model.laser import LaserProfile
+from vinefab.model.machine import Sealer
 
 MACHINED = (Operation.MARK, Operation.WELD, Operation.WELDCUT, Operation.CUT)
 

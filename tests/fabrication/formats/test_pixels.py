@@ -115,7 +115,7 @@ from vinefab.fabrication.package.prepare import zip_bytes
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import laser_files
 from vinefab.model.design import Design
-from vinefab.model.laser import read_profile
+from vinefab.model.laser import (read_profile)
 from vinefab.fabrication.job.laser_job import laser_job
 profile = read_profile("co2_60w__stretchlon_200")
 job = laser_job(Design.read("three_level_tree"), profile)

@@ -145,7 +145,7 @@ from vinefab.fabrication.package.assembly_drawing import assembly_files
 from vinefab.fabrication.pieces.exploded import piece_lumens
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.model.design import Build, Design, Level, PieceSettings
-from vinefab.model.laser import read_profile
+from vinefab.model.laser import (read_profile)
 
 profile = read_profile("co2_60w__stretchlon_200")
 widths, settings = (24.0, 15.0, 9.0), PieceSettings()

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from vinefab.core.plain_text import OWN_MARK
-from vinefab.fabrication.package.bom import bill_of_materials, body_area_mm2, bom_text, move_time_s
+from vinefab.fabrication.job.timing import move_time_s
+from vinefab.fabrication.package.bom import bill_of_materials, body_area_mm2, bom_text
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LaserProfile, Quantity, Standing
+from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
+from vinefab.model.quantity import Quantity, Standing
 
 FINGER_MM2 = 100.0 * 40.0 + math.pi * 20.0**2 / 2
 
@@ -82,7 +84,11 @@ def test_the_csv_holds_every_line_with_unit_and_standing(job: Job, profile: Lase
     rows = list(csv.DictReader(io.StringIO(text)))
     lines = bill_of_materials(job, profile)
     assert [row["item"] for row in rows[:-2]] == [line.item for line in lines]
-    assert (rows[-2]["item"], rows[-2]["value"], rows[-2]["unit"]) == ("laser files", "4", "1")
+    assert (rows[-2]["item"], rows[-2]["value"], rows[-2]["unit"]) == (
+        "laser files",
+        str(4 + 3 * 4),  # whole, and in three formats one for each operation
+        "1",
+    )
     for row, line in zip(rows, lines, strict=False):
         assert float(row["value"]) == pytest.approx(line.value, rel=1e-5)
         assert row["unit"] == line.unit

@@ -4,8 +4,9 @@ import json
 
 import pytest
 
+from vinefab.fabrication.formats.laser_drawing import package_spec
 from vinefab.fabrication.package.package_texts import job_text, readme_text
-from vinefab.fabrication.package.prepare import package_spec, pattern_section, prepare
+from vinefab.fabrication.package.prepare import pattern_section, prepare
 from vinefab.fabrication.package.sheet_pictures import pattern_plan
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import Build, Design, Level

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.fabrication.package.bom import machine_time, move_time_s, segment_times_s
+from vinefab.fabrication.job.timing import move_time_s, segment_times_s
+from vinefab.fabrication.package.bom import machine_time
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LaserProfile, Sealer
+from vinefab.model.laser import LaserProfile
+from vinefab.model.machine import Sealer
 from vinefab.model.outline import Contour, Segment
 
 

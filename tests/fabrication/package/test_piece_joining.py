@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vinefab.fabrication.formats.laser_drawing import package_spec
 from vinefab.fabrication.package.bom import bom_text, joint_lines
 from vinefab.fabrication.package.package_texts import readme_text
 from vinefab.fabrication.package.piece_joining import (
@@ -12,9 +13,9 @@ from vinefab.fabrication.package.piece_joining import (
     joining_order,
     open_ends,
 )
-from vinefab.fabrication.package.prepare import package_spec
 from vinefab.model.design import PieceSettings
-from vinefab.model.laser import LapBond, LapMethod, Quantity, Standing, read_profile
+from vinefab.model.laser import LapBond, LapMethod, read_profile
+from vinefab.model.quantity import Quantity, Standing
 from vinefab.model.tree import Partition, Piece
 
 

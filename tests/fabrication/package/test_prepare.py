@@ -14,38 +14,29 @@ from vinefab.core.errors import ReadBackError
 from vinefab.core.plain_text import OWN_MARK
 from vinefab.core.registry import Registry
 from vinefab.fabrication.formats import laser_formats
-from vinefab.fabrication.formats.laser_drawing import PRESETS, LaserFileSpec
+from vinefab.fabrication.formats.laser_drawing import PRESETS, LaserFileSpec, package_spec
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import SheetOptions
 from vinefab.fabrication.package.bom import bom_text, fluence_mj_mm2, operation_energy_mj_mm
 from vinefab.fabrication.package.package_texts import job_text, readme_text
-from vinefab.fabrication.package.prepare import (
-    Prepared,
-    package,
-    package_spec,
-    page_blocks,
-    prepare,
-    zip_bytes,
-)
+from vinefab.fabrication.package.prepare import Prepared, package, page_blocks, prepare, zip_bytes
 from vinefab.model.design import Build, Design
 from vinefab.model.job import Job, Operation
-from vinefab.model.laser import (
-    LaserProfile,
-    OperationSettings,
-    RecipeStatus,
-    Standing,
-    read_profile,
-)
+from vinefab.model.laser import LaserProfile, RecipeStatus, read_profile
+from vinefab.model.machine import LaserSettings
+from vinefab.model.quantity import Standing
 
 NAMES = [
     "README.txt",
     "design.toml",
     "design_2.toml",
     "job.json",
-    "outline.dxf",
-    "outline_polyline.dxf",
-    "outline.svg",
+    *(
+        f"outline{step}{suffix}"
+        for suffix in (".dxf", "_polyline.dxf", ".svg")
+        for step in ("", "_mark", "_weld", "_weldcut", "_cut")
+    ),
     "outline.lbrn2",
     "preview.png",
     "animation.svg",
@@ -118,7 +109,7 @@ def test_a_package_with_a_wrong_file_is_never_made(monkeypatch: pytest.MonkeyPat
 
 
 def test_line_energy_and_fluence_are_worked_out(
-    profile: LaserProfile, settings: OperationSettings
+    profile: LaserProfile, settings: LaserSettings
 ) -> None:
     # 30 W at 100 mm/s is 300 mJ/mm, twice; over a spot of 0.5 mm.
     energy = operation_energy_mj_mm(profile.machine, settings)
@@ -147,7 +138,7 @@ def test_job_json_holds_every_setting_with_its_standing(files) -> None:
     assert read["schema"] == "vinefab/job-1"
     assert read["units"] == "mm"
     assert read["facts"]["offset_mm"] == 0.65
-    names = {*OperationSettings.model_fields, "tool", "temperature_c", "dwell_s"}
+    names = {*LaserSettings.model_fields, "tool", "temperature_c", "dwell_s"}
     for operation in read["operations"][:4]:
         assert names < set(operation["settings"])
         kerf = operation["settings"]["kerf_mm"]

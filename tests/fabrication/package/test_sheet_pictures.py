@@ -9,7 +9,8 @@ from PIL import Image
 
 from vinefab.core.plain_text import OWN_MARK
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.package.bom import machine_time, schedule
+from vinefab.fabrication.job.timing import schedule
+from vinefab.fabrication.package.bom import machine_time
 from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan, run_paths
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation

@@ -4,7 +4,8 @@ from dataclasses import replace
 import pytest
 
 from vinefab.model.design import Build, Design, Level, Pouch, default_fillets_mm
-from vinefab.model.laser import Quantity, Standing, read_profile
+from vinefab.model.laser import read_profile
+from vinefab.model.quantity import Quantity, Standing
 
 Fan = tuple[int, float, float]
 """Branches, length in mm, whole angle in degrees."""

@@ -6,7 +6,7 @@ from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Collar
 from vinefab.model.finding import Severity
-from vinefab.model.laser import Quantity, Standing
+from vinefab.model.quantity import Quantity, Standing
 
 
 def asking(profile, operation, **changes_mm):

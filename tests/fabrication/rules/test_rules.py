@@ -28,9 +28,10 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Collar, PieceSettings, Pouch
 from vinefab.model.finding import Severity
 from vinefab.model.job import LaserPath, Operation
-from vinefab.model.laser import Quantity, RecipeStatus, Standing, read_profile
+from vinefab.model.laser import RecipeStatus, read_profile
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour, Part
+from vinefab.model.quantity import Quantity, Standing
 from vinefab.model.tree import Partition, Piece, Sleeve, fan_offsets_rad, piece_label
 
 PROFILE = read_profile("co2_60w__stretchlon_200")
@@ -155,6 +156,30 @@ def marked(away_mm):
         return (path(Operation.MARK, [[300.0, top], [310.0, top]]), *job.paths)
 
     return jobbed(above)
+
+
+@lazy
+def tipped(radius_mm, turn_deg=0.0):
+    """A tube on a hot tip's recipe, its seam replaced by two lines with an arc or a corner."""
+    subject = Subject.of(make_design(), read_profile("hot_tip_220__stretchlon_200"))
+    turn = math.radians(turn_deg or 60.0)
+    corner = (radius_mm * math.sin(turn), radius_mm * (1.0 - math.cos(turn)))
+    bulges = [0.0, math.tan(turn / 4.0), 0.0] if radius_mm else [0.0, 0.0]
+    points = [(-20.0, 0.0), (0.0, 0.0)]
+    points += [corner] if radius_mm else []
+    points += [(corner[0] + 20.0 * math.cos(turn), corner[1] + 20.0 * math.sin(turn))]
+    line = Contour.polyline(np.array(points), closed=False)
+    bent = replace(line, bulges=np.array(bulges)).moved(0.0, 100.0, 100.0)
+    seam = LaserPath(operation=Operation.WELD, contour=bent, label="seam of bent", of="bent")
+    return replace(subject, job=replace(subject.job, paths=(seam,)))
+
+
+def closing(job):
+    """The paths of a plain vine, with its seam drawn on across its mouth."""
+    sealed = next(one for one in job.paths if one.operation is Operation.WELDCUT)
+    points = sealed.contour.points_mm
+    across = Contour.polyline(points[[-1, 0]], closed=False)
+    return (replace(sealed, contour=across), *job.paths)
 
 
 def square(low, high):
@@ -467,6 +492,13 @@ FIXTURES = [
     ("VF-L05", speed(499.0), ""),
     ("VF-L06", status(RecipeStatus.UNVERIFIED), "W"),
     ("VF-L06", status(RecipeStatus.COUPON_OK), ""),
+    # A seam of 1 mm: no bend under 0.5 mm, no corner over 5 degrees
+    ("VF-L07", tipped(0.49), "E"),
+    ("VF-L07", tipped(0.51), ""),
+    ("VF-L07", tipped(0.0, 5.4), "E"),
+    ("VF-L07", tipped(0.0, 4.6), ""),
+    ("VF-L08", jobbed(closing), "E"),
+    ("VF-L08", of(), ""),
     ("VF-R01", rigged(problems=("is not closed",)), "E"),
     ("VF-R01", rigged(), ""),
     ("VF-R02", rigged(size_mm=(100.0, 210.01, 63.0)), "E"),

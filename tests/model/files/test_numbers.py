@@ -15,14 +15,8 @@ from vinefab.core.errors import VinefabError
 from vinefab.model.contacts import ContactsFile, read_contacts
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import shipped_root
-from vinefab.model.laser import (
-    Machine,
-    Material,
-    Recipe,
-    read_machine,
-    read_material,
-    read_profile,
-)
+from vinefab.model.laser import Material, Recipe, read_machine, read_material, read_profile
+from vinefab.model.machine import LaserMachine
 from vinefab.rig.part import PrinterForm, read_printer
 from vinefab.search.settings import RunFile, read_run
 
@@ -36,7 +30,7 @@ FILES = {
     "designs/three_level_tree.toml": (Design, Design.read),
     "examples/grid_coverage.toml": (RunFile, read_run),
     "laser_profiles/recipes/co2_60w__stretchlon_200.toml": (Recipe, read_profile),
-    "laser_profiles/machines/co2_60w.toml": (Machine, read_machine),
+    "laser_profiles/machines/co2_60w.toml": (LaserMachine, read_machine),
     "laser_profiles/materials/stretchlon_200.toml": (Material, read_material),
     "laser_profiles/printers/generic_220.toml": (PrinterForm, read_printer),
     "contacts": (ContactsFile, read_contacts),

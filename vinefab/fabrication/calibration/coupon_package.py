@@ -14,17 +14,24 @@ from vinefab.fabrication.calibration.coupons import (
     Matrix,
     coupon_pieces,
     coupon_sheets,
+    cutting_operations,
     energy_matrix,
     joint_pieces,
     joint_tables,
     results_text,
+    that_fit,
 )
+from vinefab.fabrication.calibration.seal_grid import SealGrid, seal_grid
 from vinefab.fabrication.formats.dxf_format import DXF_POLYLINE
-from vinefab.fabrication.formats.laser_drawing import DEFAULT
-from vinefab.fabrication.formats.laser_formats import ensure_read_back, formats_for, laser_files
+from vinefab.fabrication.formats.laser_drawing import DEFAULT, package_spec
+from vinefab.fabrication.formats.laser_formats import (
+    ensure_read_back,
+    formats_for,
+    laser_files,
+    planned_files,
+)
 from vinefab.fabrication.job.passes import sealed_by_hand
-from vinefab.fabrication.package.package_texts import filled_document
-from vinefab.fabrication.package.prepare import package_spec
+from vinefab.fabrication.package.package_texts import filled_document, tool_template
 from vinefab.fabrication.package.sheet_pictures import job_plan
 from vinefab.fabrication.rules.catalog import checks_text, run_checks
 from vinefab.fabrication.rules.rule import Subject
@@ -33,25 +40,6 @@ from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
 from vinefab.outline.body_outline import body_outline
 from vinefab.pages.page_files import page_png
-
-
-def coupon_readme(profile: LaserProfile, jobs: Sequence[Job], matrix: Matrix | None) -> str:
-    """Return the pieces to cut, their order, and the measurements to take on each piece."""
-    return filled_document(
-        "COUPONS.txt.j2",
-        recipe=profile.recipe,
-        by_hand=sealed_by_hand(profile),
-        lap=profile.recipe.lap,
-        jobs=jobs,
-        matrix=matrix,
-        with_settings=[one.suffix for one in formats_for(profile).values() if one.needs_profile],
-        energies=lambda values: ", ".join(f"{energy:.1f}" for energy in values),
-        square_mm=SQUARE_MM,
-        lap_mm=LAP_MM,
-        joint_kpa=JOINT_KPA,
-        slack_kpa=SLACK_KPA,
-    )
-
 
 _SCHEMA = "vinefab/coupon-1"
 COUPON_MARK = "coupon.json"
@@ -76,13 +64,40 @@ class CouponSet:
     profile: LaserProfile
     sheets: tuple[Job, ...]  # all pieces but the energy matrix
     matrix: Matrix | None  # None where the laser makes no seam
+    grid: SealGrid | None  # None where no hot tip makes the seam
+    left_out: tuple[str, ...]  # pieces that are larger than the bed
     report: CheckReport  # of pieces and sheets
     laser: Mapping[str, bytes]  # laser files by name, read back without a problem
 
     @property
     def jobs(self) -> tuple[Job, ...]:
         """Every job, sheets first."""
-        return (*self.sheets, *(self.matrix.jobs if self.matrix else ()))
+        grid = (self.grid.job,) if self.grid else ()
+        return (*self.sheets, *(self.matrix.jobs if self.matrix else ()), *grid)
+
+
+def coupon_readme(coupons: CouponSet) -> str:
+    """Return the pieces to cut, their order, and the measurements to take on each piece."""
+    profile = coupons.profile
+    return filled_document(
+        "COUPONS.txt.j2",
+        recipe=profile.recipe,
+        machine=profile.machine,
+        sealing_template=tool_template(profile.settings(profile.recipe.seals).tool),
+        by_hand=sealed_by_hand(profile),
+        kerfs=cutting_operations(profile),
+        lap=profile.recipe.lap,
+        jobs=coupons.sheets,
+        matrix=coupons.matrix,
+        grid=coupons.grid,
+        left_out=coupons.left_out,
+        with_settings=[one.suffix for one in formats_for(profile).values() if one.needs_profile],
+        energies=lambda values: ", ".join(f"{energy:.1f}" for energy in values),
+        square_mm=SQUARE_MM,
+        lap_mm=LAP_MM,
+        joint_kpa=JOINT_KPA,
+        slack_kpa=SLACK_KPA,
+    )
 
 
 def make_coupons(profile: LaserProfile) -> CouponSet:
@@ -95,36 +110,41 @@ def make_coupons(profile: LaserProfile) -> CouponSet:
     ReadBackError
         If a laser file, read back, differs from its job.
     """
-    pieces, joints = coupon_pieces(profile), joint_pieces(profile)
+    pieces, large = that_fit(coupon_pieces(profile), profile)
+    joints, larger = that_fit(joint_pieces(profile), profile)
     sheets = coupon_sheets(pieces, profile)
     sheets += coupon_sheets(joints, profile, "joints", JOINT_ROW_MM)
-    makes_seams = any(
-        settings.by_laser and name.startswith("weld")
-        for name, settings in profile.recipe.by_operation.items()
-    )
+    makes_seams = any(name.startswith("weld") for name, *_ in profile.beams)
     matrix = energy_matrix(profile) if makes_seams else None
-    specs = [package_spec(sheet, profile) for sheet in sheets]
-    specs += [
-        replace(package_spec(job, profile), colours=DEFAULT)
-        for job in (matrix.jobs if matrix else ())
-    ]
+    lines, grid = matrix.jobs if matrix else (), seal_grid(profile)
     laser: dict[str, bytes] = {}
     problems: dict[str, tuple[str, ...]] = {}
-    for spec in specs:
+    for job in (*sheets, *lines, *((grid.job,) if grid else ())):
+        spec = package_spec(job, profile)
+        if job in lines:
+            spec = replace(spec, colours=DEFAULT)
         # Without arcs the drawing of chords is the same as the DXF.
         is_straight = not any(path.contour.arc_count for path in spec.job.paths)
         without = (DXF_POLYLINE,) if is_straight else ()
-        written = laser_files(spec, stem=spec.job.name, without=without)
+        written = laser_files(spec, stem=job.name, without=without, each_operation=job not in lines)
         laser |= written.files
         problems |= written.problems
     ensure_read_back(problems)
     report = _checked((*pieces, *joints), sheets, profile, problems)
-    return CouponSet(profile=profile, sheets=sheets, matrix=matrix, report=report, laser=laser)
+    return CouponSet(
+        profile=profile,
+        sheets=sheets,
+        matrix=matrix,
+        grid=grid,
+        left_out=(*large, *larger),
+        report=report,
+        laser=laser,
+    )
 
 
 def coupon_files(coupons: CouponSet) -> dict[str, bytes]:
     """Return every file of the coupon folder, by name."""
-    profile, matrix = coupons.profile, coupons.matrix
+    profile, matrix, grid = coupons.profile, coupons.matrix, coupons.grid
     pictures = {
         f"{job.name}.png": page_png(job_plan(job, coupons.report.findings)) for job in coupons.jobs
     }
@@ -134,25 +154,27 @@ def coupon_files(coupons: CouponSet) -> dict[str, bytes]:
             {
                 "name": job.name,
                 "files": [
-                    name
-                    for one in formats_for(profile).values()
-                    if (name := one.file_name(job.name)) in coupons.laser
+                    one.name
+                    for one in planned_files(package_spec(job, profile), stem=job.name)
+                    if one.name in coupons.laser
                 ],
                 "paths": len(job.paths),
                 "facts": dict(job.facts),
             }
             for job in coupons.jobs
         ],
+        "left_out": list(coupons.left_out),
+        "grid": list(grid.settings) if grid else [],
         "energies_mj_mm": list(matrix.energies_mj_mm) if matrix else [],
         "energies_out_of_reach_mj_mm": list(matrix.out_of_reach_mj_mm) if matrix else [],
     }
     return {
-        "README.txt": coupon_readme(profile, coupons.sheets, matrix).encode(),
+        "README.txt": coupon_readme(coupons).encode(),
         COUPON_MARK: json_text(_SCHEMA, settings).encode(),
         **coupons.laser,
         **pictures,
         "checks.json": checks_text(coupons.report).encode(),
-        RESULTS_NAME: results_text(profile, matrix).encode(),
+        RESULTS_NAME: results_text(profile, matrix, grid.settings if grid else ()).encode(),
         **{f"{name}.geojson": table.json_text().encode() for name, table in joint_tables().items()},
     }
 

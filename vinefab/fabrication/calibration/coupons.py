@@ -25,12 +25,15 @@ from vinefab.fabrication.job.laser_job import laser_job, recipe_facts
 from vinefab.fabrication.job.marks import fold_ticks, lettered
 from vinefab.fabrication.job.passes import body_paths, sleeve_size, weldcut_offset_mm
 from vinefab.fabrication.job.tiling import registration
+from vinefab.fabrication.processes import WORDS
 from vinefab.model.design import Branch, Build, Design, Level, PieceSettings, Pouch
 from vinefab.model.files.shipped import read_text
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LapMethod, LaserProfile, OperationSettings, Quantity, Standing
+from vinefab.model.laser import LapMethod, LaserProfile
+from vinefab.model.machine import LaserMachine, LaserSettings
 from vinefab.model.map import Map
 from vinefab.model.outline import Contour
+from vinefab.model.quantity import Quantity, Standing
 from vinefab.model.start import Pose, Start
 from vinefab.outline.body_outline import WHOLE_ROBOT, PieceEnds
 from vinefab.outline.ends import OpenEnd
@@ -69,6 +72,7 @@ class Coupon:
     design: Design | None = None  # None for a piece that is not a robot
     ends: PieceEnds = WHOLE_ROBOT  # of a part of the design: where it begins and ends
     job: Job | None = None  # of a whole robot, without marks
+    is_optional: bool = False  # whether it may be left out where the bed is too small
 
     @property
     def box_mm(self) -> tuple[float, float, float, float]:
@@ -87,9 +91,11 @@ class Coupon:
 
 def coupon_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
     """Return every coupon for a recipe but the energy matrix and the joints."""
-    robots = [*balloon_designs(), *crotch_designs(), *ladder_designs(), *length_designs()]
+    robots = [*balloon_designs(), *crotch_designs(), *ladder_designs()]
+    lengths = (robot_piece(design, profile) for design in length_designs())
     return (
         *(robot_piece(design, profile) for design in robots),
+        *(replace(piece, is_optional=True) for piece in lengths),
         *lap_pieces(profile),
         *square_pieces(profile),
         *strip_pieces(profile),
@@ -202,13 +208,30 @@ def joint_tables() -> dict[str, Map]:
 
 def joint_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
     """Return the joint coupons, which are cut from a sheet for themselves."""
-    return tuple(robot_piece(design, profile) for design in joint_designs())
+    joints = (robot_piece(design, profile) for design in joint_designs())
+    return tuple(replace(piece, is_optional=True) for piece in joints)
+
+
+def that_fit(
+    pieces: Sequence[Coupon], profile: LaserProfile
+) -> tuple[tuple[Coupon, ...], tuple[str, ...]]:
+    """Return the coupons that the bed holds, and the names of the others that may be left out."""
+    wide_mm, high_mm = profile.machine.usable_mm
+
+    def stays(piece: Coupon) -> bool:
+        width, height = _size(piece)
+        return not piece.is_optional or (width <= wide_mm and height <= high_mm)
+
+    left_out = tuple(piece.name for piece in pieces if not stays(piece))
+    return tuple(piece for piece in pieces if stays(piece)), left_out
 
 
 def robot_piece(design: Design, profile: LaserProfile) -> Coupon:
     """Return a design as a coupon: what the laser does for a robot, and its name below it."""
     # Room for a robot's marks takes long to find, and no coupon has them.
-    unmarked = profile.recipe.changed(operations=profile.recipe.operations.changed(mark=None))
+    unmarked, operations = profile.recipe, profile.recipe.operations
+    if operations is not None:
+        unmarked = unmarked.changed(operations=operations.changed(mark=None))
     job = laser_job(design, replace(profile, recipe=unmarked), pinned=False)
     sealed_or_cut = (Operation.WELD, Operation.WELDCUT, Operation.CUT)
     paths = tuple(path for path in job.paths if path.operation in sealed_or_cut)
@@ -268,12 +291,20 @@ def lap_design(name: str, width_mm: float, blend_mm: float) -> Design:
     return Design(name=name, trunk_length_mm=_LAP_TUBE_MM, build=build)
 
 
+def cutting_operations(profile: LaserProfile) -> tuple[Operation, ...]:
+    """Return the operations by which a machine cuts, and leaves a kerf that is worth measuring."""
+    known = profile.recipe.by_operation
+    return tuple(
+        operation
+        for operation in (Operation.WELDCUT, Operation.CUT)
+        if operation in known and not known[operation].tool.by_hand
+    )
+
+
 def square_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
     """Return a 50 mm square for every operation that cuts; the beam runs on the square itself."""
     pieces = []
-    for operation in (Operation.WELDCUT, Operation.CUT):
-        if operation not in profile.recipe.by_operation:
-            continue
+    for operation in cutting_operations(profile):
         over = profile.settings(operation).overcut_mm.value
         half, side = SQUARE_MM / 2, SQUARE_MM
         corners = [(half, 0.0), (side, 0.0), (side, side), (0.0, side), (0.0, 0.0)]
@@ -436,17 +467,16 @@ def energy_matrix(profile: LaserProfile) -> Matrix:
     an energy is out of reach where the head would not come up to speed before the middle of the
     line, in which the seam is judged.
     """
-    operation = sealing_operation(profile)
-    settings, machine = profile.settings(operation), profile.machine
+    _, settings, machine = sealing_beam(profile)
     ramp_mm = (LINE_MM - ZONE_MM) / 2
     comes_up_to = math.sqrt(2.0 * machine.acceleration_mm_s2.value * ramp_mm)
     top_mm_s = min(comes_up_to, machine.speed_max_mm_s.value)
     reached = [
         energy
         for energy in energies_mj_mm()
-        if line_settings(energy, 0.0, settings, profile).speed_mm_s.value <= top_mm_s
+        if line_settings(energy, 0.0, settings, machine).speed_mm_s.value <= top_mm_s
     ]
-    jobs = tuple(_job(focus_mm, reached, operation, profile) for focus_mm in FOCUS_MM if reached)
+    jobs = tuple(_job(focus_mm, reached, profile) for focus_mm in FOCUS_MM if reached)
     return Matrix(
         jobs=jobs,
         energies_mj_mm=tuple(reached),
@@ -454,25 +484,24 @@ def energy_matrix(profile: LaserProfile) -> Matrix:
     )
 
 
-def sealing_operation(profile: LaserProfile) -> Operation:
-    """Return the operation by which the laser makes seams."""
+def sealing_beam(profile: LaserProfile) -> tuple[Operation, LaserSettings, LaserMachine]:
+    """Return the operation by which the laser makes seams, its settings and the laser."""
+    beams = {name: (settings, machine) for name, settings, machine in profile.beams}
     for operation in (Operation.WELDCUT, Operation.WELD):
-        found = profile.recipe.by_operation.get(operation)
-        if found is not None and found.by_laser:
-            return operation
-    problem = "its seam is sealed by hand"
+        if operation in beams:
+            return operation, *beams[operation]
+    problem = "its seam is not made by a laser"
     remedy = "name a recipe whose laser makes it"
     raise UnfitInputError(f"recipe {profile.recipe.name}", problem, remedy)
 
 
 def line_settings(
-    energy_mj_mm: float, focus_mm: float, settings: OperationSettings, profile: LaserProfile
-) -> OperationSettings:
+    energy_mj_mm: float, focus_mm: float, settings: LaserSettings, machine: LaserMachine
+) -> LaserSettings:
     """Return the settings of one line of the matrix: one pass, constant power.
 
     A recipe that names no least power has its lines at the power that it runs.
     """
-    machine = profile.machine
     least = settings.min_power_percent
     power = least if least.value else settings.power_percent
     power_w = machine.power_w.value * power.value / 100.0
@@ -491,10 +520,9 @@ def _computed(value: float, source: str) -> Quantity:
     return Quantity(value=value, standing=Standing.COMPUTED, source=source)
 
 
-def _job(
-    focus_mm: float, energies: Sequence[float], operation: Operation, profile: LaserProfile
-) -> Job:
-    margin, settings = profile.machine.margin_mm.value, profile.settings(operation)
+def _job(focus_mm: float, energies: Sequence[float], profile: LaserProfile) -> Job:
+    operation, settings, machine = sealing_beam(profile)
+    margin = machine.margin_mm.value
     tick_mm = 2.0
     low = margin + 2.0 * tick_mm
     pitch_mm = 9.0
@@ -511,7 +539,7 @@ def _job(
                 contour=Contour.polyline(line, closed=False),
                 label=f"{energy:.1f} mJ/mm at focus {focus_mm:g} mm",
                 variant=f"E{energy:.1f}",
-                settings=line_settings(energy, focus_mm, settings, profile),
+                settings=line_settings(energy, focus_mm, settings, machine),
             )
         )
     if Operation.MARK in profile.recipe.by_operation:
@@ -566,6 +594,7 @@ _MEASURES = {
     "joint_angle": "rad",
     "children_out": "children",
     "matrix": "",
+    "grid": "",
 }
 """Quantities that may be measured, and the unit of the fit; empty for outcomes as text."""
 
@@ -584,22 +613,34 @@ SLACK_KPA = 2.0
 OUTCOMES = ("nothing", "weld", "weldcut", "cut", "burnt")
 """Outcomes of a line of the energy matrix."""
 
+GRID_OUTCOMES = ("nothing", "peels", "seals", "burnt")
+"""Outcomes of a line of the grid of a hot tip."""
 
-def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
-    """Return the table of results, CSV, one row per reading, values to be filled in."""
+_OUTCOMES = {"matrix": OUTCOMES, "grid": GRID_OUTCOMES}
+
+
+def results_text(profile: LaserProfile, matrix: Matrix | None, grid: Sequence[str] = ()) -> str:
+    """Return the table of results, CSV, one row per reading, values to be filled in.
+
+    Parameters
+    ----------
+    grid
+        Settings of the lines of a hot tip's grid.
+    """
     lines = [
         f"# coupon results, {GENERATOR}",
         f"{RECIPE_NOTE} {profile.recipe.name}",
     ]
     if Operation.WELDCUT in profile.recipe.by_operation:
         lines.append(f"{OFFSET_NOTE} {weldcut_offset_mm(profile):.6g}")
-    names = [op for op in (Operation.WELDCUT, Operation.CUT) if op in profile.recipe.by_operation]
+    names = cutting_operations(profile)
     rows: list[Row] = [
         ("kerf_piece", name, "mm", f"side of the piece that came out of KERF-{name}")
         for name in names
     ]
     seal = Operation.WELDCUT if Operation.WELDCUT in names else Operation.WELD
-    rows += [("seam", seal, "mm", "width of the fused rim inward of any cut") for _ in range(3)]
+    seam = WORDS[profile.settings(seal).tool].seam
+    rows += [("seam", seal, "mm", seam) for _ in range(3)]
     rows += [("width", f"{w:g}", "mm", f"lay-flat lumen of finger W{w:g}") for w in LADDER_MM]
     rows += [
         (
@@ -652,6 +693,7 @@ def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
             for focus in FOCUS_MM
             for energy in matrix.energies_mj_mm
         ]
+    rows += [("grid", setting, "", " / ".join(GRID_OUTCOMES)) for setting in grid]
     girths = 3  # readings of each girth: so many coupons of a width
     rows += [
         ("joint_girth", f"{width:g} {kpa:g}", "mm", "around a trunk; setting: width and kPa")
@@ -699,7 +741,7 @@ class Reading:
     setting: str  # what it was measured on: a width, an operation, a path
     value: float  # in the measure's own unit; NaN for an outcome
     sigma: float | None  # standard uncertainty in the same unit
-    outcome: str  # one of `OUTCOMES`; empty for a number
+    outcome: str  # one of its measure's outcomes; empty for a number
     place: str  # file and line, for errors
 
     def wrong(self, value: object, allowed: str) -> BadInputError:
@@ -812,8 +854,8 @@ def _reading(row: dict[str, str], place: str) -> Reading:
         raise UnknownNameError("measure", measure, _MEASURES, place)
     base, text = _MEASURES[measure], row["value"]
     if not base:
-        if text not in OUTCOMES:
-            raise BadInputError(measure, text, ", ".join(OUTCOMES), place)
+        if text not in _OUTCOMES[measure]:
+            raise BadInputError(measure, text, ", ".join(_OUTCOMES[measure]), place)
         return Reading(
             measure=measure, setting=row["setting"], value=math.nan, sigma=None, outcome=text,
             place=place,

@@ -37,6 +37,7 @@ from vinefab.fabrication.calibration.estimate import (
     mean_estimate,
     solve_equations,
 )
+from vinefab.fabrication.calibration.seal_grid import grid_settings
 from vinefab.fabrication.job.passes import in_one_pass, weldcut_offset_mm
 from vinefab.model.contacts import MeasuredShare
 from vinefab.model.files.shipped import locate
@@ -49,12 +50,10 @@ from vinefab.model.laser import (
     LapMethod,
     LaserProfile,
     Material,
-    Quantity,
     RecipeStatus,
-    Standing,
     profile_of,
-    quantities,
 )
+from vinefab.model.quantity import Quantity, Standing, quantities
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM
 from vinefab.physics.tube import (
     allowed_line_load_n_mm,
@@ -275,11 +274,8 @@ def energy_windows(results: Results, profile: LaserProfile) -> tuple[EnergyWindo
             allowed = "line energy in mJ/mm and focus offset in mm, such as 46.8 6, as setting"
             raise reading.wrong(reading.setting, allowed) from error
         lines.setdefault(focus, []).append((energy, reading.outcome))
-    by_laser = [
-        operation
-        for operation in _MAKES
-        if (settings := profile.recipe.by_operation.get(operation)) and settings.by_laser
-    ]
+    beams = {name: machine for name, _, machine in profile.beams}
+    by_laser = [operation for operation in _MAKES if operation in beams]
     windows = []
     for operation, (focus, found) in itertools.product(by_laser, sorted(lines.items())):
         best, run, right = list[float](), list[float](), _MAKES[operation]
@@ -290,7 +286,7 @@ def energy_windows(results: Results, profile: LaserProfile) -> tuple[EnergyWindo
         count = sum(word == right for _, word in found)
         source = (
             f"energy matrix: {count} of {counted(len(found), 'line')}, power of"
-            f" {profile.machine.name}"
+            f" {beams[operation].name}"
         )
         least, most = (
             Quantity(value=best[end], standing=Standing.MEASURED, source=source) if best else None
@@ -305,9 +301,11 @@ def energy_windows(results: Results, profile: LaserProfile) -> tuple[EnergyWindo
 def window_lines(windows: Sequence[EnergyWindow], profile: LaserProfile) -> list[str]:
     """Return windows as lines for the user, with the energies that the recipe runs."""
     lines = [window.words() for window in windows]
-    for operation in dict.fromkeys(window.operation for window in windows):
-        settings = profile.settings(operation)
-        energy = settings.line_energy_mj_mm(profile.machine)
+    known = {window.operation for window in windows}
+    for operation, settings, machine in profile.beams:
+        if operation not in known:
+            continue
+        energy = settings.line_energy_mj_mm(machine)
         focus = settings.focus_offset_mm.value
         lines.append(f"the recipe runs {operation} at {energy:.1f} mJ/mm, focus {focus:g} mm")
     return lines
@@ -725,6 +723,7 @@ _FITS = {
     "growth": _growth,
     "peel": _peel,
     "crotch": _crotches,
+    "grid": grid_settings,
 }
 """Fits of groups that need nothing but their own readings."""
 
@@ -794,9 +793,12 @@ def _derive_for_film(document: dict[str, Any], calibration: Calibration, film: M
 
 
 def _table(document: dict[str, Any], name: str) -> dict[str, Any]:
+    """Return the table of a recipe file that holds an operation's settings, or other numbers."""
     if name in _OWN_TABLES:
         found: dict[str, Any] = document.setdefault(name, {})
         return found
-    operations: dict[str, Any] = document["operations"]
-    sealed: dict[str, Any] = operations[name] if name in operations else document["sealer"]
-    return sealed
+    operations: dict[str, Any] = document.get("operations", {})
+    by_hand = {"weld": ("sealer", "hot_tip"), "cut": ("knife",)}
+    tables = (document[one] for one in (name, *by_hand.get(name, ())) if one in document)
+    table: dict[str, Any] = operations[name] if name in operations else next(tables)
+    return table

@@ -25,8 +25,10 @@ from vinefab.core.frozen import FrozenMapping
 from vinefab.core.plain_text import GENERATOR, counted, one_line, plain
 from vinefab.core.registry import Registry
 from vinefab.core.validation import Floats
+from vinefab.fabrication.job.steps import JobStep, steps_of
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
+from vinefab.model.machine import Tool
 from vinefab.model.outline import FLATTEN_MM, Contour, following
 
 HAIRLINE_MM = 0.01
@@ -246,11 +248,26 @@ class LaserFileSpec:
         return styled_paths(self.job, self.colours)
 
     @property
+    def steps(self) -> tuple[JobStep, ...]:
+        """The machine's steps that the preset writes, in process order."""
+        return steps_of(self.job, lambda path: path.operation in self.colours.styles)
+
+    @property
     def recipe_profile(self) -> LaserProfile:
         """The profile, for formats that need one."""
         if self.profile is None:
             raise BadInputError("profile", None, "a profile, for a file with machine settings")
         return self.profile
+
+
+def package_spec(job: Job, profile: LaserProfile) -> LaserFileSpec:
+    """Return the content of a sheet's laser files, in the machine's colours."""
+    return LaserFileSpec(
+        job=job,
+        colours=PRESETS[profile.machine.colours],
+        profile=profile,
+        hairline_mm=profile.machine.hairline_mm,
+    )
 
 
 Content = TypeVar("Content")
@@ -294,6 +311,9 @@ class LaserFormat(FileFormat[LaserFileSpec, str, ReadDrawing]):
     settings: Callable[[LaserFileSpec], Mapping[str, Mapping[str, str]]] = lambda _: {}
     needs_profile: bool = False  # written only where the spec has a profile
     on_request: bool = False  # written only when it is asked for by name
+    whole: bool = True  # whether a file holds all operations of a sheet
+    each_operation: bool = True  # whether a file for each operation is written, too
+    tools: frozenset[Tool] = frozenset()  # whose paths it is for; empty: for all
 
     def __post_init__(self) -> None:
         for name in ("write", "read"):

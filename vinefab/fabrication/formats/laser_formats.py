@@ -7,17 +7,20 @@ package's README.txt, bill and job.json name it by its title and its use.
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vinefab.core.errors import ReadBackError
 from vinefab.core.foreign import calling, ensure_type
 from vinefab.core.registry import Registry
 from vinefab.fabrication.formats.dxf_format import DXF, DXF_POLYLINE, DXF_R12
+from vinefab.fabrication.formats.gcode_format import GCODE
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec, LaserFormat, file_problems
 from vinefab.fabrication.formats.lightburn_format import LIGHTBURN
 from vinefab.fabrication.formats.svg_format import SVG
+from vinefab.fabrication.job.steps import JobStep
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
+from vinefab.model.machine import Tool
 
 R12_FORMAT = "dxf_r12"
 
@@ -40,6 +43,7 @@ LASER_FORMATS: Registry[LaserFormat] = Registry(
         "svg": SVG,
         R12_FORMAT: DXF_R12,
         "lightburn": LIGHTBURN,
+        "gcode": GCODE,
     },
     group="vinefab.laser_formats",
     problem=format_problem,
@@ -73,17 +77,31 @@ def formats_for(
         for name, one in LASER_FORMATS.items()
         if (profile is not None or not one.needs_profile)
         and (name in requested or not one.on_request)
+        and (profile is None or not one.tools or not one.tools.isdisjoint(profile.tools))
     }
 
 
-def laser_files(
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlannedFile:
+    """A laser file to write."""
+
+    name: str  # in its folder
+    kind: LaserFormat
+    spec: LaserFileSpec  # what it holds
+    step: JobStep | None = None  # the only one that it holds; None for a whole sheet
+
+
+def planned_files(
     spec: LaserFileSpec,
     *,
     stem: str = "outline",
     requested: Collection[str] = (),
     without: Collection[LaserFormat] = (),
-) -> LaserFiles:
-    """Write a job in every format and read every file back.
+    each_operation: bool = True,
+) -> tuple[PlannedFile, ...]:
+    """Return the files of a job: format by format the whole, then one for each operation.
+
+    What lies on several tiles is shown whole and run tile by tile: it has no file for an operation.
 
     Parameters
     ----------
@@ -95,6 +113,41 @@ def laser_files(
         Names of formats that are written on request only, such as `R12_FORMAT`.
     without
         Formats that are left out.
+    each_operation
+        Whether to plan a file for each operation.
+    """
+    parted = each_operation and not spec.job.tiles
+    steps = spec.steps if parted else ()
+    found = list[PlannedFile]()
+    for one in formats_for(spec.profile, requested).values():
+        if one in without:
+            continue
+        if one.whole:
+            found.append(PlannedFile(name=one.file_name(stem), kind=one, spec=spec))
+        for step in steps if one.each_operation else ():
+            if one.tools and _tool(step, spec) not in one.tools:
+                continue
+            name, part = (
+                one.file_name(f"{stem}_{step.name}"),
+                replace(spec, job=step.job_of(spec.job)),
+            )
+            found.append(PlannedFile(name=name, kind=one, spec=part, step=step))
+    return tuple(found)
+
+
+def _tool(step: JobStep, spec: LaserFileSpec) -> Tool:
+    return step.paths[0].settings_in(spec.recipe_profile).tool
+
+
+def laser_files(
+    spec: LaserFileSpec,
+    *,
+    stem: str = "outline",
+    requested: Collection[str] = (),
+    without: Collection[LaserFormat] = (),
+    each_operation: bool = True,
+) -> LaserFiles:
+    """Write a job's `planned_files`, which have the same parameters, and read every one back.
 
     Raises
     ------
@@ -105,13 +158,12 @@ def laser_files(
     --------
     ensure_read_back : Raises for a file that differs from its job.
     """
-    some = [one for one in formats_for(spec.profile, requested).values() if one not in without]
-    formats = {one.file_name(stem): one for one in some}
-    files = {name: _written(one, spec) for name, one in formats.items()}
-    return LaserFiles(
-        files=files,
-        problems={name: file_problems(one, files[name], spec) for name, one in formats.items()},
+    plan = planned_files(
+        spec, stem=stem, requested=requested, without=without, each_operation=each_operation
     )
+    files = {one.name: _written(one.kind, one.spec) for one in plan}
+    problems = {one.name: file_problems(one.kind, files[one.name], one.spec) for one in plan}
+    return LaserFiles(files=files, problems=problems)
 
 
 def _written(one: LaserFormat, spec: LaserFileSpec) -> bytes:
@@ -124,15 +176,25 @@ def _written(one: LaserFormat, spec: LaserFileSpec) -> bytes:
         return text.encode()
 
 
-def format_words(name: str, stem: str = "outline") -> str:
-    """Return a format's file with its title, its use and, of a plug-in, its package.
+def format_words(name: str, alone: Collection[str] = (), stem: str = "outline") -> str:
+    """Return a format's files with its title, its use and, of a plug-in, its package.
 
+    Parameters
+    ----------
+    alone
+        Names of its files that hold one operation.
+
+    Examples
+    --------
     >>> format_words("dxf_polyline")
     'outline_polyline.dxf: DXF with chords for arcs; for programs that lose arcs'
     """
     one, package = LASER_FORMATS[name], LASER_FORMATS.packages.get(name)
-    parts = (one.title, one.use, f"from {package}" if package else "")
-    return f"{one.file_name(stem)}: {'; '.join(part for part in parts if part)}"
+    parts = [one.title, one.use, f"from {package}" if package else ""]
+    files = [one.file_name(stem)] if one.whole else alone
+    if one.whole and alone:
+        parts.append(f"one operation alone: {', '.join(alone)}")
+    return f"{', '.join(files)}: {'; '.join(part for part in parts if part)}"
 
 
 def broken_formats() -> tuple[str, ...]:
@@ -159,11 +221,22 @@ def sheet_folder(number: int) -> str:
     return f"sheet_{number}"
 
 
-def file_stems(job: Job) -> tuple[str, ...]:
-    """Return how the names of a job's files begin; its last ones are those of its runs."""
+def drawn_jobs(job: Job) -> dict[str, Job]:
+    """Return the jobs that have files, by how the names of these begin; its runs are the last."""
     if job.sheets:
-        return tuple(f"{sheet_folder(k)}/outline" for k in range(1, len(job.sheets) + 1))
-    return ("outline", *(tile_stem(k) for k in range(1, len(job.tiles) + 1)))
+        return {f"{sheet_folder(k)}/outline": one for k, one in enumerate(job.sheets, start=1)}
+    tiles = {tile_stem(k): tile for k, tile in enumerate(job.tiles, start=1)}
+    return {"outline": job, **tiles}
+
+
+def files_by_run(
+    spec: LaserFileSpec, requested: Collection[str] = ()
+) -> dict[str, tuple[PlannedFile, ...]]:
+    """Return the files of each of a job's `drawn_jobs`."""
+    return {
+        stem: planned_files(replace(spec, job=one), stem=stem, requested=requested)
+        for stem, one in drawn_jobs(spec.job).items()
+    }
 
 
 def ensure_read_back(problems: Mapping[str, tuple[str, ...]]) -> None:

@@ -20,7 +20,8 @@ from vinefab.fabrication.formats.laser_drawing import (
     xml_root,
 )
 from vinefab.model.job import Job, Operation
-from vinefab.model.laser import LaserProfile, OperationSettings
+from vinefab.model.laser import LaserProfile
+from vinefab.model.machine import LaserSettings, Tool
 from vinefab.model.outline import FLATTEN_MM, Contour
 
 _DECIMALS = 4
@@ -57,7 +58,7 @@ def lightburn_text(job: Job, profile: LaserProfile) -> str:
         index = layer_index(styled, profile)
         tool = index in (TOOL_1, TOOL_2)
         cut = ET.SubElement(root, "CutSetting", type="Tool" if tool else "Cut")
-        values = [] if tool else cut_values(styled.path.settings_in(profile))
+        values = _run_values(styled, profile)
         head = [("index", str(index)), ("name", styled.style.layer)]
         for name, value in [*head, *values, ("priority", str(priority))]:
             ET.SubElement(cut, name, Value=value)
@@ -101,12 +102,20 @@ def layer_index(styled: StyledPath, profile: LaserProfile) -> int:
     """Return LightBurn's number of a path's layer; its colour follows from it."""
     if not styled.path.operation.is_machined:
         return TOOL_1
-    if not styled.path.settings_in(profile).by_laser:
+    if not isinstance(styled.path.settings_in(profile), LaserSettings):
         return TOOL_2
     return PALETTE.index(styled.style.rgb)
 
 
-def cut_values(settings: OperationSettings) -> list[tuple[str, str]]:
+def _run_values(styled: StyledPath, profile: LaserProfile) -> list[tuple[str, str]]:
+    """Return the settings with which a layer runs; none for one that is never run."""
+    if not styled.path.operation.is_machined:
+        return []
+    settings = styled.path.settings_in(profile)
+    return cut_values(settings) if isinstance(settings, LaserSettings) else []
+
+
+def cut_values(settings: LaserSettings) -> list[tuple[str, str]]:
     """Return the names and values by which LightBurn knows an operation's settings.
 
     The focus offset is not among them: machines do not agree on which way is up.
@@ -193,7 +202,7 @@ def _project_settings(spec: LaserFileSpec) -> dict[str, dict[str, str]]:
     found = {}
     for layer, styled in _layers(project_paths(spec.job)).items():
         runs = layer_index(styled, spec.recipe_profile) not in (TOOL_1, TOOL_2)
-        values = cut_values(styled.path.settings_in(spec.recipe_profile)) if runs else ()
+        values = _run_values(styled, spec.recipe_profile)
         found[layer] = {"type": "Cut" if runs else "Tool", **dict(values)}
     return found
 
@@ -210,4 +219,6 @@ LIGHTBURN = LaserFormat(
     sagitta_mm=FLATTEN_MM,
     settings=_project_settings,
     needs_profile=True,
+    tools=frozenset({Tool.LASER}),
+    each_operation=False,  # its layers are switched on and off by themselves
 )

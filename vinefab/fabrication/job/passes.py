@@ -137,9 +137,11 @@ def in_one_pass(profile: LaserProfile, *, separate: bool = False) -> bool:
 
 
 def sealed_by_hand(profile: LaserProfile, *, separate: bool = False) -> bool:
-    """Whether the sheet leaves the bed between marks and cut, to be sealed by hand."""
-    one_pass = in_one_pass(profile, separate=separate)
-    return not one_pass and not profile.settings(Operation.WELD).by_laser
+    """Whether the sheet leaves a bed between marks and cut, to be sealed by hand."""
+    if in_one_pass(profile, separate=separate):
+        return False
+    seals, cuts = (profile.settings(one).tool for one in (Operation.WELD, Operation.CUT))
+    return seals.by_hand and not cuts.by_hand
 
 
 def reach_mm(profile: LaserProfile, *, separate: bool = False) -> float:

@@ -31,7 +31,8 @@ from vinefab.fabrication.job.placement import (
 )
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LaserProfile, SealerSettings
+from vinefab.model.laser import LaserProfile
+from vinefab.model.machine import Sealer
 from vinefab.model.outline import Contour, Part, Segment
 from vinefab.outline.body_outline import flat_layout
 from vinefab.outline.joint import Point
@@ -606,7 +607,7 @@ def registration(
     Fewer than `LEAST_PINS` holes where there is no room; rule VF-L01 says so.
     """
     weld = profile.recipe.by_operation.get(Operation.WELD)
-    if not isinstance(weld, SealerSettings) or not sealed_by_hand(profile, separate=separate):
+    if not isinstance(weld, Sealer) or not sealed_by_hand(profile, separate=separate):
         return ()
     rim = _TARGET_RIM_MM
     room = within[0] + rim, within[1] + rim, within[2] - rim, within[3] - rim

@@ -5,29 +5,25 @@ import io
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 from vinefab.core.codec import Record
 from vinefab.core.plain_text import GENERATOR, counted
-from vinefab.fabrication.formats.laser_formats import file_stems, formats_for
+from vinefab.fabrication.formats.laser_drawing import package_spec
+from vinefab.fabrication.formats.laser_formats import files_by_run
 from vinefab.fabrication.job.passes import bodies_of_paths, enclosed_mm2
+from vinefab.fabrication.job.timing import schedule
 from vinefab.fabrication.package.piece_joining import (
     MINUTES_PER_JOINT,
     STRIP_HANDLE_MM,
     joining_order,
     needs_strips,
 )
+from vinefab.fabrication.processes import WORDS
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import (
-    LaserProfile,
-    Machine,
-    Material,
-    OperationSettings,
-    Quantity,
-    Standing,
-)
-from vinefab.model.outline import Contour
+from vinefab.model.laser import LaserProfile, Material
+from vinefab.model.machine import LaserMachine, LaserSettings, OperationSettings
+from vinefab.model.quantity import Quantity, Standing
 from vinefab.model.tree import Partition
 
 _COLUMNS = ("item", "value", "unit", "standing", "basis")
@@ -159,9 +155,11 @@ def bom_text(
     requested
         Laser formats that are written on request.
     """
-    formats, stems = formats_for(profile, requested).values(), file_stems(job)
-    basis = f"for each of {', '.join(stems)}: {', '.join(one.suffix for one in formats)}"
-    drawn = _computed("laser files", len(formats) * len(stems), "1", basis)
+    files = files_by_run(package_spec(job, profile), requested)
+    plan = [one for run in files.values() for one in run]
+    suffixes = dict.fromkeys(one.kind.suffix for one in plan)
+    basis = f"for each of {', '.join(files)}, whole and by operation: {', '.join(suffixes)}"
+    drawn = _computed("laser files", len(plan), "1", basis)
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(_COLUMNS)
@@ -215,7 +213,7 @@ def weakest(quantities: Iterable[Quantity]) -> Standing:
     return Standing.ASSUMED if assumed else Standing.COMPUTED
 
 
-def operation_energy_mj_mm(machine: Machine, settings: OperationSettings) -> Quantity:
+def operation_energy_mj_mm(machine: LaserMachine, settings: LaserSettings) -> Quantity:
     """Return the energy per length of path, all passes: power over speed."""
     used = machine.power_w, settings.power_percent, settings.speed_mm_s
     return Quantity(
@@ -225,7 +223,7 @@ def operation_energy_mj_mm(machine: Machine, settings: OperationSettings) -> Qua
     )
 
 
-def fluence_mj_mm2(machine: Machine, settings: OperationSettings) -> Quantity:
+def fluence_mj_mm2(machine: LaserMachine, settings: LaserSettings) -> Quantity:
     """Return the energy per area under the beam: line energy over spot diameter."""
     line = operation_energy_mj_mm(machine, settings)
     return Quantity(
@@ -235,8 +233,20 @@ def fluence_mj_mm2(machine: Machine, settings: OperationSettings) -> Quantity:
     )
 
 
+def computed_energies(profile: LaserProfile, settings: OperationSettings) -> dict[str, Quantity]:
+    """Return what follows from the settings of a beam, by key; nothing of other tools."""
+    machine = profile.machine_of(settings.tool)
+    if not isinstance(settings, LaserSettings) or not isinstance(machine, LaserMachine):
+        return {}
+    return {
+        "line_energy_mj_mm": operation_energy_mj_mm(machine, settings),
+        "fluence_mj_mm2": fluence_mj_mm2(machine, settings),
+    }
+
+
 def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
     film, area = profile.material, body_area_mm2(job)
+    path = WORDS[profile.settings(profile.recipe.seals).tool].whose
     width, height = film_piece_mm(job, profile)
     mass_g = area * film.plies * film.ply_mm.value * film.density_kg_m3.value
     g_per_kg = 1000.0
@@ -260,7 +270,7 @@ def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
         ),
         _roll_line(film, count, (width, height), weakest((margin, film.roll_width_mm))),
         _computed("plies", film.plies, "1", f"of {film.title}, one on the other"),
-        _computed("robot area", area / 100.0, "cm2", "one ply, within the beam's path"),
+        _computed("robot area", area / 100.0, "cm2", f"one ply, within {path} path"),
         BomLine(
             item="robot film mass",
             value=mass_g,
@@ -304,110 +314,6 @@ def _computed(item: str, value: float, unit: str, basis: str) -> BomLine:
     return BomLine(item=item, value=value, unit=unit, standing=Standing.COMPUTED, basis=basis)
 
 
-CORNER_RAD = math.radians(5.0)
-"""The head stops where a path turns by more than this at a point."""
-
-
-def move_time_s(
-    length_mm: float,
-    speed_mm_s: float,
-    acceleration_mm_s2: float,
-    ends_mm_s: tuple[float, float] = (0.0, 0.0),
-) -> float:
-    """Return the time of a move between two speeds: up, along at full speed, down.
-
-    >>> move_time_s(100.0, 50.0, 1000.0)
-    2.05
-    >>> move_time_s(0.4, 50.0, 1000.0)  # too short to reach full speed
-    0.04
-    """
-    if length_mm == 0.0:
-        return 0.0
-    first, last = ends_mm_s
-    peak = min(speed_mm_s, math.sqrt((first**2 + last**2) / 2.0 + acceleration_mm_s2 * length_mm))
-    ramps_mm = (2.0 * peak**2 - first**2 - last**2) / (2.0 * acceleration_mm_s2)
-    along_s = max(0.0, length_mm - ramps_mm) / peak
-    return (2.0 * peak - first - last) / acceleration_mm_s2 + along_s
-
-
-def segment_times_s(
-    contour: Contour, speed_mm_s: float, acceleration_mm_s2: float
-) -> tuple[float, ...]:
-    """Return the time that each line and arc of a contour takes in one pass."""
-    segments = list(contour.segments)
-    lengths = [segment.length_mm for segment in segments]
-    tops = [min(speed_mm_s, math.sqrt(acceleration_mm_s2 * s.radius_mm)) for s in segments]
-    # At the start, at every joint between segments, and at the end.
-    speeds = [0.0]
-    speeds += [
-        0.0 if abs(math.remainder(turn_rad, math.tau)) > CORNER_RAD else min(two)
-        for (before, after), two in zip(pairwise(segments), pairwise(tops), strict=True)
-        for turn_rad in [after.direction_rad() - before.direction_rad(at_end=True)]
-    ]
-    speeds.append(0.0)
-    for at, length in enumerate(lengths):
-        speeds[at + 1] = min(speeds[at + 1], _reached(speeds[at], length, acceleration_mm_s2))
-    for at in range(len(lengths) - 1, -1, -1):
-        speeds[at] = min(speeds[at], _reached(speeds[at + 1], lengths[at], acceleration_mm_s2))
-    return tuple(
-        move_time_s(length, top, acceleration_mm_s2, ends)
-        for length, top, ends in zip(lengths, tops, pairwise(speeds), strict=True)
-    )
-
-
-def _reached(speed: float, length: float, acceleration: float) -> float:
-    return math.sqrt(speed**2 + 2.0 * acceleration * length)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PathPass:
-    """One pass along one path."""
-
-    path: LaserPath
-    begins_s: float  # when the beam is switched on, from the start of the job
-    times_s: tuple[float, ...]  # how long each line and arc takes
-
-    @property
-    def ends_s(self) -> float:
-        """When the beam goes off."""
-        return self.begins_s + math.fsum(self.times_s)
-
-
-def schedule(job: Job, profile: LaserProfile) -> tuple[PathPass, ...]:
-    """Return every pass of a job in the order in which the laser runs it.
-
-    The head rests at both ends of a path. Travel is straight at the machine's top speed, in process
-    order, from the sheet's lower left. Seams made by an impulse sealer are not included.
-    """
-    machine = profile.machine
-    acceleration, top = machine.acceleration_mm_s2.value, machine.speed_max_mm_s.value
-    runs: list[PathPass] = []
-    now, head = 0.0, (0.0, 0.0)
-    for path in (path for op in laser_on_passes(job, profile) for path in job.along(op)):
-        settings, (start, end) = path.settings_in(profile), path_ends(path)
-        times = segment_times_s(path.contour, settings.speed_mm_s.value, acceleration)
-        for _ in range(settings.passes):
-            now += move_time_s(math.dist(head, start), top, acceleration)
-            runs.append(PathPass(path=path, begins_s=now, times_s=times))
-            now, head = runs[-1].ends_s, end
-    return tuple(runs)
-
-
-def laser_on_passes(job: Job, profile: LaserProfile) -> tuple[Operation, ...]:
-    """Return the operations of a job that the laser runs, in process order."""
-    machined = (op for op in Operation if op.is_machined and job.along(op))
-    return tuple(
-        op for op in machined if all(p.settings_in(profile).by_laser for p in job.along(op))
-    )
-
-
-def path_ends(path: LaserPath) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return where a path begins and where it ends."""
-    first, last = path.contour.points_mm[0], path.contour.points_mm[-1]
-    start = float(first[0]), float(first[1])
-    return start, start if path.contour.closed else (float(last[0]), float(last[1]))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineTime:
     """An estimate of a job's time on the machine."""
@@ -427,17 +333,18 @@ def machine_time(job: Job, profile: LaserProfile) -> MachineTime:
 
     Moving and aligning the film between tiles is not included.
     """
-    machine = profile.machine
     work_s: dict[Operation, list[float]] = {}
     travel_s: list[float] = []
     inputs: list[Quantity] = []
     for sheet in job.runs:
-        inputs += [machine.acceleration_mm_s2, machine.speed_max_mm_s]
+        for machine in profile.machines:
+            inputs += [machine.acceleration_mm_s2, machine.speed_max_mm_s]
         rest_s = 0.0
         for run in schedule(sheet, profile):
             work_s.setdefault(run.path.operation, []).extend(run.times_s)
             travel_s.append(run.begins_s - rest_s)
-            inputs.append(run.path.settings_in(profile).speed_mm_s)
+            speed = run.path.settings_in(profile).head_speed
+            inputs += [] if speed is None else [speed]
             rest_s = run.ends_s
     return MachineTime(
         work_s={op: math.fsum(work_s[op]) for op in Operation if op in work_s},

@@ -5,12 +5,13 @@ The README's words stand in ``templates/README.txt.j2`` and ``joining.txt.j2``, 
 """
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from functools import cache
 from itertools import groupby
 from textwrap import fill
 from types import SimpleNamespace
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from vinefab.core.plain_text import GENERATOR, counted, json_text, one_line
@@ -18,6 +19,7 @@ from vinefab.core.view import Data, document
 from vinefab.fabrication.formats.laser_drawing import (
     Colours,
     LaserFileSpec,
+    LaserFormat,
     StyledPath,
     metadata,
     operations_by_style,
@@ -26,36 +28,24 @@ from vinefab.fabrication.formats.laser_drawing import (
 )
 from vinefab.fabrication.formats.laser_formats import (
     LASER_FORMATS,
-    file_stems,
+    PlannedFile,
+    drawn_jobs,
+    files_by_run,
     format_words,
     formats_for,
-    sheet_folder,
-    tile_stem,
 )
-from vinefab.fabrication.job.passes import WEB_MM, cut_offset_mm, weld_offset_mm
-from vinefab.fabrication.job.tiling import HOLES, PIN_HOLE, TARGET, VERIFY
+from vinefab.fabrication.job.passes import WEB_MM, cut_offset_mm, sealed_by_hand, weld_offset_mm
+from vinefab.fabrication.job.steps import JobStep, process_place, steps_of
+from vinefab.fabrication.job.tiling import PIN_HOLE, TARGET
 from vinefab.fabrication.package import piece_joining
-from vinefab.fabrication.package.bom import (
-    film_piece_mm,
-    fluence_mj_mm2,
-    operation_energy_mj_mm,
-    robot_count,
-)
+from vinefab.fabrication.package.bom import computed_energies, film_piece_mm, robot_count
 from vinefab.fabrication.package.piece_joining import face_words
 from vinefab.inflation.pattern import Pattern, pattern_blocks, pattern_table
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
-from vinefab.model.laser import (
-    NO_SHRINKAGE,
-    LapBond,
-    LaserProfile,
-    Machine,
-    Material,
-    OperationSettings,
-    Quantity,
-    SealerSettings,
-    quantities,
-)
+from vinefab.model.laser import NO_SHRINKAGE, LapBond, LaserProfile, Material
+from vinefab.model.machine import Machine, OperationSettings, Sealer, Tool
+from vinefab.model.quantity import Quantity, quantities
 from vinefab.model.tree import Partition
 from vinefab.physics.tube import lap_load_n_mm
 
@@ -82,6 +72,7 @@ def readme_text(
     """
     job, profile, colours = spec.job, spec.recipe_profile, spec.colours
     formats = formats_for(profile, requested)
+    plan = [file for run in files_by_run(spec, requested).values() for file in run]
     written = [op for op in Operation if op in colours.styles and job.along(op)]
     sealed = [op for op in written if op in (Operation.WELD, Operation.WELDCUT)]
     film_mm = [math.ceil(side_mm - 1e-6) for side_mm in film_piece_mm(job, profile)]
@@ -90,8 +81,13 @@ def readme_text(
     lists = [key for key, value in facts.items() if value.startswith(("[{", "{"))]
     lines = [f"{key}: {value}" for key, value in facts.items() if key not in lists]
     weld = profile.recipe.by_operation.get(Operation.WELD)
-    by_hand = Operation.WELD in sealed and weld is not None and not weld.by_laser
-    runs = [_run(job, number, profile, colours) for number in range(len(job.runs))]
+    by_hand = Operation.WELD in sealed and sealed_by_hand(profile, separate=True)
+    seals = profile.settings(sealed[0] if sealed else profile.recipe.seals).tool
+    tools = {
+        seals,
+        *(profile.settings(operation).tool for operation in written if operation.is_machined),
+    }
+    runs = [_run(spec, number) for number in range(len(job.runs))]
     table = None if pattern is None else pattern_table(pattern)
     filled = {
         "Operation": Operation,
@@ -107,19 +103,28 @@ def readme_text(
         "runs": runs,
         "written": written,
         "sealed": sealed,
-        "sealed_by_hand": by_hand,
+        "by_hand": by_hand,
+        "status": profile.status,
+        "sealing_template": tool_template(seals),
+        "cutting_template": tool_template(profile.settings(Operation.CUT).tool),
+        "machine_tools": [
+            {"template": tool_template(one.tool), "machine": one}
+            for one in profile.machines
+            if one.tool in tools
+        ],
         "can_mark": Operation.MARK in written,
         "pins": max(sum(path.label == PIN_HOLE for path in run.job.paths) for run in runs),
-        "pin_mm": weld.pin_mm if isinstance(weld, SealerSettings) else None,
+        "pin_mm": weld.pin_mm if isinstance(weld, Sealer) else None,
         "guide_mm": cut_offset_mm(profile) - weld_offset_mm(profile) if by_hand else math.nan,
         "web_mm": WEB_MM,
         "recipe_tables": [
-            f"[operations.{operation}]" if profile.settings(operation).by_laser else "[sealer]"
+            table
             for operation in written
             if operation in (Operation.WELD, Operation.WELDCUT, Operation.CUT)
+            for table in profile.recipe.table_of(operation)
         ],
         "formats": list(formats.values()),
-        "format_lines": [format_words(name) for name in formats],
+        "format_lines": [format_words(name, _alone(one, plan)) for name, one in formats.items()],
         "tiles": job.tiles,
         "marks_targets": TARGET in {path.label for path in job.along(Operation.MARK)},
         "least_seam_mm": min(
@@ -154,10 +159,18 @@ def readme_text(
 _COLOUR_NAMES = {"#000000": "black", "#0000FF": "blue", "#FF00FF": "magenta", "#FF0000": "red"}
 
 
-def _run(job: Job, number: int, profile: LaserProfile, colours: Colours) -> SimpleNamespace:
+def _alone(one: LaserFormat, plan: Sequence[PlannedFile]) -> list[str]:
+    """Return the files of a format that hold one operation; those of every sheet have one name."""
+    names = (file.name for file in plan if file.kind is one and file.step is not None)
+    return list(dict.fromkeys(name.rpartition("/")[2] for name in names))
+
+
+def _run(spec: LaserFileSpec, number: int) -> SimpleNamespace:
     """Return one list of steps: a sheet or a tile with its files, its box and its layers."""
+    job, profile, colours = spec.job, spec.recipe_profile, spec.colours
     run, count = job.runs[number], len(job.runs)
-    title, stem = "The sheet", file_stems(job)[number - len(job.runs)]
+    stem, plan = list(files_by_run(spec).items())[number - count]
+    title = "The sheet"
     if job.tiles:
         title = f"Tile {number + 1} of {count}"
     elif job.sheets:
@@ -166,14 +179,9 @@ def _run(job: Job, number: int, profile: LaserProfile, colours: Colours) -> Simp
     styled = styled_paths(run, colours)
     boxes = [one.path.contour.box_mm for one in styled]
     low_x, low_y, high_x, high_y = zip(*boxes, strict=True)
-    # A tile is verified first, holes come after marks.
-    first = {VERIFY: 0, "": 1, HOLES: 2}
     machined = sorted(
         (one for one in styled if one.path.operation.is_machined),
-        key=lambda one: (
-            list(Operation).index(one.path.operation),
-            first.get(one.path.variant, 1),
-        ),
+        key=lambda one: process_place(one.path),
     )
     return SimpleNamespace(
         title=title,
@@ -181,28 +189,28 @@ def _run(job: Job, number: int, profile: LaserProfile, colours: Colours) -> Simp
         job=run,
         box=(min(low_x), min(low_y), max(high_x), max(high_y)),
         known=_known_length(run),
+        seam_places=_seam_places(run),
+        crosses_on=f"{Operation.REG.layer} (never cut)"
+        if run.along(Operation.REG)
+        else Operation.MARK.layer,
+        alone=[file.name for file in plan if file.step is not None and file.kind is plan[0].kind],
         layers=[
-            _layer(list(group), profile)
+            _layer(list(group), profile, plan)
             for _, group in groupby(machined, key=lambda one: (one.path.operation, one.style.layer))
         ],
     )
 
 
-def _layer(styled: list[StyledPath], profile: LaserProfile) -> SimpleNamespace:
-    """Return the paths that run at once, with their settings as words."""
+def _layer(
+    styled: list[StyledPath], profile: LaserProfile, plan: Sequence[PlannedFile]
+) -> SimpleNamespace:
+    """Return the paths that run at once, with their settings and their file."""
     path, style = styled[0].path, styled[0].style
     settings = path.settings_in(profile)
-    words = ""
-    if settings.by_laser:
-        numbers = [settings.power_percent, settings.min_power_percent]
-        numbers += [settings.speed_mm_s, settings.frequency_hz]
-        power, least, speed, frequency = (number.words() for number in numbers)
-        standings = ", ".join(dict.fromkeys(number.standing for number in numbers))
-        words = (
-            f"power {power} %, in corners {least} %, {speed} mm/s, {frequency} Hz, "
-            f"{counted(settings.passes, 'pass')}, air {'on' if settings.air_assist else 'off'}: "
-            f"{standings}"
-        )
+    name = path.variant or str(path.operation)
+    files = [file for file in plan if file.step is not None and file.step.name == name]
+    # A file for this very tool goes before one for any program.
+    files.sort(key=lambda file: not file.kind.tools)
     return SimpleNamespace(
         operation=path.operation,
         variant=path.variant,
@@ -211,10 +219,29 @@ def _layer(styled: list[StyledPath], profile: LaserProfile) -> SimpleNamespace:
         paths=len(styled),
         length_mm=sum(one.path.contour.length_mm for one in styled),
         settings=settings,
-        words=words,
-        by_laser=settings.by_laser,
-        focus_mm=settings.focus_offset_mm.value,
+        template=tool_template(settings.tool),
+        file=files[0].name if files else "",
     )
+
+
+def tool_template(tool: Tool) -> str:
+    """Return the template of the words for a tool: macros that every such template has."""
+    return f"tools/{tool}.txt.j2"
+
+
+def _standings(*numbers: Quantity) -> str:
+    return ", ".join(dict.fromkeys(number.standing for number in numbers))
+
+
+def _seam_places(run: Job) -> str:
+    """Return two places of the seams, far apart: to align a sheet by that is sealed."""
+    welds = run.along(Operation.WELD)
+    if not welds:
+        return ""
+    points = np.concatenate([path.contour.points_mm for path in welds])
+    first = points[0]
+    far = points[np.argmax(np.hypot(*(points - first).T))]
+    return " and ".join(f"({x:.1f}, {y:.1f}) mm" for x, y in (first.tolist(), far.tolist()))
 
 
 def _known_length(run: Job) -> tuple[str, float] | None:
@@ -239,9 +266,15 @@ def _corner(tile: Job) -> str:
     )
 
 
+class _Lines(str):
+    """What a macro wrote: lines of the markup, in which values have been put on their lines."""
+
+    __slots__ = ()
+
+
 def _on_its_line(value: object) -> object:
     """Return a value that begins no line of the markup, whatever a user named a thing."""
-    if not isinstance(value, str):
+    if not isinstance(value, str) or isinstance(value, _Lines):
         return value
     return "".join(letter if letter.isprintable() else " " for letter in value)
 
@@ -263,9 +296,14 @@ def _environment() -> Environment:
     environment.filters |= {
         "in_unit": lambda quantity, unit: f"{quantity.words()} {unit} ({quantity.standing})",
         "number": "{:g}".format,
+        "lines": _Lines,
         "corner": _corner,
     }
-    environment.globals |= {"counted": counted, "generator": GENERATOR}
+    environment.globals |= {
+        "counted": counted,
+        "generator": GENERATOR,
+        "standings": _standings,
+    }
     return environment
 
 
@@ -340,7 +378,9 @@ def job_text(
     Every number of the profile keeps its standing and source; line energy and fluence are computed.
     """
     job, profile, colours = spec.job, spec.recipe_profile, spec.colours
-    formats = formats_for(profile, requested)
+    formats, runs = formats_for(profile, requested), drawn_jobs(job)
+    files = files_by_run(spec, requested)
+    plan = [file for run in files.values() for file in run]
     recipe, build = profile.recipe, design.build
     pouch, collar = build.pouch, build.collar
     content: dict[str, object] = {
@@ -370,7 +410,7 @@ def job_text(
         "formats": [
             {
                 "name": name,
-                "files": [one.file_name(stem) for stem in file_stems(job)],
+                "files": [file.name for file in plan if file.kind is one],
                 "title": one.title,
                 "use": one.use,
                 "package": LASER_FORMATS.packages.get(name),
@@ -389,58 +429,77 @@ def job_text(
             "windows": [window.words() for window in recipe.coupons.windows],
             **({"lap": recipe.lap and _record(recipe.lap)} if job.sheets else {}),
         },
-        "operations": [
-            _operation(operation, job, profile, colours)
-            for operation in Operation
-            if job.along(operation)
-        ],
+        "operations": _operations(spec, plan),
         "paths": _paths(job, colours),
         "tiles": [
             {
-                "files": [one.file_name(tile_stem(number)) for one in formats.values()],
+                **_run_record(files[stem]),
                 "facts": dict(tile.facts),
                 "paths": _paths(tile, colours),
             }
-            for number, tile in enumerate(job.tiles, start=1)
+            for stem, tile in runs.items()
+            if job.tiles
         ],
     }
     if job.sheets:
         content |= job.parts
         content["sheets"] = [
             {
-                "files": [
-                    one.file_name(f"{sheet_folder(number)}/outline") for one in formats.values()
-                ],
+                **_run_record(files[stem]),
                 "sheet_mm": [sheet.sheet_width_mm, sheet.sheet_height_mm],
                 "facts": dict(sheet.facts),
                 "paths": _paths(sheet, colours),
             }
-            for number, sheet in enumerate(job.sheets, start=1)
+            for stem, sheet in runs.items()
         ]
     return json_text(_SCHEMA, content)
 
 
-def _operation(
-    operation: Operation, job: Job, profile: LaserProfile, colours: Colours
-) -> dict[str, object]:
-    style = colours.styles.get(operation)
-    content: dict[str, object] = {
-        "operation": str(operation),
-        "layer": style.layer if style else None,
-        "colour": style.rgb if style else None,
-        "colour_index": style.aci if style else None,
-        "written": style is not None,
-        "paths": len(job.along(operation)),
-        "length_mm": job.length_mm(operation),
-    }
-    if operation.is_machined:
-        settings = profile.settings(operation)
-        content["settings"] = record = {**_record(settings)}
-        if settings.by_laser:
-            energy = operation_energy_mj_mm(profile.machine, settings)
-            record["line_energy_mj_mm"] = energy.content
-            record["fluence_mj_mm2"] = fluence_mj_mm2(profile.machine, settings).content
+def _operations(spec: LaserFileSpec, plan: Sequence[PlannedFile]) -> list[dict[str, object]]:
+    """Return the machine's steps in their order, each with its files; then the lines for people."""
+    job, profile = spec.job, spec.recipe_profile
+    styles = {id(styled.path): styled.style for styled in spec.paths}
+    shown = [op for op in (Operation.REG, Operation.DOC) if job.along(op)]
+    lines = (JobStep(operation=op, variant="", paths=job.along(op)) for op in shown)
+    content = []
+    for step in (*steps_of(job), *lines):
+        style = styles.get(id(step.paths[0]))
+        record: dict[str, object] = {
+            **_step_record(step, plan),
+            "operation": str(step.operation),
+            "layer": style.layer if style else None,
+            "colour": style.rgb if style else None,
+            "colour_index": style.aci if style else None,
+            "written": style is not None,
+        }
+        if step.operation.is_machined:
+            settings = step.paths[0].settings_in(profile)
+            record["settings"] = found = {**_record(settings)}
+            energies = computed_energies(profile, settings)
+            found |= {name: energy.content for name, energy in energies.items()}
+        content.append(record)
     return content
+
+
+def _step_record(step: JobStep, plan: Sequence[PlannedFile]) -> dict[str, object]:
+    """Return a step with the files that hold it alone: the first of them, and all."""
+    files = [file.name for file in plan if file.step is not None and file.step.name == step.name]
+    return {
+        "name": step.name,
+        "file": files[0] if files else None,
+        "files": files,
+        "paths": len(step.paths),
+        "length_mm": step.length_mm,
+    }
+
+
+def _run_record(plan: Sequence[PlannedFile]) -> dict[str, object]:
+    """Return the files of a sheet or tile: the whole, then by operation in process order."""
+    steps = {file.step.name: file.step for file in plan if file.step is not None}
+    return {
+        "files": [file.name for file in plan if file.step is None],
+        "operations": [_step_record(step, plan) for step in steps.values()],
+    }
 
 
 def _paths(job: Job, colours: Colours) -> list[dict[str, object]]:

@@ -14,11 +14,11 @@ from vinefab.core.plain_text import counted, some_of
 from vinefab.core.progress import each, phase
 from vinefab.core.validation import Floats
 from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Picture, Rows, Section, Text, Tone
-from vinefab.fabrication.formats.laser_drawing import PRESETS, LaserFileSpec
+from vinefab.fabrication.formats.laser_drawing import package_spec
 from vinefab.fabrication.formats.laser_formats import (
     R12_FORMAT,
+    drawn_jobs,
     ensure_read_back,
-    file_stems,
     laser_files,
 )
 from vinefab.fabrication.job.laser_job import laser_job
@@ -46,6 +46,7 @@ from vinefab.fabrication.package.sheet_pictures import (
 )
 from vinefab.fabrication.pieces.exploded import piece_lumens
 from vinefab.fabrication.pieces.partition import in_pieces, pieces_of
+from vinefab.fabrication.processes import WORDS, ProcessWords
 from vinefab.fabrication.rules.as_built import check_readback
 from vinefab.fabrication.rules.catalog import (
     RULES,
@@ -61,15 +62,9 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design, design_text
 from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
 from vinefab.model.job import Job
-from vinefab.model.laser import (
-    NO_SHRINKAGE,
-    LaserProfile,
-    Quantity,
-    RecipeStatus,
-    Standing,
-    quantities,
-)
+from vinefab.model.laser import NO_SHRINKAGE, LaserProfile, RecipeStatus
 from vinefab.model.outline import Contour
+from vinefab.model.quantity import Quantity, Standing, quantities
 from vinefab.model.tree import Partition
 from vinefab.outline.body_outline import body_outline
 from vinefab.pages.html import page
@@ -125,7 +120,7 @@ class Prepared:
             broken = ", ".join(sorted({finding.rule for finding in blocking}))
             return f"{broken} forbid it: fix the design, or waive them in it with a reason"
         recipe = self.profile.recipe
-        if recipe.status is RecipeStatus.UNVERIFIED and not allow_uncalibrated:
+        if self.profile.status is RecipeStatus.UNVERIFIED and not allow_uncalibrated:
             return (
                 f"recipe {recipe.name} is not confirmed by coupons; --allow-uncalibrated writes "
                 "the files anyway, for coupons and first trials"
@@ -181,15 +176,12 @@ def prepare(
     files: dict[str, bytes] = {}
     problems: dict[str, tuple[str, ...]] = {}
     if not any(one.blocking for one in (report, *beside)):
-        drawn = job.sheets or (job, *job.tiles)
-        sheets = dict(zip(file_stems(job), drawn, strict=True))
-        for stem in each("laser files written and read back", sheets):
-            one = sheets[stem]
-            spec = package_spec(one, profile)
-            folder, slash, name = stem.rpartition("/")
-            written = laser_files(spec, stem=name, requested=requested)
-            files |= {f"{folder}{slash}{name}": data for name, data in written.files.items()}
-            problems |= {f"{folder}{slash}{name}": w for name, w in written.problems.items()}
+        drawn = drawn_jobs(job)
+        for stem in each("laser files written and read back", drawn):
+            spec = package_spec(drawn[stem], profile)
+            written = laser_files(spec, stem=stem, requested=requested)
+            files |= written.files
+            problems |= written.problems
         reread = run_checks(replace(subject, readback=problems), only=(check_readback.id,))
         report = merged_reports(report, reread)
     return Prepared(
@@ -219,16 +211,6 @@ def _beside(cut: Design, profile: LaserProfile, job: Job, *, separate: bool) -> 
     skipped = tuple(RuleSkipped(rule=rule, reason=reason) for rule in rules)
     once = replace(report, run=(), skipped=skipped, findings=())
     return replace(merged_reports(report, once), stale_waivers=())
-
-
-def package_spec(job: Job, profile: LaserProfile) -> LaserFileSpec:
-    """Return the content of a sheet's laser files, in the machine's colours."""
-    return LaserFileSpec(
-        job=job,
-        colours=PRESETS[profile.machine.colours],
-        profile=profile,
-        hairline_mm=profile.machine.hairline_mm,
-    )
 
 
 def package(prepared: Prepared) -> dict[str, bytes]:
@@ -305,8 +287,10 @@ def page_blocks(prepared: Prepared) -> Iterator[Block]:
 def recipe_cautions(profile: LaserProfile) -> tuple[str, ...]:
     """Return the reservations about a recipe, a sentence each."""
     found = list[str]()
-    if profile.recipe.status is RecipeStatus.UNVERIFIED:
-        found.append("No coupon has confirmed the laser recipe: cut and burst one first.")
+    if profile.status is RecipeStatus.UNVERIFIED:
+        found.append(
+            f"No coupon has confirmed the {_words(profile).recipe}: cut and burst one first."
+        )
     if stale := profile.stale_words:
         found.append(f"{stale[0].upper()}{stale[1:]}.")
     return tuple(found)
@@ -314,9 +298,13 @@ def recipe_cautions(profile: LaserProfile) -> tuple[str, ...]:
 
 def recipe_verdict(profile: LaserProfile) -> str:
     """Return the reservations about a recipe in a few words; empty if there are none."""
-    unverified = profile.recipe.status is RecipeStatus.UNVERIFIED
+    unverified = profile.status is RecipeStatus.UNVERIFIED
     words = ["unverified"] * unverified + ["stale"] * bool(profile.stale_words)
-    return f"laser recipe {' and '.join(words)}" if words else ""
+    return f"{_words(profile).recipe} {' and '.join(words)}" if words else ""
+
+
+def _words(profile: LaserProfile) -> ProcessWords:
+    return WORDS[profile.settings(profile.recipe.seals).tool]
 
 
 def making_sections(prepared: Prepared) -> tuple[Section, ...]:
@@ -347,7 +335,11 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
         ),
     )
     return (
-        _sheet_section(job, [finding for report in reports for finding in report.findings]),
+        _sheet_section(
+            job,
+            [finding for report in reports for finding in report.findings],
+            _words(profile).sheet,
+        ),
         *pieces,
         *(
             _check_section(
@@ -411,8 +403,8 @@ def design_facts(prepared: Prepared) -> tuple[Fact, ...]:
     )
 
 
-def _sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
-    """Return the sheet for the laser: picture and the changes to the paths."""
+def _sheet_section(job: Job, findings: Sequence[Finding], purpose: str) -> Section:
+    """Return the sheet for the machine: picture and the changes to the paths."""
 
     def words(value: object) -> str:
         if isinstance(value, list | tuple):
@@ -426,7 +418,7 @@ def _sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
     )
     caption = "What the paths hold (computed)"
     return Section(
-        title="The sheets for the laser" if len(job.sheets) > 1 else "The sheet for the laser",
+        title=f"The {'sheets' if len(job.sheets) > 1 else 'sheet'} for {purpose}",
         pictures=(picture,),
         tables=(Rows(caption=caption, headings=("", ""), rows=rows, folded=True),),
     )

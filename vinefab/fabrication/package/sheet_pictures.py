@@ -11,7 +11,7 @@ import shapely
 from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.placement import SheetPlaces, box_around_mm, piece_name
-from vinefab.fabrication.package.bom import PathPass, schedule
+from vinefab.fabrication.job.timing import PathPass, schedule
 from vinefab.fabrication.rules.pressure_rules import deployed_capsules
 from vinefab.inflation.pattern import Pattern
 from vinefab.inflation.robot import with_short_tail

@@ -18,6 +18,7 @@ from vinefab.fabrication.rules import (
     clearance_rules,
     laser_rules,
     pressure_rules,
+    seam_rules,
     tree_rules,
 )
 from vinefab.fabrication.rules.rule import (
@@ -43,14 +44,14 @@ RULE_GROUPS: Mapping[str, str] = {
     "B": "base and reach",
     "J": "pieces and laps",
     "S": "sheet",
-    "L": "laser",
+    "L": "paths and machine",
     "X": "files",
     "R": "test rig",
 }
 """What rules are about, by the letter in ids of vinefab's own, in the order of reports; those of
 other packages stand last under their own names."""
 
-_MODULES = (tree_rules, clearance_rules, pressure_rules, as_built, laser_rules)
+_MODULES = (tree_rules, clearance_rules, pressure_rules, as_built, laser_rules, seam_rules)
 _BUILTIN = sorted(
     (one for module in _MODULES for one in vars(module).values() if isinstance(one, Rule)),
     key=lambda rule: ([*RULE_GROUPS].index(rule.id[3]), rule.id),

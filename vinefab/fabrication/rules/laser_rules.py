@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints
-from vinefab.fabrication.job.passes import GUIDE, bodies_of_paths, closes, frees
+from vinefab.fabrication.job.passes import GUIDE, bodies_of_paths, closes, frees, sealed_by_hand
 from vinefab.fabrication.job.placement import box_around_mm, fact_rows
 from vinefab.fabrication.job.tiling import LEAST_PINS, PIN_HOLE
+from vinefab.fabrication.processes import WORDS
 from vinefab.fabrication.rules.as_built import flat_place_mm
 from vinefab.fabrication.rules.rule import (
     Limits,
@@ -31,7 +32,8 @@ from vinefab.fabrication.rules.rule import (
 from vinefab.fabrication.rules.spacing import closest
 from vinefab.model.finding import Severity
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LaserProfile, Machine, RecipeStatus
+from vinefab.model.laser import LaserProfile, RecipeStatus
+from vinefab.model.machine import Machine, Tool
 from vinefab.model.outline import Part
 from vinefab.outline.body_outline import ProblemKind
 from vinefab.outline.joint import LEAST_ARC_RADIUS_MM, LEAST_CUT_MM
@@ -228,8 +230,8 @@ def _without_pins(job: Job, profile: LaserProfile) -> Iterator[Violation]:
     """Yield a violation for every sheet that is sealed by hand and cannot be put back."""
     for number, sheet in enumerate(() if job.tiles else job.runs, start=1):
         pins = sum(path.label == PIN_HOLE for path in sheet.paths)
-        by_hand = sheet.along(Operation.WELD) and not profile.settings(Operation.WELD).by_laser
-        if by_hand and pins < LEAST_PINS:
+        put_back = sheet.along(Operation.WELD) and sealed_by_hand(profile, separate=True)
+        if put_back and pins < LEAST_PINS:
             yield Violation(
                 message=f"sheet {number} leaves the bed to be sealed, and no film is free for two "
                 "pin holes next to the robot: shorten it, or use a larger bed",
@@ -243,7 +245,7 @@ def _without_pins(job: Job, profile: LaserProfile) -> Iterator[Violation]:
 
 @design_rule(
     "VF-L02",
-    broken="laser paths run into each other or are too small to run",
+    broken="paths run into each other or are too small to run",
     unit="mm",
     segment_error=LEAST_CUT_MM,
     radius_error=LEAST_ARC_RADIUS_MM,
@@ -254,7 +256,7 @@ def _without_pins(job: Job, profile: LaserProfile) -> Iterator[Violation]:
     remedy="branches farther apart; larger details: longer branches, larger fillets",
 )
 def check_paths(subject: Subject, limits: Limits) -> RuleApplied:
-    """Laser paths keep apart and are large enough to run."""
+    """Paths keep apart and are large enough to run."""
     job, profile = made(subject)
     paths = [path for path in job.paths if path.operation.is_machined]
     violations: list[Violation] = []
@@ -298,7 +300,8 @@ def _meetings(
     for meeting in found[:most]:
         if broken := limits.least(meeting.left_mm, "apart"):
             other = "itself" if meeting.one is meeting.two else f"{meeting.one.label!r}"
-            message = f"the beam reaches into {other} along {meeting.two.label!r}"
+            point = WORDS[meeting.one.settings_in(profile).tool].point
+            message = f"{point} reaches into {other} along {meeting.two.label!r}"
             at_mm = flat_place_mm(subject, meeting.one, meeting.at_mm)
             yield replace(
                 broken,
@@ -411,8 +414,9 @@ def _line(path: LaserPath) -> shapely.LineString:
 def check_ply(subject: Subject, limits: Limits) -> RuleApplied:
     """The laser can weld the film."""
     profile = needed(subject.profile, "needs a recipe")
-    if not all(settings.by_laser for settings in profile.recipe.by_operation.values()):
-        raise MissingInputError("an impulse sealer makes the seams of this recipe, not the laser")
+    seals = profile.settings(profile.recipe.seals).tool
+    if seals is not Tool.LASER:
+        raise MissingInputError(f"{WORDS[seals].actor} makes the seams of this recipe")
     material = profile.material
     broken = limits.most(material.ply_mm.value)
     if material.weldable and not broken:
@@ -435,11 +439,13 @@ def check_ply(subject: Subject, limits: Limits) -> RuleApplied:
 def check_machine(subject: Subject, _: Limits) -> RuleApplied:
     """The machine reaches the recipe's speeds."""
     job, profile = made(subject, "needs a recipe")
-    machine, operations = profile.machine, profile.recipe.by_operation
+    operations = profile.recipe.by_operation
     violations = []
     for operation, settings in operations.items():
-        speed = settings.speed_mm_s.value
-        top = machine.speed_max_mm_s.value
+        machine = profile.machine_of(settings.tool)
+        if settings.head_speed is None or machine is None:
+            continue
+        speed, top = settings.head_speed.value, machine.speed_max_mm_s.value
         if speed > top:
             message = f"{operation} is faster than the machine runs: set its speed to {top:g} mm/s"
             violations.append(_warning(message, f"speed {operation}", speed, top))
@@ -455,7 +461,7 @@ def check_machine(subject: Subject, _: Limits) -> RuleApplied:
         if speed**2 / radius_mm > machine.acceleration_mm_s2.value:
             fit = math.sqrt(machine.acceleration_mm_s2.value * radius_mm)
             message = f"{operation} takes arcs of {radius_mm:.2f} mm too fast: the machine slows"
-            message += f" there and burns; run it at {fit:.0f} mm/s or less"
+            message += f" there and {WORDS[settings.tool].slow}; run it at {fit:.0f} mm/s or less"
             violations.append(_warning(message, f"arcs {operation}", speed, fit))
     return RuleApplied(checked=len(operations), violations=tuple(violations))
 
@@ -477,11 +483,12 @@ def check_status(subject: Subject, limits: Limits) -> RuleApplied:
     profile = needed(subject.profile, "needs a recipe")
     recipe = profile.recipe
     violations = []
+    beams = {name: (run, machine) for name, run, machine in profile.beams}
     for window in recipe.coupons.windows:
-        run = recipe.by_operation.get(window.operation)
-        if run is None or run.focus_offset_mm.value != window.focus_mm:
+        run, machine = beams.get(window.operation, (None, None))
+        if run is None or machine is None or run.focus_offset_mm.value != window.focus_mm:
             continue
-        energy = run.line_energy_mj_mm(profile.machine)
+        energy = run.line_energy_mj_mm(machine)
         if not window.holds(energy):
             message = f"{window.operation} runs {energy:.1f} mJ/mm, but the coupons say: "
             one = _warning(f"{message}{window.words()}", f"energy {window.operation}")
@@ -500,7 +507,7 @@ def check_status(subject: Subject, limits: Limits) -> RuleApplied:
             )
             title = "the kerf is wider than the seam"
             violations.append(replace(broken, message=message, aspect="kerf", title=title))
-    if recipe.status is RecipeStatus.UNVERIFIED:
+    if profile.status is RecipeStatus.UNVERIFIED:
         message = (
             f"no coupon has confirmed recipe {recipe.name}: cut the coupons of `vinefab coupon`, "
             "measure them, and run `vinefab calibrate`"

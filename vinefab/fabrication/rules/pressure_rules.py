@@ -26,14 +26,8 @@ from vinefab.inflation.compensation import MESH_DEG, FlatJoint
 from vinefab.inflation.pattern import Pattern, PatternJoint
 from vinefab.model.design import Build
 from vinefab.model.finding import Severity
-from vinefab.model.laser import (
-    GrowthConstants,
-    LaserProfile,
-    Material,
-    Quantity,
-    Standing,
-    quantities,
-)
+from vinefab.model.laser import GrowthConstants, LaserProfile, Material
+from vinefab.model.quantity import Quantity, Standing, quantities
 from vinefab.outline.body_outline import flat_layout
 from vinefab.outline.joint import crotch_reach_mm
 from vinefab.physics.growth_pressure import (

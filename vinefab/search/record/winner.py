@@ -10,7 +10,7 @@ from vinefab.core.plain_text import counted, rounded
 from vinefab.core.statistics import MeanValue
 from vinefab.core.view import Fact, Number, Rows
 from vinefab.growth.options import BranchContact, UnknownRule
-from vinefab.model.laser import Standing
+from vinefab.model.quantity import Standing
 from vinefab.model.score import Failures
 
 KnownBy = Annotated[str, Field(exclude_if="assumed".__eq__)]

@@ -6,12 +6,7 @@ import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.model.files.shipped import names, shipped_root
-from vinefab.model.laser import (
-    LaserProfile,
-    RecipeStatus,
-    read_machine,
-    read_profile,
-)
+from vinefab.model.laser import LaserProfile, RecipeStatus, read_machine, read_profile
 from vinefab.model.machine import LaserMachine, Sealer
 from vinefab.model.quantity import Standing
 from vinefab.physics.tube import seam_load_n_mm, spot_at_mm

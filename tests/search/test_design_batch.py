@@ -24,6 +24,7 @@ from vinefab.search.space import (
     Space,
     SpaceSettings,
     _rounded,
+    batch_branches,
     planned_batch,
 )
 
@@ -59,7 +60,7 @@ def test_a_batch_has_the_plans_of_its_designs(space, body, *, pressure_stop):
     radii_mm = (0.0,) if body == "centerline" else tuple(w / math.pi for w in deepest)
     designs = space.batch(x)
     builds = {depth: space.build_of(depth) for depth in range(1, 6)}
-    trees = planned_batch(designs, builds, radii_mm, options).each
+    trees = planned_batch(batch_branches(designs), builds, radii_mm, options).each
     assert designs.sizes.tolist() == [design.branch_count for design in singles]
     assert len(trees[2:5]) == 3
     for design, made in zip(singles, trees, strict=True):
@@ -93,7 +94,9 @@ def test_a_batch_grows_as_its_designs_do(space, body):
     deepest = space.build_of(int(space.settings.levels.high)).widths_mm
     radii_mm = (0.0,) if body == "centerline" else tuple(w / math.pi for w in deepest)
     builds = {depth: space.build_of(depth) for depth in range(1, 6)}
-    designs = Batch(planned_batch(space.batch(x), builds, radii_mm, options), launches, options)
+    designs = Batch(
+        planned_batch(batch_branches(space.batch(x)), builds, radii_mm, options), launches, options
+    )
     batch = Batch(Plans.of([space.design(row) for row in x], options), launches, options)
     assert len(designs) == len(batch)
     assert [everything(d) for d in designs.deployments()] == [
@@ -118,7 +121,7 @@ def test_growth_is_compiled_once_for_all_ways_to_grow():
         launches = Launches.of(TerrainSet(terrains[:some]), [[pose] for pose in poses[:some]])
         for plans in (
             Plans.of([design], options),
-            planned_batch(space.batch(x), builds, (0.0,), options),
+            planned_batch(batch_branches(space.batch(x)), builds, (0.0,), options),
         ):
             assert len(Batch(plans, launches, options).deployments()) == some
     assert len(kernel.grow_jobs.signatures) == 1
@@ -146,7 +149,10 @@ def test_trees_too_large_for_a_design_are_counted_but_not_planned():
     assert sizes[2] == 2**10 - 1
     tree = (
         planned_batch(
-            space.batch(x[2:]), {10: space.build_of(10)}, (0.0,), GrowthOptions.published()
+            batch_branches(space.batch(x[2:])),
+            {10: space.build_of(10)},
+            (0.0,),
+            GrowthOptions.published(),
         )
         .each[0]
         .tree

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import vinefab as vf
 from vinefab.search.run import Search, training_maps
@@ -82,3 +83,17 @@ def test_a_penalty_that_breaks_down_is_named(penalty, words):
     with pytest.raises(vf.VinefabError, match=words) as caught:
         search.run()
     assert "penalty" in str(caught.value)
+
+
+def blas_threads():
+    return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+
+def test_linear_algebra_has_one_thread_so_that_no_result_depends_on_the_processors(monkeypatch):
+    seen = []
+    ask = Rolling.ask
+    monkeypatch.setattr(Rolling, "ask", lambda self: seen.append(blas_threads()) or ask(self))
+    with threadpool_limits(limits=2, user_api="blas"):
+        optimize(Dice())
+        assert blas_threads() == {2}
+    assert seen == [{1}, {1}]

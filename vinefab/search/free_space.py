@@ -10,7 +10,7 @@ other side. The axis is the trunk with the branches that go straight on from it.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from vinefab.model.tree import Bend, BranchTree
 from vinefab.search.optimizers.optimizer import SearchAxes
 from vinefab.search.space import (
     SPACE_DECIMALS,
+    BatchBranches,
     BuildSettings,
     DesignSpace,
     Space,
@@ -189,17 +190,15 @@ class FreeSpace(DesignSpace):
             shape = self._both_halves(shape, self._on_axis(shape, ahead[0]))
             length_mm = np.tile(length_mm, 2)
             angle_deg = np.concatenate([angle_deg, -angle_deg], axis=1)
-        shapes = [shape.sorted_by(row) for row in angle_deg]
-        slots = np.stack([one.slots for one in shapes])
+        slots, parent = shape.sorted_by(angle_deg)
         count, size = slots.shape
-        parent = np.concatenate([one.parent for one in shapes])
-        level = np.concatenate([one.level for one in shapes])
+        level = np.tile(shape.level, count)
         build = self.build_of(int(shape.level[-1]))
         width_mm = np.array(build.widths_mm)
         return TreeBatch(
             trees=SomeOf(lambda row: self.tree(x[row]), np.arange(count)),
             first=np.arange(count + 1) * size,
-            parent=parent,
+            parent=parent.ravel(),
             level=level,
             branch=np.tile(np.arange(size), count),
             offset_rad=np.radians(np.take_along_axis(angle_deg, slots, axis=1)).ravel(),
@@ -223,8 +222,7 @@ class FreeSpace(DesignSpace):
             shape = self._both_halves(shape, straight)
             length_mm = np.tile(length_mm, 2)
             angle_deg = np.concatenate([angle_deg, -angle_deg])
-        shape = shape.sorted_by(angle_deg)
-        rows = shape.slots
+        (rows,), (parent,) = shape.sorted_by(angle_deg[None])
         length_mm, angle_deg = length_mm[rows], angle_deg[rows]
         build, bends = self.build_of(int(shape.level[-1])), list[Sequence[Bend]]()
         if self.bends:
@@ -234,7 +232,7 @@ class FreeSpace(DesignSpace):
                 own = [] if straight[slot] else own
                 bends.append([(at_mm, side * turn_deg) for at_mm, turn_deg in own])
         return BranchTree.of(
-            parent=shape.parent,
+            parent=frozen_ints(parent),
             level=shape.level,
             offset_rad=frozen_floats("angle", [rad(one) for one in angle_deg.tolist()]),
             length_mm=frozen_floats("length", length_mm),
@@ -312,6 +310,12 @@ class FreeSpace(DesignSpace):
 
     def planned(self, designs: TreeBatch, options: GrowthOptions) -> Plans:
         """Return the plans of some of its trees, as `batch` gives them."""
+        if not self.bends:
+            one = designs
+            branches = BatchBranches(
+                one.first, one.parent, one.level, one.offset_rad, one.length_mm
+            )
+            return self.planned_straight(branches, options)
         builds = map(self.build_of, designs.depth.tolist())
         return Plans.joined(
             [
@@ -462,12 +466,11 @@ class FreeSpace(DesignSpace):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Shape:
-    """Which slots a tree has, in its order, and how they hang together."""
+    """Which slots a tree has, level by level, and how they hang together."""
 
     index: Ints  # parent slot of each slot, -1 for the trunk and empty slots
     slot_level: Ints  # level of each slot, 1 for the trunk and empty slots
     slots: Ints  # of each branch, shape (n,)
-    parent: Ints  # branch before each branch, shape (n,)
     level: Ints  # of each branch, shape (n,)
 
     @classmethod
@@ -481,35 +484,43 @@ class _Shape:
         for slot, above in enumerate(index.tolist()):
             if slot and above >= 0 and 0 < level[above] < deepest:
                 level[slot] = level[above] + 1
-        return cls._ordered(index, level, np.zeros(len(index)))
-
-    @classmethod
-    def _ordered(cls, index: Ints, level: Ints, angle: Floats) -> "_Shape":
-        """Return the shape with each level by its parents' order, then by angle."""
-        place, found = np.full(len(index), -1), list[int]()
-        for one in range(1, int(level.max()) + 1):
-            rows = np.flatnonzero(level == one)
-            rows = rows[np.lexsort((angle[rows], place[index[rows]]))] if one > 1 else rows
-            place[rows] = np.arange(len(found), len(found) + len(rows))
-            found += rows.tolist()
-        slots = np.array(found)
-        parent = np.where(index[slots] < 0, -1, place[index[slots]])
-        return cls(
+        slots = np.argsort(level, kind="stable")[np.count_nonzero(level == 0) :]
+        shape = cls(
             index=index,
             slot_level=np.maximum(level, 1),
             slots=slots,
-            parent=frozen_ints(parent),
             level=frozen_ints(level[slots]),
         )
+        (by_parents,), _ = shape.sorted_by(np.zeros((1, len(index))))
+        return replace(shape, slots=by_parents)
 
-    def sorted_by(self, angle: Floats) -> "_Shape":
-        """Return the shape with siblings in the order of their slots' angles."""
-        along = angle[self.slots]
-        if not ((self.parent[1:] == self.parent[:-1]) & (along[1:] < along[:-1])).any():
-            return self
-        level = np.zeros(len(self.index), dtype=np.int64)
-        level[self.slots] = self.level
-        return self._ordered(self.index, level, angle)
+    def sorted_by(self, angle: Floats) -> tuple[Ints, Ints]:
+        """Return the slot of each branch, and the branch before it, -1 for trunks.
+
+        Each level is in the order of its parents, and siblings by the angles of their slots.
+
+        Parameters
+        ----------
+        angle
+            Of each slot of m trees of this shape, shape (m, slots).
+
+        Returns
+        -------
+        arrays
+            Of shape (m, n).
+        """
+        place = np.full(angle.shape, -1)
+        slots = np.empty((len(angle), len(self.slots)), dtype=np.int64)
+        parent = np.empty_like(slots)
+        for level in range(1, int(self.level[-1]) + 1):
+            one, two = np.searchsorted(self.level, (level, level + 1))
+            rows = self.slots[one:two]
+            above = place[:, self.index[rows]] if level > 1 else np.full((len(angle), 1), -1)
+            order = np.lexsort((angle[:, rows], above))
+            slots[:, one:two] = rows[order]
+            parent[:, one:two] = np.take_along_axis(above, order, axis=1)
+            np.put_along_axis(place, slots[:, one:two], np.arange(one, two)[None], axis=1)
+        return slots, parent
 
 
 def _half_of(tree: BranchTree) -> Ints:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from threadpoolctl import threadpool_limits
 
 from vinefab.core.atomic import folder_to_fill
 from vinefab.core.compiling import precompile, tuned_meanwhile
@@ -266,6 +267,9 @@ class Search:
         schedule = Schedule(self.evaluator, settings.search.seed)
         check = BestCheck(self.evaluator, history)
         with (
+            # Decompositions of small matrices: on more threads they take far longer, and their
+            # last digits, and so the whole search, would depend on the number of processors.
+            threadpool_limits(limits=1, user_api="blas"),
             points.started(self.evaluator, ledger) as begin,
             Recorder(store, settings.search, ledger, check.judged) as recorder,
         ):

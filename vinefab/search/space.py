@@ -668,6 +668,11 @@ class DesignSpace(ABC):
     def planned(self, designs: Any, options: GrowthOptions) -> Plans:  # noqa: ANN401  its batches
         """Return the plans of some of its designs, as `batch` gives them."""
 
+    def planned_straight(self, branches: "BatchBranches", options: GrowthOptions) -> Plans:
+        """Return the plans of trees without bends, as wide as the space makes each level."""
+        builds = {depth: self.build_of(depth) for depth in set(branches.depth.tolist())}
+        return planned_batch(branches, builds, self.radii_mm(options), options)
+
     def radii_mm(self, options: GrowthOptions) -> tuple[float, ...]:
         """Return body radii per level of the deepest designs; one 0 for bare centrelines."""
         if options.body == "centerline":
@@ -867,8 +872,7 @@ class Space(DesignSpace):
 
     def planned(self, designs: DesignBatch, options: GrowthOptions) -> Plans:
         """Return the plans of some of its designs, as `batch` gives them."""
-        builds = {depth: self.build_of(depth) for depth in set(designs.depth.tolist())}
-        return planned_batch(designs, builds, self.radii_mm(options), options)
+        return self.planned_straight(batch_branches(designs), options)
 
     def vector(self, design: Design) -> Floats:
         """Return the point for a design, or the nearest within the bounds.
@@ -914,6 +918,17 @@ class BatchBranches(NamedTuple):
     level: Ints
     offset_rad: Floats
     length_mm: Floats
+
+    @property
+    def depth(self) -> Ints:
+        """Number of levels of each design, the trunk included, shape (m,)."""
+        return self.level[self.first[1:] - 1]
+
+    def counts(self, levels: int) -> Ints:
+        """Return the number of branches of each design on each level, shape (m, levels)."""
+        size = np.diff(self.first)
+        cell = np.repeat(np.arange(len(size)) * levels, size) + self.level - 1
+        return np.bincount(cell, minlength=len(size) * levels).reshape(len(size), levels)
 
     def tree(self, place: int, build: Build) -> BranchTree:
         """Return the tree of one design, which is built in some way."""
@@ -992,14 +1007,14 @@ class _PlannedTrees(Sequence[Plan]):
 
 
 def planned_batch(
-    designs: DesignBatch,
+    branches: BatchBranches,
     builds: dict[int, Build],
     radii_mm: tuple[float, ...],
     options: GrowthOptions,
 ) -> Plans:
     """Return the plans of a design batch; builds of other depths begin with the same widths."""
-    branches = batch_branches(designs)
     first, parent, level, offset_rad, length_mm = branches
+    counts = branches.counts(max(builds) if radii_mm == (0.0,) else len(radii_mm))
     turn = np.column_stack([np.cos(offset_rad), np.sin(offset_rad)])
     deepest = builds[max(builds)]
     width_mm = np.array(deepest.widths_mm)
@@ -1019,16 +1034,16 @@ def planned_batch(
     each = _PlannedTrees(
         arrays=arrays,
         branches=branches,
-        counts=designs.counts,
+        counts=counts,
         builds=builds,
         radii_mm=radii_mm,
     )
-    until = np.cumsum(designs.counts, axis=1)
+    until = np.cumsum(counts, axis=1)
     if radii_mm == (0.0,):  # all branches are grown on the same walls
         zeros = np.zeros((len(until), 1), dtype=np.int64)
         spans = Spans(radii_mm, zeros[:, 0] + 1, zeros, until[:, -1:], zeros > 0)
     else:  # level by level
-        rising, levels = tuple(sorted(set(radii_mm))), np.count_nonzero(designs.counts, axis=1)
+        rising, levels = tuple(sorted(set(radii_mm))), branches.depth
         there = np.arange(len(radii_mm)) < levels[:, None]
         wider = np.diff(radii_mm, prepend=0.0) > 0.0
         page = np.searchsorted(rising, radii_mm)

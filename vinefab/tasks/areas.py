@@ -71,6 +71,20 @@ def free_disc_areas_mm2(centres_mm: Floats, radius_mm: float, edges_mm: Floats) 
     edges_mm
         Directed edges with the free space on their left, shape (e, 2, 2).
     """
+    # Some at once: tables of all centres by all edges may be larger than memory.
+    most = max(1, _MOST_PAIRS // max(1, len(edges_mm)))
+    parts = [
+        _free_disc_areas_mm2(centres_mm[one : one + most], radius_mm, edges_mm)
+        for one in range(0, len(centres_mm), most)
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+_MOST_PAIRS = 50_000
+"""Most discs times edges whose areas are taken at once."""
+
+
+def _free_disc_areas_mm2(centres_mm: Floats, radius_mm: float, edges_mm: Floats) -> Floats:
     start = edges_mm[None, :, 0] - centres_mm[:, None]
     along = (edges_mm[:, 1] - edges_mm[:, 0])[None]
     enter, leave = _within(start, along, radius_mm)

@@ -189,10 +189,9 @@ class Coverage(Table):
         discs = disc_polygons(tips_mm, self.radius_mm)
         lines = np.arange(len(tips_mm) + 1)
         seen = context.rows.areas_mm2(discs, begins, tips_mm, lines, self.radius_mm)
-        summed = np.zeros_like(seen)
-        for index, (one, two) in enumerate(itertools.pairwise(begins.tolist())):
-            each_mm2 = free_disc_areas_mm2(tips_mm[one:two], self.radius_mm, context.edges_mm)
-            summed[index] = each_mm2.sum()
+        each_mm2 = free_disc_areas_mm2(tips_mm, self.radius_mm, context.edges_mm)
+        edges = itertools.pairwise(begins.tolist())
+        summed = np.array([each_mm2[one:two].sum() for one, two in edges])
         for index in np.flatnonzero(np.isnan(seen)).tolist():
             union = disc_union(tips_mm[begins[index] : begins[index + 1]], self.radius_mm)
             seen[index] = context.free_area_mm2(union)

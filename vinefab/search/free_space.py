@@ -364,7 +364,7 @@ class FreeSpace(DesignSpace):
         """
         cells = self.cells(x)
         shape = self._shape(cells[:, PARENT])
-        slots = shape.sorted_by(self._sizes(shape, cells)[1]).slots
+        (slots,), _ = shape.sorted_by(self._sizes(shape, cells)[1][None])
         rows = dict(zip(self.tree(x).ids, slots.tolist(), strict=True))
         own = [rows.get(one, EMPTY) for one in ids]
         active = self.active(x)

@@ -80,8 +80,8 @@ def random_tree(rng, most=25):
     return Design.of_branches(branches, trunk_length_mm=150.0, build=build, name="random")
 
 
-def fix_many(count, profile, deepest=5, keep=frozenset(), kind="levels"):
-    """Fix the first designs that have errors."""
+def fix_many(count, profile, deepest=5, keep=frozenset(), kind="levels", heard=lambda _: None):
+    """Fix the first designs that have errors; a function hears of each case."""
     cases: list[Case] = []
     number = 0
     while len(cases) < count:
@@ -102,15 +102,23 @@ def fix_many(count, profile, deepest=5, keep=frozenset(), kind="levels"):
                 seconds=time.process_time() - began,
             )
         )
+        heard(cases[-1])
     return cases
 
 
 def report(line):
     sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+def report_case(case):
+    what = f"{len(case.changes)} changes, size {case.size:.2f}" if case.fixed else "no fix"
+    report(f"{case.design.branch_count} branches: {what}, {case.seconds:.1f} s")
 
 
 def main(count, kind, keep):
-    cases = fix_many(count, read_profile("co2_60w__stretchlon_200"), keep=keep, kind=kind)
+    profile = read_profile("co2_60w__stretchlon_200")
+    cases = fix_many(count, profile, keep=keep, kind=kind, heard=report_case)
     fixed = [case for case in cases if case.fixed]
     pruned = [case for case in fixed if case.fixed.branch_count < case.design.branch_count]
     sizes = np.array([case.size for case in fixed])

@@ -536,7 +536,7 @@ def _designs(given: Sequence[str], settings: RunSettings, path: Path) -> list[De
 def check_only(only: Sequence[str], begun: int) -> None:
     """Raise `BadInputError` for branches that alone may change without one design to begin at."""
     if only and begun != 1:
-        problem = "names branches of the design to begin at"
+        problem = "is given without a single design to begin at"
         raise UnfitInputError("space.only", problem, "give one in optimizer.start_from")
 
 

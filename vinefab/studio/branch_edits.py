@@ -79,25 +79,24 @@ def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     values = {key: _rounded(value) for key, value in found["values"].items()}
     answer = {"key": _key(design, str(label)), **found, "values": values}
     # A drag never leaves a design that cannot be: the next one could not begin there.
-    changed = _with_values(design, answer["key"], values)
+    changed = _with_values(design, str(label), answer["key"], values)
     live = ask.get("live")
     if not values or not isinstance(live, Mapping):
         return answer
     return {**answer, "live": live_answer(replace(state, design=changed), live)}
 
 
-def _with_values(design: Design, key: str, values: Mapping[str, Any]) -> Design:
-    """Return a design with some values of one of its tables."""
+def _with_values(design: Design, label: str, key: str, values: Mapping[str, Any]) -> Design:
+    """Return a design with some values of a branch, or of the table of its level."""
+    if design.branches is not None:
+        names = {"length": "length_mm"}
+        with branches_named([*by_name(design)]):
+            return design.with_branch(label, **{names.get(one, one): values[one] for one in values})
     content = dict(design_content(design))
     table, _, place = key.partition(".")
-    if place:
-        rows = list(content[table])
-        rows[int(place)] = {**rows[int(place)], **values}
-        content[table] = rows
-    else:
-        content[table] = {**content[table], **values}
-    with branches_named([*by_name(design)]):
-        return design_of(content, PAGE)
+    changed = content[table] if not place else content[table][int(place)]
+    changed |= values
+    return design_of(content, PAGE)
 
 
 def _rounded(value: Any) -> Any:  # noqa: ANN401  a number, or bends

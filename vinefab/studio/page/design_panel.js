@@ -315,6 +315,8 @@ export function mount(root, app) {
     for (const row of form.rows.filter(isTable)) {
       if (!row.many) parts.push(...tableGroups(design, row.label, row.rows, row.key, row.key === "trunk" ? listRows(form, 1) : []));
       else if (row.key === "branch" && design.branch) {
+        const about = "Angle and length of a branch: click it on the map, or drag its tip.";
+        parts.push({ box: el("p", { class: "facts" }, about), show() {} });
         // What branches have that say nothing of their own; the trunk's stands with it.
         for (const index of design.build.widths_mm.slice(1).keys()) {
           parts.push(...tableGroups(design, `Level ${index + 2}`, [], "", listRows(form, index + 2)));

@@ -77,6 +77,21 @@ def test_flat_joints_by_the_law_deploy_about_as_wanted(children, most_deg):
     assert np.mean(off) < np.mean(drawn_off) / 2.0
 
 
+@pytest.mark.thorough
+def test_children_of_five_hundred_random_joints_deploy_about_as_wanted():
+    off: list[float] = []
+    for children in (1, 2, 3, 4):
+        wanted = drawn(125, children, seed=11)
+        told = law_of("flat", Joints.of(wanted))
+        for row, one in enumerate(wanted):
+            cut = tuple(told.angles_deg[row, :children].tolist())
+            off += np.abs(inflated_joint(one.with_angles(cut)).angles_deg - one.angles_deg).tolist()
+    assert len(off) == 1250
+    assert np.mean(off) < 1.2
+    assert np.percentile(off, 95) < 4.0
+    assert np.max(off) < 10.0
+
+
 @pytest.mark.parametrize("angle_deg", [25.0, 60.0, -90.0])
 def test_bends_by_the_law_deploy_as_wanted(angle_deg):
     wanted = bend(angle_deg)

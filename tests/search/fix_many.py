@@ -13,8 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from vinefab.core.rng import child
-from vinefab.fabrication.rules.catalog import run_checks
-from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.design import Branch, Build, Design, Level
 from vinefab.model.laser import read_profile
 from vinefab.prediction.fix_proposal import propose_fix
@@ -88,11 +86,10 @@ def fix_many(count, profile, deepest=5, keep=frozenset(), kind="levels", heard=l
         rng = child(SEED, deepest, number)
         design = random_tree(rng) if kind == "trees" else random_design(rng, deepest)
         number += 1
-        errors = {finding.rule for finding in run_checks(Subject.of(design, profile)).blocking}
-        if not errors:
-            continue
         began = time.process_time()
         found = propose_fix(design, profile, keep=keep)
+        if not (errors := {finding.rule for finding in found.before.blocking}):
+            continue
         cases.append(
             Case(
                 design=design,

@@ -99,6 +99,9 @@ def test_each_fault_is_fixed_at_its_branch(profile):
     assert set(changes) in ({"d width"}, {"level 2 width"})
     # By hand: parents are at least 1.2 times as wide, and theirs is 14.4 mm.
     assert cost == pytest.approx(0.5 * math.log(14.0 / 12.0), rel=0.02)
+    _, changes, cost = fixed(fork(a={"bends": ((45.0, 3.0),)}), profile, ["width"])
+    assert set(changes) == {"a bend 1 angle"}  # its arc is too short to be run
+    assert cost < math.radians(6.0)
     _, changes, _ = fixed(fork(a={"bends": ((4.0, 60.0),)}), profile, ["width"])
     assert set(changes) <= {"a bend 1 place", "a bend 1 angle", "a length"}
 

@@ -690,6 +690,8 @@ def _small_arcs(trees, base, k, above_mm, limits, scratch):
             least = max(least, limits.run_mm)
         if angle < math.pi or not trees.bend[base + first]:
             found += _excess(least, radius, limits.most)
+        if angle < math.pi and trees.bend[base + first] and arc >= limits.segment_mm:
+            found += max(0.0, (limits.end_mm - arc) / limits.end_mm)  # of a bend that hardly turns
         end = (disc + limits.seal_mm) * _end_shown(angle, one, two, radius, disc)
         if end >= limits.segment_mm:
             found += max(0.0, (limits.end_mm - end) / limits.end_mm)

@@ -27,6 +27,7 @@ from vinefab.model.machine import (
     Knife,
     KnifeMachine,
     LiftingMachine,
+    Machine,
     OperationSettings,
     Tool,
 )
@@ -213,10 +214,13 @@ def _warm_up(spec: LaserFileSpec, paths: Sequence[StyledPath]) -> Iterator[str]:
 
 
 def _cool_down(machine: LiftingMachine, settings: OperationSettings) -> Iterator[str]:
-    yield f"G0 Z{_number(machine.travel_z_mm.value)} ; lift"
+    height, speed = machine.travel_z_mm.value, 60.0 * machine.plunge_mm_s.value
+    yield f"G0 Z{_number(4.0 * height)} F{_number(speed)} ; lift"
     if isinstance(settings, HotTip):
         yield "M104 S0 ; cool the tip"
         yield "M140 S0 ; cool the bed"
+        # The tip is still hot: it waits beside the film.
+        yield _travel(machine, (0.0, machine.bed_height_mm.value))
     yield ";END"
     yield from machine.end_gcode.splitlines() or ["M84 ; release the motors"]
     yield ";END END"
@@ -254,11 +258,10 @@ def _cut_lines(
     rim = machine.margin_mm.value / 2.0
     first = paths[0].path.settings_in(profile)
     if offset > 0.0 and isinstance(first, Knife):
-        # After twelve offsets a blade has turned to within 1e-5 rad of the way it is drawn.
         yield ";ORIENT the blade along x, on the rim of the film"
         yield _travel(machine, (rim, rim))
         yield _down(machine, -first.swivel_depth_mm.value)
-        ahead = (rim + 12.0 * offset, rim)
+        ahead = (rim + orientation_mm(machine), rim)
         yield f"G1 {_xy(ahead)} F{_number(60.0 * first.cut_speed_mm_s.value)}"
         yield _up(machine)
     for number, styled in enumerate(paths, start=1):
@@ -274,6 +277,14 @@ def _cut_lines(
             yield from _blade_moves(moves, machine, drive.feed_mm_min, (depth, lifted))
             yield _up(machine)
             heading = list(contour.segments)[-1].direction_rad(at_end=True)
+
+
+def orientation_mm(machine: Machine) -> float:
+    """Return the length of the cut that turns a trailing blade along x; 0 without a blade.
+
+    After twelve offsets it has turned to within 1e-5 rad of the way that it is drawn.
+    """
+    return 12.0 * machine.blade_offset_mm.value if isinstance(machine, KnifeMachine) else 0.0
 
 
 def _blade_moves(

@@ -16,6 +16,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from vinefab.core.plain_text import GENERATOR, counted, json_text, one_line
 from vinefab.core.view import Data, document
+from vinefab.fabrication.formats.gcode_format import orientation_mm
 from vinefab.fabrication.formats.laser_drawing import (
     Colours,
     LaserFileSpec,
@@ -35,6 +36,7 @@ from vinefab.fabrication.formats.laser_formats import (
     formats_for,
 )
 from vinefab.fabrication.job.passes import WEB_MM, cut_offset_mm, sealed_by_hand, weld_offset_mm
+from vinefab.fabrication.job.placement import box_around_mm
 from vinefab.fabrication.job.steps import JobStep, process_place, steps_of
 from vinefab.fabrication.job.tiling import PIN_HOLE, TARGET
 from vinefab.fabrication.package import piece_joining
@@ -123,8 +125,9 @@ def readme_text(
             if operation in (Operation.WELD, Operation.WELDCUT, Operation.CUT)
             for table in profile.recipe.table_of(operation)
         ],
-        "formats": list(formats.values()),
+        "formats": [one for one in formats.values() if one.whole],
         "format_lines": [format_words(name, _alone(one, plan)) for name, one in formats.items()],
+        "orient_mm": max((orientation_mm(one) for one in profile.machines), default=0.0),
         "tiles": job.tiles,
         "marks_targets": TARGET in {path.label for path in job.along(Operation.MARK)},
         "least_seam_mm": min(
@@ -194,6 +197,11 @@ def _run(spec: LaserFileSpec, number: int) -> SimpleNamespace:
         if run.along(Operation.REG)
         else Operation.MARK.layer,
         alone=[file.name for file in plan if file.step is not None and file.kind is plan[0].kind],
+        driven=[
+            SimpleNamespace(name=file.name, box=box_around_mm(p.contour for p in file.step.paths))
+            for file in plan
+            if file.kind.tools and file.step is not None
+        ],
         layers=[
             _layer(list(group), profile, plan)
             for _, group in groupby(machined, key=lambda one: (one.path.operation, one.style.layer))

@@ -11,7 +11,7 @@ PAGE := tests/studio/page
 NODE_BIN := $(PAGE)/node_modules/.bin
 PAGE_READY := $(PAGE)/node_modules/.ready
 
-.PHONY: demo docs test check page thorough format bench fuzz outlines clean constraints page-lock
+.PHONY: demo docs test check page readers thorough format bench fuzz outlines clean constraints page-lock
 
 demo: $(READY)
 	$(BIN)/vinefab demo --out demo
@@ -31,6 +31,15 @@ check: $(READY) page
 page: $(PAGE_READY)
 	$(NODE_BIN)/tsc --project $(PAGE)
 	$(NODE_BIN)/biome lint --config-path=$(PAGE) --error-on-warnings vinefab/studio/page vinefab/pages/templates
+
+# Programs of others that read our files, each in an environment of its own; tests are skipped without.
+readers: .readers/.ready
+
+.readers/.ready:
+	$(PYTHON) -m venv .readers/microweldr
+	.readers/microweldr/bin/pip install -q microweldr==6.1.11
+	npm install --prefix .readers --legacy-peer-deps --no-audit --no-fund lbrnts@0.0.17 svgson@5.3.1 transformation-matrix@3.1.0
+	touch $@
 
 docs: $(READY)
 	$(BIN)/python -m sphinx -b html -q -W --keep-going docs docs/_build

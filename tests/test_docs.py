@@ -415,7 +415,7 @@ def test_the_sketches_of_parts_run():
         exec(compile(sketch.text, "sketch", "exec"), names)  # noqa: S102  it is ours
     assert len(sketches) >= 5
     assert names["check_mass"].title == "the robot is light enough for its clamp"
-    assert names["GCODE"].suffix == ".gcode"
+    assert names["HPGL"].suffix == ".plt"
 
 
 # --- A package of one's own ---------------------------------------------------------------------

@@ -81,12 +81,16 @@ def readings() -> list[str]:
 
 
 def fill_in(table: Path) -> None:
-    """Put the tutorial's readings into the first empty rows of their measure and setting."""
+    """Put the tutorial's readings into the first empty rows of their measure and setting.
+
+    The table of another process does not have them: its page fills in its own.
+    """
     rows = table.read_text(encoding="utf-8").splitlines()
     for reading in readings():
         empty = ",".join(reading.split(",")[:2]) + ",,"
-        place = next(index for index, row in enumerate(rows) if row.startswith(empty))
-        rows[place] = reading
+        place = next((index for index, row in enumerate(rows) if row.startswith(empty)), None)
+        if place is not None:
+            rows[place] = reading
     table.write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 

@@ -27,6 +27,7 @@ from vinefab.model.machine import (
     Knife,
     LaserMachine,
     LaserSettings,
+    LiftingMachine,
     Machine,
     OperationSettings,
     ProfileName,
@@ -595,6 +596,12 @@ class LaserProfile:
                 problem = f"{name} takes a {tool}, and {named} is none"
                 remedy = "name one as machine or as cutter"
                 raise UnfitInputError(f"recipe {self.recipe.name}", problem, remedy)
+        tip, machine = self.recipe.hot_tip, self.machine_of(Tool.HOT_TIP)
+        if tip is not None and isinstance(machine, LiftingMachine):
+            touch_mm, travel_mm = tip.touch_z_mm.value, machine.travel_z_mm.value
+            if touch_mm >= travel_mm:
+                allowed = f"below travel_z_mm of {machine.name}, {travel_mm:g} mm"
+                raise BadInputError("hot_tip.touch_z_mm", touch_mm, allowed)
 
     @property
     def machines(self) -> tuple[Machine, ...]:

@@ -327,9 +327,8 @@ def test_a_new_format_is_one_file_and_one_line_and_every_text_names_it(
         "package": "theirs",
     }
     assert all(f"{stem}.ngc" in one["files"] for one in content.get("sheets", [])[:1])
-    (row,) = (
-        r for r in csv.reader((out / "bom.csv").read_text().splitlines()) if r[0] == "laser files"
-    )
+    rows = csv.reader((out / "bom.csv").read_text().splitlines())
+    (row,) = (r for r in rows if r[0] == "files with paths")
     assert ".ngc" in row[-1]
     # What is named is there, and what is there is named.
     named = {name for one in content["formats"] for name in one["files"]}

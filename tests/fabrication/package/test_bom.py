@@ -85,7 +85,7 @@ def test_the_csv_holds_every_line_with_unit_and_standing(job: Job, profile: Lase
     lines = bill_of_materials(job, profile)
     assert [row["item"] for row in rows[:-2]] == [line.item for line in lines]
     assert (rows[-2]["item"], rows[-2]["value"], rows[-2]["unit"]) == (
-        "laser files",
+        "files with paths",
         str(4 + 3 * 4),  # whole, and in three formats one for each operation
         "1",
     )

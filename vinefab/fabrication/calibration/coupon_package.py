@@ -36,7 +36,7 @@ from vinefab.fabrication.package.sheet_pictures import job_plan
 from vinefab.fabrication.rules.catalog import checks_text, run_checks
 from vinefab.fabrication.rules.rule import Subject
 from vinefab.model.finding import CheckReport, RuleRun
-from vinefab.model.job import Job
+from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.outline.body_outline import body_outline
 from vinefab.pages.page_files import page_png
@@ -86,6 +86,7 @@ def coupon_readme(coupons: CouponSet) -> str:
         sealing_template=tool_template(profile.settings(profile.recipe.seals).tool),
         by_hand=sealed_by_hand(profile),
         kerfs=cutting_operations(profile),
+        can_mark=Operation.MARK in profile.recipe.by_operation,
         lap=profile.recipe.lap,
         jobs=coupons.sheets,
         matrix=coupons.matrix,
@@ -145,8 +146,10 @@ def make_coupons(profile: LaserProfile) -> CouponSet:
 def coupon_files(coupons: CouponSet) -> dict[str, bytes]:
     """Return every file of the coupon folder, by name."""
     profile, matrix, grid = coupons.profile, coupons.matrix, coupons.grid
+    can_mark = Operation.MARK in profile.recipe.by_operation
     pictures = {
-        f"{job.name}.png": page_png(job_plan(job, coupons.report.findings)) for job in coupons.jobs
+        f"{job.name}.png": page_png(job_plan(job, coupons.report.findings, named=not can_mark))
+        for job in coupons.jobs
     }
     settings = {
         "recipe": profile.recipe.name,

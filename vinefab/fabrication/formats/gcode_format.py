@@ -219,7 +219,7 @@ def _cool_down(machine: LiftingMachine, settings: OperationSettings) -> Iterator
     if isinstance(settings, HotTip):
         yield "M104 S0 ; cool the tip"
         yield "M140 S0 ; cool the bed"
-        # The tip is still hot: it waits beside the film.
+        # The tip is still hot: it waits away from the film.
         yield _travel(machine, (0.0, machine.bed_height_mm.value))
     yield ";END"
     yield from machine.end_gcode.splitlines() or ["M84 ; release the motors"]

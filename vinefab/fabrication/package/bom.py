@@ -159,7 +159,7 @@ def bom_text(
     plan = [one for run in files.values() for one in run]
     suffixes = dict.fromkeys(one.kind.suffix for one in plan)
     basis = f"for each of {', '.join(files)}, whole and by operation: {', '.join(suffixes)}"
-    drawn = _computed("laser files", len(plan), "1", basis)
+    drawn = _computed("files with paths", len(plan), "1", basis)
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(_COLUMNS)

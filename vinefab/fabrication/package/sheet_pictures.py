@@ -59,15 +59,23 @@ _RIM_MM = 15.0
 SHEETS_IN_ROW = 3
 
 
-def job_plan(job: Job, findings: tuple[Finding, ...] = ()) -> Page:
+def job_plan(job: Job, findings: tuple[Finding, ...] = (), *, named: bool = False) -> Page:
     """Return a plan of the sheet: every path in its operation's colour, with arrows and order.
+
+    ``named`` writes what each seam is of: for films that no machine can write on.
 
     Several sheets have a plan each, with its own axes and order: each is a run of the machine.
     Where the paths take a small part of the bed, that part is shown and the title says so. Marks
     come first and have neither arrows nor numbers: their order does not matter.
     """
     if len(job.sheets) < 2:
-        return page_of(_sheet_panel(job, lambda cropped: _title(job, findings, cropped), 648.0))
+        panel = _sheet_panel(job, lambda cropped: _title(job, findings, cropped), 648.0)
+        for path in job.along(Operation.WELD) if named else ():
+            x0, y0, x1, y1 = path.contour.box_mm
+            words = path.of or path.label
+            place = ((x0 + x1) / 2.0, (y0 + y1) / 2.0)
+            panel.words(place, words, TICK_PT, halo=True, anchor="middle")
+        return page_of(panel)
     count, longest_pt = len(job.sheets), 648.0 / min(SHEETS_IN_ROW, len(job.sheets))
     panels = [
         _sheet_panel(sheet, partial(_sheet_title, number, count), max(longest_pt, 288.0))

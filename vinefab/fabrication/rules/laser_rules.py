@@ -562,7 +562,7 @@ def check_bed(subject: Subject, _: Limits) -> RuleApplied:
     over_mm = max(_over_mm(sheet, machine) for sheet in job.runs)
     checked = sum(path.operation.is_machined for sheet in job.runs for path in sheet.paths)
     if over_mm <= 0.0:
-        return RuleApplied(checked=checked)
+        return RuleApplied(checked=checked, violations=tuple(_beside_cutter(job, profile)))
     wide_mm, high_mm = machine.usable_mm
     reason = facts.get("tiling")
     violation = Violation(
@@ -573,6 +573,26 @@ def check_bed(subject: Subject, _: Limits) -> RuleApplied:
         limit=0.0,
     )
     return RuleApplied(checked=checked, violations=(violation,))
+
+
+def _beside_cutter(job: Job, profile: LaserProfile) -> Iterator[Violation]:
+    """Yield a violation where a sheet that was sealed on one bed does not lie on the cutter's."""
+    cutter = profile.cutter
+    if cutter is None:
+        return
+    cuts = [
+        replace(one, paths=tuple(p for p in one.paths if _cuts_on(p, cutter, profile)))
+        for one in job.runs
+    ]
+    over_mm = max(_over_mm(one, cutter) for one in cuts)
+    if over_mm > 0.0:
+        message = f"what {cutter.name} cuts does not lie on its bed, corner on corner with that of "
+        message += f"{profile.machine.name}: shorten the robot, or use a larger cutter"
+        yield Violation(message=message, measured=over_mm, limit=0.0, aspect="cutter")
+
+
+def _cuts_on(path: LaserPath, cutter: Machine, profile: LaserProfile) -> bool:
+    return path.operation.is_machined and path.settings_in(profile).tool is cutter.tool
 
 
 def _over_mm(job: Job, machine: Machine) -> float:

@@ -13,6 +13,10 @@ import pytest
 from _pytest.doctest import DoctestModule
 from hypothesis import settings
 
+# Read when NumPy is first imported, here or in what tests start: as the program does, and two
+# workers on two processors have no other to wait with.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 from vinefab.core.compiling import all_compiled, precompile
 from vinefab.core.user_cache import cache_root
 

@@ -201,8 +201,20 @@ def run(folder, *more):
     )
 
 
-@pytest.mark.parametrize("more", [("--workers", "2"), ("--cluster", "local:2", "--workers", "0")])
-@pytest.mark.parametrize("case", ["1 / 0", "raise SystemExit(0)", "return float('nan'), {}"])
+THREADS, CLUSTER = ("--workers", "2"), ("--cluster", "local:2", "--workers", "0")
+
+
+@pytest.mark.parametrize(
+    ("case", "more"),
+    [
+        ("1 / 0", THREADS),
+        ("raise SystemExit(0)", THREADS),
+        ("return float('nan'), {}", THREADS),
+        pytest.param("1 / 0", CLUSTER, marks=pytest.mark.thorough),
+        ("raise SystemExit(0)", CLUSTER),
+        pytest.param("return float('nan'), {}", CLUSTER, marks=pytest.mark.thorough),
+    ],
+)
 def test_a_task_breaks_down_in_threads_and_on_a_cluster_as_it_does_here(tmp_path, case, more):
     write_package(tmp_path, TASK=case)
     ended = run(tmp_path, *more)

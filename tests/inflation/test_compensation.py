@@ -183,6 +183,7 @@ def test_two_processes_share_a_cache(cache):
     assert json.loads(path.read_bytes())["found"]["found"]["deployed_deg"] == list(one)
 
 
+@pytest.mark.thorough
 def test_a_crowded_fan_that_stalls_is_solved_from_what_the_table_says():
     # Five in a hundred fans of four of the paper's Table 1 space were called unreachable.
     wanted = JointShape.fan(4, 73.41, width=0.6, fillet=0.15, hoop_strain=0.014)

@@ -68,7 +68,9 @@ def seen_of(tmp_path_factory):
     return see
 
 
-@pytest.mark.parametrize(("seed", "seam_mm"), [(1, 0.4), (2, 2.0)])
+@pytest.mark.parametrize(
+    ("seed", "seam_mm"), [pytest.param(1, 0.4, marks=pytest.mark.thorough), (2, 2.0)]
+)
 def test_tips_are_right_or_in_doubt_and_no_stop_is_invented(seen_of, seed, seam_mm):
     truth, seen = seen_of(DESIGN, seed, replace(LOOK, seam_mm=seam_mm))
     assert seen.fits

@@ -129,6 +129,7 @@ def test_a_score_has_an_interval_over_maps_or_poses():
     assert "--map" in advice
 
 
+@pytest.mark.thorough
 def test_branches_that_cross_need_no_change_in_pieces(profile):
     levels = tuple(
         Level(branches=count, length_mm=length_mm, fan_rad=math.radians(angle_deg))

@@ -240,8 +240,8 @@ def worst_of_narrower(costs):
 
 
 CROWDED = [
-    [(3, 90.0, 40.0), (2, 70.0, 110.0)],
-    [(2, 110.0, 30.0), (2, 70.0, 110.0)],
+    pytest.param([(3, 90.0, 40.0), (2, 70.0, 110.0)], marks=pytest.mark.thorough),
+    pytest.param([(2, 110.0, 30.0), (2, 70.0, 110.0)], marks=pytest.mark.thorough),
     [(4, 60.0, 60.0)],
 ]
 

@@ -17,6 +17,7 @@ import argparse
 import errno
 import os
 import random
+import re
 import resource
 import shutil
 import signal
@@ -74,6 +75,10 @@ exit $code
 """A disk of its own in place of a command's folder; only this process and its children see it."""
 
 
+PROGRESS = re.compile(r"^(?!error: )[a-z -]+: .* \(\d[^)]*\)(: .*)?$")
+"""What a slow command says of its progress, before its one line about an error."""
+
+
 @dataclass(frozen=True, slots=True)
 class Ended:
     """How a disturbed run ended."""
@@ -120,7 +125,9 @@ class Trial(Campaign):
     def judge(self, way: str, ended: Ended) -> None:
         """Count how a run ended, and note what is wrong with that."""
         good = ended.code in self.codes.values()
-        lines = [line for line in ended.words.splitlines() if line.strip()]
+        lines = [
+            line for line in ended.words.splitlines() if line.strip() and not PROGRESS.search(line)
+        ]
         self.blows[f"{way.split(maxsplit=1)[0]} {'unharmed' if good else 'refused'}"] += 1
         self.longest_end_s = max(self.longest_end_s, ended.took_s)
         if not good and (ended.code != 2 or len(lines) != 1 or not lines[0].startswith("error: ")):

@@ -116,6 +116,8 @@ final_poses_per_map = 1
 WITH_PROCESSES = {"optimize cluster", "contest", "study", "reproduce"}
 
 SMALL_BENCH = """
+import os
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as `run` sets it, before NumPy is loaded
 from vinefab.cli.main import run
 from vinefab.studies import benchmark
 benchmark.SIZES, benchmark.BATCH_SIZES, benchmark.MEMORY_AFTER = (300,), (1,), (100,)

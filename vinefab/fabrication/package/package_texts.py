@@ -190,6 +190,7 @@ def _run(spec: LaserFileSpec, number: int) -> SimpleNamespace:
         title=title,
         stem=stem,
         job=run,
+        is_last=number == count - 1,
         box=(min(low_x), min(low_y), max(high_x), max(high_y)),
         known=_known_length(run),
         seam_places=_seam_places(run),

@@ -70,11 +70,12 @@ def job_plan(job: Job, findings: tuple[Finding, ...] = (), *, named: bool = Fals
     """
     if len(job.sheets) < 2:
         panel = _sheet_panel(job, lambda cropped: _title(job, findings, cropped), 648.0)
-        for path in job.along(Operation.WELD) if named else ():
-            x0, y0, x1, y1 = path.contour.box_mm
-            words = path.of or path.label
+        for name, paths in _seams_by_name(job).items() if named else ():
+            x0, y0, x1, y1 = box_around_mm(path.contour for path in paths)
+            # Under a single line, in the middle of a body.
+            shift_pt = (0.0, -8.0 if y0 == y1 else 0.0)
             place = ((x0 + x1) / 2.0, (y0 + y1) / 2.0)
-            panel.words(place, words, TICK_PT, halo=True, anchor="middle")
+            panel.words(place, name, TICK_PT, halo=True, anchor="middle", shift_pt=shift_pt)
         return page_of(panel)
     count, longest_pt = len(job.sheets), 648.0 / min(SHEETS_IN_ROW, len(job.sheets))
     panels = [
@@ -92,6 +93,14 @@ def job_plan(job: Job, findings: tuple[Finding, ...] = (), *, named: bool = Fals
             panel.legend_shown = False
     rows = [panels[k : k + SHEETS_IN_ROW] for k in range(0, count, SHEETS_IN_ROW)]
     return page_of_rows(rows, legend)
+
+
+def _seams_by_name(job: Job) -> dict[str, list[LaserPath]]:
+    """Return the seams of each robot; those of none by their labels."""
+    found: dict[str, list[LaserPath]] = {}
+    for path in job.along(Operation.WELD):
+        found.setdefault(path.of or path.label, []).append(path)
+    return found
 
 
 def _sheet_panel(job: Job, title: Callable[[bool], str], longest_pt: float) -> Panel:

@@ -28,8 +28,9 @@ from vinefab.search.fix_space import BRANCHES, FixStage, fix_stages
 from vinefab.search.fix_targets import FixTargets
 from vinefab.search.fix_trees import MOST_FIXED_BRANCHES
 
-MARGINS = (0.005, 0.02, 0.05)
-"""How much stricter than the check the search is, one after the other until the check passes."""
+MARGINS = (0.005, 0.02, 0.05, 0.15)
+"""How much stricter than the check the search is, one after the other until the check passes. The
+last outweighs the law of uneven joints, which is a degree or two off."""
 
 LARGE_CHANGE = 1.0
 """Weighted size of a change from which on removing branches is worth a thought."""

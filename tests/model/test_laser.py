@@ -339,3 +339,20 @@ def test_a_spoilt_profile_is_refused_with_the_reason(
         read_profile(profiles_folder / f"recipes/{SHIPPED}.toml")
     assert message in str(caught.value)
     assert Path(file).name in str(caught.value)
+
+
+def test_a_sealer_needs_a_table_and_bars_and_no_head(tmp_path: Path) -> None:
+    number = '{ value = 300.0, standing = "assumed", source = "x" }'
+    keys = ("bed_width_mm", "bed_height_mm", "bar_mm")
+    lines = [f"{key} = {number}" for key in keys]
+    lines.append('margin_mm = { value = 5.0, standing = "assumed", source = "x" }')
+    head = 'schema = "vinefab/machine-1"\nkind = "sealer"\nname = "bars"\ntitle = "A sealer"\n'
+    path = tmp_path / "bars.toml"
+    path.write_text(head + "\n".join(lines), encoding="utf-8")
+    assert read_machine(path).usable_mm == (290.0, 290.0)
+    path.write_text(f"{head}power_w = {number}\n" + "\n".join(lines), encoding="utf-8")
+    with pytest.raises(BadInputError, match="there is no such key"):
+        read_machine(path)
+    path.write_text(head.replace("sealer", "glue"), encoding="utf-8")
+    with pytest.raises(BadInputError, match="kind is 'glue'; allowed: one of laser, hot_tip"):
+        read_machine(path)

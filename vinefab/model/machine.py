@@ -61,8 +61,6 @@ class Machine(Table):
     bed_width_mm: Annotated[Quantity, LENGTH, Unit("mm"), Doc("along x")]
     bed_height_mm: Annotated[Quantity, LENGTH, Unit("mm"), Doc("along y")]
     margin_mm: Annotated[Quantity, BREADTH, Unit("mm"), Doc("rim of the bed that stays free")]
-    speed_max_mm_s: Annotated[Quantity, POSITIVE, Unit("mm/s"), Doc("of the head")]
-    acceleration_mm_s2: Annotated[Quantity, POSITIVE, Unit("mm/s2"), Doc("of the head")]
     colours: Annotated[str, Doc("preset of its software")] = "default"
     hairline_mm: Annotated[
         float, Ge(SMALLEST), Le(10), Unit("mm"), Doc("line width that its driver takes for a cut")
@@ -89,7 +87,14 @@ class Machine(Table):
         return margin, margin, margin + width, margin + height
 
 
-class LaserMachine(Machine):
+class HeadMachine(Machine):
+    """What machines have whose head runs along paths."""
+
+    speed_max_mm_s: Annotated[Quantity, POSITIVE, Unit("mm/s"), Doc("of the head")]
+    acceleration_mm_s2: Annotated[Quantity, POSITIVE, Unit("mm/s2"), Doc("of the head")]
+
+
+class LaserMachine(HeadMachine):
     """A laser cutter."""
 
     tool = Tool.LASER
@@ -117,7 +122,7 @@ _Code = Annotated[
 ]
 
 
-class LiftingMachine(Machine):
+class LiftingMachine(HeadMachine):
     """What machines have whose tool is lifted between paths and lowered onto them."""
 
     travel_z_mm: Annotated[

@@ -16,7 +16,7 @@ from vinefab.fabrication.calibration.estimate import Estimate
 from vinefab.fabrication.job.laser_job import recipe_facts
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
-from vinefab.model.machine import HotTip
+from vinefab.model.machine import HotTip, HotTipMachine, Tool
 from vinefab.model.outline import Contour
 from vinefab.model.quantity import Quantity, Standing
 
@@ -44,14 +44,14 @@ class SealGrid:
 
 def seal_grid(profile: LaserProfile) -> SealGrid | None:
     """Return the grid for the hot tip of a recipe; None for a recipe without one."""
-    tip = profile.recipe.hot_tip
-    if tip is None:
+    tip, machine = profile.recipe.hot_tip, profile.machine_of(Tool.HOT_TIP)
+    if tip is None or not isinstance(machine, HotTipMachine):
         return None
     celsius = tuple(tip.seal_temperature_c.value + step for step in STEPS_C)
-    top_mm_s = profile.machine.speed_max_mm_s.value
+    top_mm_s = machine.speed_max_mm_s.value
     speeds = [float(f"{tip.seal_speed_mm_s.value * share:.3g}") for share in SPEED_SHARES]
     reached = tuple(speed for speed in speeds if speed <= top_mm_s)
-    corner = profile.machine.margin_mm.value + tip.seam_width_mm.value
+    corner = machine.margin_mm.value + tip.seam_width_mm.value
     paths = [
         _line(tip, one, speed, (corner + column * COLUMN_MM, corner + row * ROW_MM))
         for row, one in enumerate(celsius)

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
+from vinefab.model.machine import HeadMachine
 from vinefab.model.outline import Contour
 
 CORNER_RAD = math.radians(5.0)
@@ -89,7 +90,7 @@ def schedule(job: Job, profile: LaserProfile) -> tuple[PathPass, ...]:
     for path in (path for op in Operation if op.is_machined for path in job.along(op)):
         settings, (start, end) = path.settings_in(profile), path_ends(path)
         machine = profile.machine_of(settings.tool)
-        if machine is None or settings.head_speed is None:
+        if not isinstance(machine, HeadMachine) or settings.head_speed is None:
             continue
         acceleration, top = machine.acceleration_mm_s2.value, machine.speed_max_mm_s.value
         times = segment_times_s(path.contour, settings.head_speed.value, acceleration)

@@ -22,7 +22,7 @@ from vinefab.fabrication.processes import WORDS
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Material
-from vinefab.model.machine import LaserMachine, LaserSettings, OperationSettings
+from vinefab.model.machine import HeadMachine, LaserMachine, LaserSettings, OperationSettings
 from vinefab.model.quantity import Quantity, Standing
 from vinefab.model.tree import Partition
 
@@ -338,7 +338,8 @@ def machine_time(job: Job, profile: LaserProfile) -> MachineTime:
     inputs: list[Quantity] = []
     for sheet in job.runs:
         for machine in profile.machines:
-            inputs += [machine.acceleration_mm_s2, machine.speed_max_mm_s]
+            if isinstance(machine, HeadMachine):
+                inputs += [machine.acceleration_mm_s2, machine.speed_max_mm_s]
         rest_s = 0.0
         for run in schedule(sheet, profile):
             work_s.setdefault(run.path.operation, []).extend(run.times_s)

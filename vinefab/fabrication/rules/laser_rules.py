@@ -33,7 +33,7 @@ from vinefab.fabrication.rules.spacing import closest
 from vinefab.model.finding import Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, RecipeStatus
-from vinefab.model.machine import Machine, Tool
+from vinefab.model.machine import HeadMachine, Machine, Tool
 from vinefab.model.outline import Part
 from vinefab.outline.body_outline import ProblemKind
 from vinefab.outline.joint import LEAST_ARC_RADIUS_MM, LEAST_CUT_MM
@@ -443,7 +443,7 @@ def check_machine(subject: Subject, _: Limits) -> RuleApplied:
     violations = []
     for operation, settings in operations.items():
         machine = profile.machine_of(settings.tool)
-        if settings.head_speed is None or machine is None:
+        if settings.head_speed is None or not isinstance(machine, HeadMachine):
             continue
         speed, top = settings.head_speed.value, machine.speed_max_mm_s.value
         if speed > top:

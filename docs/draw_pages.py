@@ -36,7 +36,7 @@ def main() -> None:
 
 
 def making() -> Iterator[tuple[str, bytes]]:
-    """Yield a first robot, findings, sheets in two processes, pieces, coupons and a report."""
+    """Yield a first robot, findings, sheets, pieces, folds, coupons and a report."""
     vf.new("map", "table.geojson")
     table, tree = vf.Map.read("table.geojson"), vf.Design.read("three_level_tree")
     yield "grown.svg", svg_bytes(tree.grow(table))
@@ -48,6 +48,8 @@ def making() -> Iterator[tuple[str, bytes]]:
         yield f"{name}.svg", page_svg(job_plan(job))
     vf.fabricate("grid_explorer_pieces", out="pieces", allow_uncalibrated=True)
     yield "pieces.svg", Path("pieces/assembly.svg").read_bytes()
+    vf.fabricate("scout", out="scout", allow_uncalibrated=True)
+    yield "folds.svg", Path("scout/folds.svg").read_bytes()
     vf.coupon("co2_60w__stretchlon_200", out="coupons")
     yield "joints.webp", webp(Path("coupons/joints.png").read_bytes(), 900)
     vf.report("grid_explorer", environment="grid", count=100, out="report.html")

@@ -337,6 +337,8 @@ def fabricate(
                 prepared.design.name, why + older, prepared.report, summary=tuple(lines)
             )
         files = package(prepared)
+    if isinstance(prepared.folded, str):
+        lines.append(f"note: no fold table for lay-flat tubing: {prepared.folded}")
     write_folder(folder, files, PACKAGE_MARK, force=force)
     if make_zip:
         write_bytes(archive, zip_bytes(files, prepared.design.name), force=force)

@@ -19,7 +19,6 @@ from vinefab.core.errors import BadInputError, ReadBackError, UnfitInputError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted, one_line
 from vinefab.core.progress import each, phase
-from vinefab.core.validation import Floats
 from vinefab.core.view import (
     Answer,
     Block,
@@ -49,7 +48,6 @@ from vinefab.pages.panel import (
     ROCK,
     ROCK_EDGE,
     SOFT,
-    Box,
     Ink,
     Page,
     Panel,
@@ -59,6 +57,7 @@ from vinefab.pages.panel import (
     plan_panel,
 )
 from vinefab.pages.plan import UNSEEN_DETAIL, StartMark, draw_start_range, start_marks
+from vinefab.pages.true_scale import A4_MM, MARGIN_MM, RULER_MM, draw_ruler, true_scale
 from vinefab.rig.build import (
     LoosePiece,
     Peg,
@@ -90,12 +89,6 @@ from vinefab.rig.part_files import (
 )
 from vinefab.rig.rig_plan import Polygons, RigPlan, cuts_of, plan_of, polygon_parts, usable_mm
 from vinefab.rig.solid import arrow, centred, shell_words, strokes
-
-A4_MM = (210.0, 297.0)
-MARGIN_MM = 15.0
-RULER_MM = 100.0
-PT_PER_MM = 72.0 / 25.4
-
 
 _CROP_MM, _TEXT_MM, _CROSS_MM, _FOOT_MM = 5.0, 14.0, 1.0, 24.0
 
@@ -226,7 +219,7 @@ def marker_sheet(pads: Sequence[MarkerPad]) -> Page:
     pitch_mm, half_mm = side_mm + 2.0 * _CROP_MM + _TEXT_MM, 0.5 * side_mm
     wide_mm = max(A4_MM[0], 2.0 * pitch_mm + 2.0 * MARGIN_MM)
     high_mm = max(A4_MM[1], 2.0 * pitch_mm + 2.0 * MARGIN_MM + 60.0)
-    panel, top = _true_scale((0.0, 0.0, wide_mm, high_mm)), high_mm - MARGIN_MM
+    panel, top = true_scale((0.0, 0.0, wide_mm, high_mm)), high_mm - MARGIN_MM
     panel.words((MARGIN_MM, top - 2.0), "Corner markers", 12.0)
     for row, words in enumerate(
         (
@@ -236,7 +229,7 @@ def marker_sheet(pads: Sequence[MarkerPad]) -> Page:
         )
     ):
         panel.words((MARGIN_MM, top - 9.0 - 4.0 * row), words, 8.0)
-    _draw_ruler(panel, MARGIN_MM, MARGIN_MM)
+    draw_ruler(panel, MARGIN_MM, MARGIN_MM)
     crop = np.array([[(1.0, 0.0), (_CROP_MM, 0.0)], [(0.0, 1.0), (0.0, _CROP_MM)]])
     for pad in pads:
         right, upper = pad.marker.number in (1, 2), pad.marker.number in (2, 3)
@@ -263,7 +256,7 @@ def plan_sheet(rig: Rig, world: Map, fixtures: Fixtures, pieces: Sequence[LooseP
     x_min, y_min, x_max, y_max = shapely.union(plate, around).bounds
     left, low = x_min - MARGIN_MM, y_min - MARGIN_MM - _FOOT_MM
     right = left + max(x_max - x_min, RULER_MM) + 2.0 * MARGIN_MM
-    panel = _true_scale((left, low, right, y_max + MARGIN_MM))
+    panel = true_scale((left, low, right, y_max + MARGIN_MM))
     panel.polygons([plate, around], Ink(line=SOFT))
     panel.polygons([rig.on_plan(Polygon(world.bounds.exterior))], _PLAIN)
     unseen_mm = 0.02  # walls are drawn to this at true scale: less than a printer's dot
@@ -287,7 +280,7 @@ def plan_sheet(rig: Rig, world: Map, fixtures: Fixtures, pieces: Sequence[LooseP
         mouth = np.array([(at.x + side * sin, at.y - side * cos) for side in (5.0, -5.0)])
         ahead = np.array([(at.x, at.y), (at.x + 20.0 * cos, at.y + 20.0 * sin)])
         panel.lines([ahead, mouth], Ink(line=INK, width_pt=1.2), rank=6)
-    _draw_ruler(panel, x_min, low + MARGIN_MM)
+    draw_ruler(panel, x_min, low + MARGIN_MM)
     words = (
         f"{one_line(rig.name)} at {rig.options.scale:.4g} of the map's size. Print at 100 % (as a "
         "poster) and measure the ruler."
@@ -296,29 +289,10 @@ def plan_sheet(rig: Rig, world: Map, fixtures: Fixtures, pieces: Sequence[LooseP
     return page_of_paper(panel)
 
 
-def _true_scale(box_mm: Box) -> Panel:
-    """Return a panel of which each unit is a millimetre of paper."""
-    wide_mm, high_mm = box_mm[2] - box_mm[0], box_mm[3] - box_mm[1]
-    return Panel(box=box_mm, width_pt=PT_PER_MM * wide_mm, height_pt=PT_PER_MM * high_mm)
-
-
 def _draw_cells(panel: Panel, pad: MarkerPad, shift: tuple[float, float] = (0.0, 0.0)) -> None:
     """Draw a marker's black cells, edges sharp: no line is drawn around them."""
     cells = shapely.union_all(black_cells(pad.marker.number, pad.square))
     panel.polygons([translate(cells, *shift)], Ink(fill="#000000"), rank=5)
-
-
-def _draw_ruler(panel: Panel, x_mm: float, y_mm: float) -> None:
-    """Draw a ruler of 100 mm with a tick every 10 mm."""
-    ticks = [
-        np.array([(at, 0.0), (at, 4.0 if at % 50.0 == 0.0 else 2.5)])
-        for at in np.arange(0.0, RULER_MM + 1.0, 10.0).tolist()
-    ]
-    lines: list[Floats] = [np.array([(0.0, 0.0), (RULER_MM, 0.0)]), *ticks]
-    panel.lines(
-        [line + np.array([x_mm, y_mm]) for line in lines], Ink(line=INK, width_pt=0.5), rank=6
-    )
-    panel.words((x_mm + RULER_MM + 2.0, y_mm + 1.0), "100 mm", 8.0)
 
 
 # --- Result

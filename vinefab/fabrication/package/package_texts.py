@@ -41,6 +41,7 @@ from vinefab.fabrication.job.steps import JobStep, process_place, steps_of
 from vinefab.fabrication.job.tiling import PIN_HOLE, TARGET
 from vinefab.fabrication.package import piece_joining
 from vinefab.fabrication.package.bom import computed_energies, film_piece_mm, robot_count
+from vinefab.fabrication.package.folding import FoldedTube, fold_steps, folded_tube
 from vinefab.fabrication.package.piece_joining import face_words
 from vinefab.inflation.pattern import Pattern, pattern_blocks, pattern_table
 from vinefab.model.design import Design
@@ -91,6 +92,7 @@ def readme_text(
     }
     runs = [_run(spec, number) for number in range(len(job.runs))]
     table = None if pattern is None else pattern_table(pattern)
+    tube = None if pattern is None else folded_tube(pattern)
     filled = {
         "Operation": Operation,
         "design": design,
@@ -142,6 +144,7 @@ def readme_text(
         # rows by the keys that they have in JSON
         "pattern": [dict(zip(table.keys, row, strict=True)) for row in table.rows] if table else [],
         "test_share": piece_joining.TEST_SHARE,
+        "fold_steps": fold_steps(tube) if isinstance(tube, FoldedTube) else (),
     }
     if partition and partition.sleeves:
         widest_mm = max(sleeve.width_mm for sleeve in partition.sleeves)

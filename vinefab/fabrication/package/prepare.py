@@ -31,6 +31,12 @@ from vinefab.fabrication.package.bom import (
     joint_lines,
     robot_count,
 )
+from vinefab.fabrication.package.folding import (
+    FoldedTube,
+    fold_files,
+    fold_section,
+    folded_tube,
+)
 from vinefab.fabrication.package.package_texts import job_text, readme_text
 from vinefab.fabrication.package.piece_joining import (
     MINUTES_PER_JOINT,
@@ -107,6 +113,11 @@ class Prepared:
     def pattern(self) -> Pattern:
         """How the design deploys."""
         return self.patterns[self.design.name]
+
+    @property
+    def folded(self) -> FoldedTube | str:
+        """The lay-flat tube that folds into the design, or why there is none."""
+        return folded_tube(self.pattern)
 
     @property
     def cut(self) -> Design:
@@ -242,6 +253,7 @@ def package(prepared: Prepared) -> dict[str, bytes]:
         "report.html": page(f"{design.name}: fabrication", page_blocks(prepared)).encode(),
         "bom.csv": bom_text(job, profile, joints, requested).encode(),
         **assembly_files(cut, partition, outlines, profile),
+        **(fold_files(prepared.folded) if isinstance(prepared.folded, FoldedTube) else {}),
     }
     digests = {name: sha256_of(data) for name, data in files.items()}
     return {**files, MANIFEST_NAME: manifest_text(digests).encode()}
@@ -350,6 +362,7 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
             for design, report in zip(designs, reports, strict=True)
         ),
         pattern_section(prepared.pattern),
+        *([fold_section(tube)] if isinstance(tube := prepared.folded, FoldedTube) else ()),
         Section(title="Bill of materials", tables=(bill,), folded=True),
     )
 

@@ -331,7 +331,7 @@ LINES = {
     "check grid.geojson": "grid.geojson: is not TOML, but JSON, as maps are (--map):",
     "map info plain.toml": "plain.toml: is not JSON, but TOML, as designs are:",
     "check tiny.toml": "this is a run file: vinefab optimize takes it",
-    "check machine.toml": "this is a laser: a recipe names it",
+    "check machine.toml": "this is a machine: a recipe names it",
     "optimize plain.toml --out out": "this is a design: vinefab grow, check, fabricate",
     "new thing a.toml": "kind is ",
     "new design a.json": "file is ",

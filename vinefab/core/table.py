@@ -184,7 +184,7 @@ _KINDS_OF_FILES = {
     "run": "a run file: vinefab optimize takes it",
     "map": "a map: --map and --maps take it",
     "recipe": "a recipe: --recipe takes it",
-    "machine": "a laser: a recipe names it",
+    "machine": "a machine: a recipe names it",
     "material": "a film: a recipe names it",
     "printer": "a printer: --printer of vinefab rig takes it",
     "contacts": "measured contacts: --contacts takes them",

@@ -78,12 +78,14 @@ def maps() -> Iterator[tuple[str, bytes]]:
 
 
 def reality() -> Iterator[tuple[str, bytes]]:
-    """Yield the best place of a base, the rig, and photos with their predictions."""
+    """Yield the best place of a base, the rig, its base, and photos with their predictions."""
     vf.aim(SPRIG, "arena.geojson", "reach", deployments=20_000, out="aim.svg")
     yield "aim.svg", Path("aim.svg").read_bytes()
     left = vf.Map.read("arena.geojson").with_start("left side, heading 0+-20")
     vf.rig(left, design=SPRIG, out="rig")
     yield "rig.svg", Path("rig/plan.svg").read_bytes()
+    vf.rig(left, design="scout", base=True, out="rig_with_base")
+    yield "base.svg", Path("rig_with_base/base.svg").read_bytes()
     for number, pose in PHOTOS.items():
         photo = f"examples/arena/grown_{number}.jpg"
         vf.observe(photo, "arena.geojson", SPRIG, pose, obstacle_height_mm=30.0, out="seen.html")

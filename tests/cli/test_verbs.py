@@ -150,6 +150,7 @@ OTHERWISE = {
     "out": "every verb writes another kind of file",
     "recipe": "the shipped one, where no design is given; a file to change",
     "map": "the studio and growth in free space need none",
+    "base": "`new` is told where the base of a drawing is, `rig` whether to print one",
     "design": "of a rig none, of the studio a shipped one",
     "environment": "`map` is told which one to make, the studio begins with one",
     "contacts": "`calibrate` adds to the file",

@@ -38,9 +38,13 @@ def make_map():
 
 @pytest.fixture(scope="session")
 def make_printer():
-    def make(width_mm=220.0, depth_mm=220.0, **others):
+    def make(width_mm=220.0, depth_mm=220.0, height_mm=100.0, **others):
         return Printer(
-            name="bench", bed_width_mm=width_mm, bed_depth_mm=depth_mm, height_mm=100.0, **others
+            name="bench",
+            bed_width_mm=width_mm,
+            bed_depth_mm=depth_mm,
+            height_mm=height_mm,
+            **others,
         )
 
     return make

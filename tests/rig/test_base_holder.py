@@ -13,8 +13,8 @@ from shapely import box
 from vinefab.core.errors import BadInputError
 from vinefab.model.design import Collar, Design
 from vinefab.model.map import Pose, Start
-from vinefab.rig import fixtures as module
-from vinefab.rig.fixtures import ASSUMED_COLLAR_MM, CLAMP_MM
+from vinefab.rig import holder as module
+from vinefab.rig.holder import ASSUMED_COLLAR_MM, CLAMP_MM
 from vinefab.rig.make import RigRequest, make_rig
 from vinefab.rig.part import RigOptions, manifold_of
 from vinefab.rig.part_files import read_stl

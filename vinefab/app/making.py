@@ -511,6 +511,7 @@ def rig(
     fit_mm: float | None = None,
     sheet_mm: Annotated[tuple[float, float] | None, several_numbers("WIDTH,DEPTH")] = None,
     lid: bool = False,
+    base: bool = False,
     allow_empty: bool = False,
     pictures: bool = True,
     progress: ProgressLike = True,
@@ -534,6 +535,8 @@ def rig(
         Width and depth of the laser's sheets; short for two sizes.
     lid
         Add a transparent lid (DXF).
+    base
+        Add a printed base for the robot: tube, chamber and lid, clamped by the holder.
     allow_empty
         Make a bare tray of a map without anything to steer around.
     pictures
@@ -585,6 +588,7 @@ def rig(
         allow_empty=allow_empty,
         pictures=pictures,
         lid=lid,
+        base=base,
     )
     with told(progress):
         if fit_mm is not None:

@@ -58,6 +58,7 @@ from vinefab.pages.panel import (
 )
 from vinefab.pages.plan import UNSEEN_DETAIL, StartMark, draw_start_range, start_marks
 from vinefab.pages.true_scale import A4_MM, MARGIN_MM, RULER_MM, draw_ruler, true_scale
+from vinefab.rig.base_drawing import base_drawing
 from vinefab.rig.build import (
     LoosePiece,
     Peg,
@@ -96,6 +97,15 @@ _CORNERS = ("lower left", "lower right", "upper right", "upper left")
 _THICKENED = level_colour(4)
 _PAPER = Ink(fill="#fbfcfd", line=SOFT)
 _THIN, _PLAIN = Ink(line=INK, width_pt=0.4), Ink(line=INK)
+
+
+BASE_NAME = "base.svg"
+"""The drawing of a printed base."""
+
+_CAPTIONS = {
+    "assembly.svg": "Where each part goes; the arrow points to the map's north.",
+    BASE_NAME: "Section through holder and printed base; base.svg is at true scale.",
+}
 
 
 # --- Drawings
@@ -206,10 +216,13 @@ def sheet_plan(job: Job) -> Page:
 def true_scale_files(
     rig: Rig, world: Map, fixtures: Fixtures, pieces: Sequence[LoosePiece] = ()
 ) -> dict[str, bytes]:
-    """Return the paper markers and the plan as SVG, by file name."""
+    """Return the paper markers, the plan and the printed base as SVG, by file name."""
     files = {"plan.svg": page_svg(plan_sheet(rig, world, fixtures, pieces))}
     if fixtures.pads:
         files["markers.svg"] = page_svg(marker_sheet(fixtures.pads))
+    if fixtures.base is not None and fixtures.printed is not None:
+        drawing = base_drawing(rig.name, fixtures.base, fixtures.printed)
+        files[BASE_NAME] = page_svg(drawing)
     return files
 
 
@@ -337,7 +350,7 @@ class RigFiles(RigRecord, Result):
         yield Notes((self.why_style, *filter(None, [shell_words(rig)])))
         yield Notes(tuple(f"note: {note}" for note in rig.notes))
         yield from (block for block in self.report.view() if isinstance(block, Remark))
-        yield replace(self.section, pictures=self._pictures("board", "lid"), folded=True)
+        yield replace(self.section, pictures=self._pictures("base", "board", "lid"), folded=True)
         yield self.report.applied
 
     @property
@@ -353,7 +366,7 @@ class RigFiles(RigRecord, Result):
                 "the rig onto it, or draw the map on paper."
                 + (" markers.svg has paper markers." if marked else ""),
             ),
-            pictures=self._pictures("assembly", "board", "lid"),
+            pictures=self._pictures("assembly", "base", "board", "lid"),
             tables=(
                 Rows(
                     caption="Beds (estimate)",
@@ -384,9 +397,7 @@ class RigFiles(RigRecord, Result):
         return tuple(
             Picture(
                 image=self.pictures[name],
-                caption="Where each part goes; the arrow points to the map's north."
-                if name == "assembly.svg"
-                else f"{name}: a sheet for the laser.",
+                caption=_CAPTIONS.get(name, f"{name}: a sheet for the laser."),
             )
             for name in names[:most_sheets]
         )
@@ -583,6 +594,7 @@ class RigRequest:
     allow_empty: bool = False  # accept a map without obstacles: a bare tray
     pictures: bool = True  # draw the plan and sheets, and write report.html
     lid: bool = False  # add a lid, to be cut from a transparent sheet
+    base: bool = False  # add a printed base, clamped by the holder
 
 
 def make_rig(
@@ -612,7 +624,7 @@ def make_rig(
         raise UnfitInputError(f"map {world.name!r}", problem, remedy)
     with phase("solids of the rig"):
         rig, pieces, why_style = _built(world, printer, options)
-        rig, fixtures = with_fixtures(rig, world, request.design)
+        rig, fixtures = with_fixtures(rig, world, request.design, with_base=request.base)
     jobs = laser_jobs(rig, pieces, fixtures.board, lid=request.lid)
     sheets = {name: sheet_file(name, jobs[name]) for name in each("sheets of the rig", jobs)}
     with phase("the assembled rig against the map"):
@@ -653,11 +665,14 @@ def make_rig(
     )
     if report.blocking:
         return made
-    files |= sheets | true_scale_files(rig, world, fixtures, pieces)
+    drawings = true_scale_files(rig, world, fixtures, pieces)
+    files |= sheets | drawings
     if request.pictures:
         outlines = {piece.number: rig.on_map(piece.outline) for piece in pieces} or footprints(rig)
         with phase("pictures of the rig"):
-            made = replace(made, pictures=rig_pictures(rig, world, fixtures, outlines, jobs))
+            drawn = rig_pictures(rig, world, fixtures, outlines, jobs)
+        shown = {name: drawings[name] for name in (BASE_NAME,) if name in drawings}
+        made = replace(made, pictures=drawn | shown)
         files |= {**made.pictures, "report.html": made.page().encode()}
     files["parts.csv"] = parts_text(rig, printing).encode()
     digests = {name: sha256_of(data) for name, data in files.items()}

@@ -180,6 +180,10 @@ class RigOptions(Table):
         MmIfGiven, _within(3, 300), Doc("outer diameter of the base's tube, else the design's")
     ] = None
 
+    port_mm: Annotated[
+        Mm, _within(2, 30), Doc("hole for the fitting in a printed base's lid; 8.8: tap G 1/8")
+    ] = 8.8
+
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         if self.top_mm > self.height_mm:

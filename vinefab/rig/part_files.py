@@ -47,6 +47,7 @@ from vinefab.rig.part import (
     RigPart,
     mesh_problems,
 )
+from vinefab.rig.printed_base import CORD_MM
 from vinefab.rig.rig_plan import usable_mm
 from vinefab.rig.solid import shell_words
 
@@ -625,7 +626,7 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
     millimetres, its pose in map coordinates.
     """
     rig, world, printing = record.rig, record.world, record.printing
-    base = record.fixtures.base
+    base, printed = record.fixtures.base, record.fixtures.printed
     # Numbers are rounded to what they mean, so that files do not differ in a last digit; arrays
     # (transforms, corners) and the values of the map and the rules stay.
     parts = [
@@ -708,6 +709,20 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
             "headings_deg": base.headings_deg,
             "screws": {"thread": "M3", "count": 2, "least_length_mm": base.screw_mm},
             "parts": [part.name for part in base.parts],
+        },
+        "printed_base": printed
+        and {
+            "tube_mm": printed.tube_mm,
+            "bore_mm": printed.bore_mm,
+            "chamber_mm": printed.chamber_mm,
+            "port_mm": printed.port_mm,
+            "seats": {
+                "cord_mm": CORD_MM,
+                "ring_inside_mm": printed.ring_mm,
+                "lid_cord_mm": printed.lid_cord_mm,
+            },
+            "screws": {"thread": "M3", "count": 4, "least_length_mm": printed.screw_mm},
+            "parts": [part.name for part in printed.parts],
         },
         "estimate": {"basis": BASIS, **asdict(printing.total)},
         "volume_mm3": rig.volume_mm3,

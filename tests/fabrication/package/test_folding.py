@@ -5,6 +5,7 @@ import io
 import json
 import math
 import re
+from dataclasses import replace
 from itertools import pairwise
 from xml.etree import ElementTree
 
@@ -13,6 +14,7 @@ import pytest
 
 import vinefab as vf
 from vinefab.fabrication.package.folding import FoldedTube, fold_files, fold_text, folded_tube
+from vinefab.inflation.joint import JointShape, inflated_joint
 from vinefab.inflation.pattern import Pattern
 from vinefab.model.design import Branch, Build, Collar, Design
 
@@ -130,6 +132,22 @@ def test_the_drawing_is_at_true_scale() -> None:
     assert {"fold 1, left: 25.8 mm", "fold 2, right: 25.8 mm", "base line 0"} <= set(texts)
 
 
+def test_the_pdf_is_a_sheet_of_a4() -> None:
+    data = fold_files(tube_of(*CHAINS[0]))["folds.pdf"]
+    wide, high = map(float, re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", data).groups())
+    assert (wide / 72.0 * 25.4, high / 72.0 * 25.4) == pytest.approx((297.0, 210.0), abs=0.01)
+
+
+def test_a_sharp_bend_deploys_as_the_rounded_one_that_is_cut() -> None:
+    """What the table takes for granted: the fold's corners change next to nothing."""
+    shape = JointShape(angles_deg=(53.8,), widths=(1.0,), fillets=(0.25, 0.25), hoop_strain=0.11)
+    rounded = inflated_joint(replace(shape, is_bend=True))
+    sharp = inflated_joint(replace(shape, fillets=(0.0, 0.0)))
+    assert rounded.angles_deg[0] > 60.0
+    assert sharp.angles_deg == pytest.approx(rounded.angles_deg, abs=1.0)
+    assert sharp.pull_backs == pytest.approx(rounded.pull_backs, abs=0.02)
+
+
 def with_build(**values) -> Design:
     build = Build(widths_mm=(20.0,), **values)
     return one_tube(300.0, [(100.0, 40.0)], build)
@@ -170,7 +188,7 @@ def test_folds_that_meet_are_refused() -> None:
 def test_the_package_has_the_folds_of_what_is_cut(tmp_path) -> None:
     design = one_tube(300.0, [(120.0, 60.0)], Build(widths_mm=(20.0,), tail_mm=200.0))
     made = vf.fabricate(design, out=tmp_path / "bent", allow_uncalibrated=True)
-    assert {"folds.csv", "folds.svg"} <= set(made.files)
+    assert {"folds.csv", "folds.svg", "folds.pdf"} <= set(made.files)
     assert not any("no fold table" in line for line in made.summary)
     stretches, _ = folded_centre_line((tmp_path / "bent/folds.csv").read_text(), 200.0)
     first, last = json.loads((tmp_path / "bent/job.json").read_text())["pattern"]["branches"]

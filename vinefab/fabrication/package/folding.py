@@ -10,8 +10,9 @@ centre line, by which all later folds move on::
                  \       |      /
     ---------------------*-------------------   outer edge: stays as long as it was
 
-As a film, a tube folded so is the flat pattern of a sharp bend. So its turns and lengths are those
-of the pattern that is cut, and it is assumed to deploy like it, although there bends are rounded.
+As a film, a tube folded so is the flat pattern of a bend with sharp corners. So its turns and
+lengths are those of the pattern that is cut. Sharp bends deploy as rounded ones, within a degree
+(simulated); that tape joins the two lines as a seam would is assumed.
 """
 
 import csv
@@ -19,11 +20,13 @@ import io
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from shapely import Polygon, box
 from shapely.affinity import translate
 
+from vinefab.core.front_door import imported_later
 from vinefab.core.plain_text import GENERATOR, counted, one_line
 from vinefab.core.validation import Floats
 from vinefab.core.view import Rows, Section
@@ -32,7 +35,13 @@ from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import INK, LEVEL_COLOURS, SOFT, Ink, Page, Panel, page_of_paper
 from vinefab.pages.true_scale import A4_MM, MARGIN_MM, draw_ruler, true_scale
 
-FOLDS_CSV, FOLDS_SVG = "folds.csv", "folds.svg"
+if TYPE_CHECKING:
+    from vinefab.pages import page_pdf
+else:  # loads reportlab
+    page_pdf = imported_later("vinefab.pages.page_pdf")
+
+FOLDS_CSV = "folds.csv"
+"""The fold table."""
 
 TAPE_OVERLAP_MM = 10.0
 """By which the tape around a fold overlaps itself (assumed)."""
@@ -140,8 +149,13 @@ def _overlap(tube: FoldedTube) -> str:
 
 
 def fold_files(tube: FoldedTube) -> dict[str, bytes]:
-    """Return the fold table as CSV and the tube at true scale as SVG, by file name."""
-    return {FOLDS_CSV: fold_text(tube).encode(), FOLDS_SVG: page_svg(fold_drawing(tube))}
+    """Return the fold table as CSV and the tube at true scale as SVG and PDF, by file name."""
+    drawing = fold_drawing(tube)
+    return {
+        FOLDS_CSV: fold_text(tube).encode(),
+        "folds.svg": page_svg(drawing),
+        "folds.pdf": page_pdf.page_pdf(drawing),
+    }
 
 
 def fold_section(tube: FoldedTube) -> Section:

@@ -35,6 +35,7 @@ from pathlib import Path
 
 from kills import (
     ANY,
+    BEGUN_STUDY,
     COMMAND_LINES,
     RECORDS,
     WRITING,
@@ -193,8 +194,9 @@ class Trial(Campaign):
 
     def forget_record(self) -> None:
         """Remove what a run would go on from."""
-        for name in self.outputs if self.name in RECORDS else ():
-            (self.folder / name).unlink(missing_ok=True)
+        if self.name in RECORDS:
+            for name in self.outputs - {BEGUN_STUDY}:  # a study goes on in its own folder alone
+                (self.folder / name).unlink(missing_ok=True)
 
     def kill_worker(self) -> None:
         """Kill one of the processes that a run began."""

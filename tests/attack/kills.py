@@ -113,6 +113,9 @@ final_poses_per_map = 1
 """
 
 
+BEGUN_STUDY = "study/settings.json"
+"""What says of a folder that a study was begun there."""
+
 WITH_PROCESSES = {"optimize cluster", "contest", "study", "reproduce"}
 
 SMALL_BENCH = """
@@ -359,7 +362,7 @@ class Campaign:
         """Remove a record, sometimes: else every blow would meet a run that is complete."""
         if self.rng.random() < 0.7:
             # Without its settings, a study takes a folder with a user's files for another's.
-            for name in sorted(self.outputs - {"study/settings.json"}):
+            for name in sorted(self.outputs - {BEGUN_STUDY}):
                 (self.folder / name).unlink(missing_ok=True)
 
     def await_end(

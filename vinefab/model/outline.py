@@ -117,6 +117,10 @@ class Segment:
         angle = math.atan2(y1 - y0, x1 - x0) + (half if at_end else -half)
         return math.remainder(angle, math.tau)
 
+    def corner_rad(self, after: "Segment") -> float:
+        """Return by how much the direction of travel jumps from here to what follows, -pi to pi."""
+        return math.remainder(after.direction_rad() - self.direction_rad(at_end=True), math.tau)
+
     def flattened_mm(self, tolerance_mm: float = FLATTEN_MM) -> Floats:
         """Return points on the segment, both ends included, shape (k, 2), k at least 2.
 

@@ -311,10 +311,7 @@ class FreeSpace(DesignSpace):
     def planned(self, designs: TreeBatch, options: GrowthOptions) -> Plans:
         """Return the plans of some of its trees, as `batch` gives them."""
         if not self.bends:
-            one = designs
-            branches = BatchBranches(
-                one.first, one.parent, one.level, one.offset_rad, one.length_mm
-            )
+            branches = BatchBranches(*(getattr(designs, name) for name in BatchBranches._fields))
             return self.planned_straight(branches, options)
         builds = map(self.build_of, designs.depth.tolist())
         return Plans.joined(

@@ -748,6 +748,14 @@ class Reading:
         """Return an error that names this row."""
         return BadInputError(f"{self.measure} {self.setting}".strip(), value, allowed, self.place)
 
+    def two_numbers(self, allowed: str) -> tuple[float, float]:
+        """Return the two numbers that the setting consists of; ``allowed`` says which."""
+        try:
+            first, second = (float(word) for word in self.setting.split())
+        except ValueError as error:
+            raise self.wrong(self.setting, allowed) from error
+        return first, second
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:

@@ -268,11 +268,8 @@ def energy_windows(results: Results, profile: LaserProfile) -> tuple[EnergyWindo
     """
     lines: dict[float, list[tuple[float, str]]] = {}
     for reading in results.of("matrix"):
-        try:
-            energy, focus = (float(word) for word in reading.setting.split())
-        except ValueError as error:
-            allowed = "line energy in mJ/mm and focus offset in mm, such as 46.8 6, as setting"
-            raise reading.wrong(reading.setting, allowed) from error
+        allowed = "line energy in mJ/mm and focus offset in mm, such as 46.8 6, as setting"
+        energy, focus = reading.two_numbers(allowed)
         lines.setdefault(focus, []).append((energy, reading.outcome))
     beams = {name: machine for name, _, machine in profile.beams}
     by_laser = [operation for operation in _MAKES if operation in beams]

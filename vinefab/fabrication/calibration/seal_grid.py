@@ -93,11 +93,8 @@ def grid_settings(results: Results) -> dict[str, Estimate]:
     """
     rows: dict[float, list[tuple[float, bool]]] = {}
     for reading in results.of("grid"):
-        try:
-            celsius, speed = (float(word) for word in reading.setting.split())
-        except ValueError as error:
-            allowed = "temperature in C and speed in mm/s, such as 180 5, as setting"
-            raise reading.wrong(reading.setting, allowed) from error
+        allowed = "temperature in C and speed in mm/s, such as 180 5, as setting"
+        celsius, speed = reading.two_numbers(allowed)
         rows.setdefault(celsius, []).append((speed, reading.outcome == "seals"))
     if not rows:
         return {}

@@ -45,9 +45,8 @@ def segment_times_s(
     # At the start, at every joint between segments, and at the end.
     speeds = [0.0]
     speeds += [
-        0.0 if abs(math.remainder(turn_rad, math.tau)) > CORNER_RAD else min(two)
+        0.0 if abs(before.corner_rad(after)) > CORNER_RAD else min(two)
         for (before, after), two in zip(pairwise(segments), pairwise(tops), strict=True)
-        for turn_rad in [after.direction_rad() - before.direction_rad(at_end=True)]
     ]
     speeds.append(0.0)
     for at, length in enumerate(lengths):

@@ -56,8 +56,7 @@ def check_bends(subject: Subject, limits: Limits) -> RuleApplied:
             )
             violations.append(_at(broken, subject, path, tight, message, "bend"))
         for before, after in pairwise(segments):
-            turn = after.direction_rad() - before.direction_rad(at_end=True)
-            turn_deg = math.degrees(abs(math.remainder(turn, math.tau)))
+            turn_deg = math.degrees(abs(before.corner_rad(after)))
             if broken := limits.most(turn_deg, "turn"):
                 message = f"{path.label!r} has a corner of {turn_deg:.0f} degrees: give it a fillet"
                 violations.append(_at(broken, subject, path, after, message, "corner"))

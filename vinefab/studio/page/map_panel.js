@@ -642,9 +642,10 @@ export function mount(root, app) {
     if (width.classList.contains("stale")) askWidth(); // its time may have come under the hand
     dispatchEvent(new CustomEvent("released"));
   }
-  svg.addEventListener("dblclick", (event) => {
+  // Not "dblclick": a browser sends none where an answer redraws the branch while it is pressed.
+  svg.addEventListener("mousedown", (event) => {
     const [x, y] = view.place(event);
-    if (pressed !== null && app.live) app.edits.edit("bend", pressed, [x, -y]);
+    if (event.detail === 2 && pressed !== null && app.live) app.edits.edit("bend", pressed, [x, -y]);
   });
   svg.addEventListener("pointerup", release);
   svg.addEventListener("pointercancel", release);

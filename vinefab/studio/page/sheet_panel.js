@@ -97,7 +97,7 @@ function sheetView(onMarker) {
     return Number(svg.style.getPropertyValue("--mm-per-px")) || 1;
   }
 
-  /** Choose the finding under the pointer; of several, the one after that which is selected. @param {MouseEvent} event */
+  /** Choose the finding under the pointer; of several, the one after that which is selected. @param {PointerEvent} event */
   function choose(event) {
     if (moved) return;
     const under = document.elementsFromPoint(event.clientX, event.clientY).map((node) => node.closest("[data-finding]"));
@@ -122,8 +122,12 @@ function sheetView(onMarker) {
     view.move(dx * perPx(), dy * perPx());
     dragged = [event.clientX, event.clientY];
   });
-  for (const name of ["pointerup", "pointercancel"]) svg.addEventListener(name, () => { dragged = null; });
-  svg.addEventListener("click", choose);
+  // Not "click": a browser sends none where an answer redraws the finding while it is pressed.
+  svg.addEventListener("pointerup", (event) => {
+    if (dragged) choose(event);
+    dragged = null;
+  });
+  svg.addEventListener("pointercancel", () => { dragged = null; });
   svg.addEventListener("keydown", (event) => {
     const marker = event.target instanceof Element && event.target.closest("[data-finding]");
     if (marker && (event.key === "Enter" || event.key === " ")) {

@@ -11,21 +11,30 @@ PAGE := tests/studio/page
 NODE_BIN := $(PAGE)/node_modules/.bin
 PAGE_READY := $(PAGE)/node_modules/.ready
 
-.PHONY: demo docs test check page readers thorough format bench fuzz outlines clean constraints page-lock
+.PHONY: demo docs test check lint types fast page readers thorough format bench fuzz outlines clean constraints page-lock
 
 demo: $(READY)
 	$(BIN)/vinefab demo --out demo
 
 test: check
 
-check: $(READY) page
+check: lint types
+	$(BIN)/pytest -n 2 --dist worksteal
+
+# Formatters and linters: what .pre-commit-config.yaml calls before a commit.
+lint: $(READY) page
 	$(BIN)/ruff format --check --diff .
 	$(BIN)/ruff check .
+	$(BIN)/lint-imports
+
+types: $(READY)
 	$(BIN)/mypy
 	$(BIN)/mypy --platform win32 --cache-dir .mypy_cache/win32
 	$(BIN)/mypy --platform darwin --cache-dir .mypy_cache/darwin
-	$(BIN)/lint-imports
-	$(BIN)/pytest -n 2 --dist worksteal
+
+# The rooms that compute, without a browser or programs of others: what other Pythons are tried with.
+fast: $(READY)
+	$(BIN)/pytest -n 2 --dist worksteal tests/core tests/growth tests/model tests/outline tests/physics tests/tasks
 
 # The studio's page: types and lint.
 page: $(PAGE_READY)

@@ -30,7 +30,8 @@ PART = Part(
 
 
 def test_values_read_back_to_the_bit_and_unknown_ones_are_left_out() -> None:
-    assert Part.of_json(PART.as_json) == PART
+    # By their texts: from Python 3.13 on, a NaN makes a dataclass differ from itself.
+    assert repr(Part.of_json(PART.as_json)) == repr(PART)
     assert list(PART.content) == ["mean", "poses", "terms", "note"]
     assert PART.content["mean"] == {"mean": 0.1 + 0.2, "low": None, "high": None, "over": "1 map"}
 

@@ -12,7 +12,8 @@ from vinefab.core import __version__
 project = "vinefab"
 author = "the vinefab developers"
 release = version = __version__
-extensions = ["myst_parser"]
+# llms-full.txt: the whole documentation as one text, for programs that read.
+extensions = ["myst_parser", "sphinx_llms_txt"]
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 4
 exclude_patterns = ["_build", "pictures"]

@@ -3,10 +3,13 @@
 import json
 import re
 import shlex
+import tomllib
 from pathlib import Path
 
 import pytest
 import yaml
+
+from vinefab.core import __version__
 
 ROOT = Path(__file__).parents[1]
 TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
@@ -55,3 +58,25 @@ def test_forms_ask_for_what_an_answer_needs(name):
     }
     assert wanted[name] <= asked
     assert any(part.get("validations", {}).get("required") for part in form["body"])
+
+
+def test_the_recipe_is_what_the_package_declares():
+    recipe = yaml.safe_load((ROOT / ".conda/recipe.yaml").read_text())
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert recipe["context"]["version"] == __version__
+    python, *needed = recipe["requirements"]["run"]
+    assert python == f"python {declared['requires-python']}"
+    assert [one.replace(" ", "") for one in needed] == declared["dependencies"]
+    programs = [f"{name} = {place}" for name, place in declared["scripts"].items()]
+    assert recipe["build"]["python"]["entry_points"] == programs
+    assert recipe["about"]["license"] == declared["license"]
+
+
+def test_what_is_cited_is_this_version():
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    dated = re.search(r"^## (\S+) \((\S+)\)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert dated is not None
+    assert (cited["version"], str(cited["date-released"])) == dated.groups()
+    assert cited["version"] == __version__
+    words = (ROOT / "paper.md").read_text().split("---\n", 2)[2].split()
+    assert 750 <= len(words) <= 1750, "what the journal takes"

@@ -346,6 +346,7 @@ LINES = {
     "grow plain_vine --map grid.geojson --animate foreign.gif": "foreign.gif",
     "grow plain_vine --map grid.geojson --json /proc/nothing/a.json": "cannot be written",
     "fabricate plain_vine --allow-uncalibrated --out photos": "--force",
+    "fabricate plain_vine --paper a5 --out x": "no paper is called 'a5'; there are: a4",
     "rig grid.geojson --out photos": "--force",
     "demo --out photos": "--force",
     "fabricate plain_vine --out plain.toml --force": "plain.toml: cannot be written: it is a file",

@@ -356,3 +356,11 @@ def test_a_sealer_needs_a_table_and_bars_and_no_head(tmp_path: Path) -> None:
     path.write_text(head.replace("sealer", "glue"), encoding="utf-8")
     with pytest.raises(BadInputError, match="kind is 'glue'; allowed: one of laser, hot_tip"):
         read_machine(path)
+
+
+@pytest.mark.parametrize("bar", ["0.0", "-300.0", "inf", '"long"'])
+def test_a_sealer_needs_the_length_of_its_bars(profiles_folder: Path, bar: str) -> None:
+    path = profiles_folder / "machines" / "impulse_sealer_300.toml"
+    spoil(path, "bar_mm = { value = 300.0", f"bar_mm = {{ value = {bar}")
+    with pytest.raises(BadInputError, match="bar_mm"):
+        read_machine(path)

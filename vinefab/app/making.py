@@ -263,6 +263,7 @@ def fabricate(
     process: str = "auto",
     pass_through: bool = False,
     r12: bool = False,
+    paper: str = "auto",
     make_zip: Annotated[bool, also("--zip")] = False,
     progress: ProgressLike = True,
     force: Force = False,
@@ -285,6 +286,9 @@ def fabricate(
         Whether the film may be fed along the bed's width, and be longer than the bed.
     r12
         Also write a DXF of release 12, which knows no unit.
+    paper
+        a4 or letter: also write the pattern at 1:1 as PDF, on sheets of that paper. auto: on A4
+        where people seal along lines that no machine marks, else not.
     make_zip
         Also write the folder as ``OUT.zip``.
 
@@ -326,7 +330,7 @@ def fabricate(
     sheet = SheetOptions(copies=copies, beside=others, process=process, pass_through=pass_through)
     context = context_of(design, recipe=recipe)
     with told(progress):
-        prepared = prepare(context.robots[0], context.recipe, sheet=sheet, r12=r12)
+        prepared = prepare(context.robots[0], context.recipe, sheet=sheet, r12=r12, paper=paper)
         reports = (prepared.report, *prepared.beside)
         lines = [line for report in reports for line in report.summary]
         lines += broken_formats()

@@ -600,6 +600,7 @@ class Layer:
 
     primitives: Sequence[Primitive]
     window: Box | None = None  # left, upper, right, lower end
+    name: str = ""  # by which programs that read a PDF know it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -43,7 +43,10 @@ from vinefab.model.outline import Contour
 
 JOBS = ("one pass", "two passes", "pouches", "several", "coupons", "energy matrix")
 FORMATS = sorted(
-    name for name, one in LASER_FORMATS.items() if not one.tools or Tool.LASER in one.tools
+    name
+    for name, one in LASER_FORMATS.items()
+    # The other paper has the same writer and reader.
+    if (not one.tools or Tool.LASER in one.tools) and one.paper in ("", "a4")
 )
 WITH_SETTINGS = [name for name in FORMATS if LASER_FORMATS[name].needs_profile]
 
@@ -75,7 +78,11 @@ def spec_of(name: str) -> LaserFileSpec:
 
 def problems(laser_format: LaserFormat, written: LaserFileSpec, meant: LaserFileSpec) -> str:
     """Return what comparing a file with another job than it was written from finds."""
-    return "; ".join(file_problems(laser_format, laser_format.write(written).encode(), meant))
+    return "; ".join(
+        file_problems(
+            laser_format, laser_format.write(written).encode(laser_format.encoding), meant
+        )
+    )
 
 
 def changed(spec: LaserFileSpec, index: int, *paths: LaserPath) -> LaserFileSpec:
@@ -198,7 +205,12 @@ def test_every_file_that_is_written_has_been_read_back(monkeypatch: pytest.Monke
     watched = {name: counted(one) for name, one in LASER_FORMATS.items()}
     monkeypatch.setattr(laser_formats, "LASER_FORMATS", Registry("laser format", watched))
     written = laser_files(spec_of("one pass"), requested=FORMATS)
-    assert sorted(read) == sorted(data.decode() for data in written.files.values())
+    found = {
+        data.decode("latin-1" if name.endswith(".pdf") else "utf-8")
+        for name, data in written.files.items()
+    }
+    assert set(read) == found
+    assert len(read) == len(written.files)
     steps = sum(3 for name in FORMATS if LASER_FORMATS[name].each_operation)
     assert len(written.files) == len(FORMATS) + steps
     assert set(written.problems) == set(written.files)

@@ -1,5 +1,7 @@
 """Packages of every process: their own words alone, and every file explained."""
 
+import csv
+import io
 import json
 import re
 from dataclasses import replace
@@ -26,6 +28,8 @@ RECIPES = [
     for name in names("recipe")
 ]
 """All recipes; in the gate one of each set of tools."""
+BY_HAND = "impulse_sealer_300__stretchlon_800"
+THREE = ("co2_60w__stretchlon_200", "hot_tip_220_knife__stretchlon_200", BY_HAND)
 WORDS_OF = {
     Tool.LASER: r"laser|\bbeam|focus|defocus|fused all around|MeerK40t|LightBurn",
     Tool.HOT_TIP: r"nozzle|hot.tip|extru|filament|slicer",
@@ -122,15 +126,34 @@ def test_the_words_are_found_where_they_belong() -> None:
         assert re.search(WORDS_OF[tool], text, re.IGNORECASE), tool
 
 
-@pytest.mark.parametrize("recipe", ["co2_60w__stretchlon_200", "hot_tip_220_knife__stretchlon_200"])
+@pytest.mark.parametrize("recipe", THREE)
 def test_the_readme_explains_the_files_that_are_there_and_no_others(recipe: str) -> None:
     text = " ".join(files(recipe)["README.txt"].decode().split())
     there = set(files(recipe)) - {"README.txt"}
     missing = {name for name in there if name not in text and name != "assembly.pdf"}
     assert missing == set()
-    ends = "dxf|svg|lbrn2|gcode|png|json|csv|html|toml|sha256"
+    ends = "dxf|svg|lbrn2|gcode|pdf|png|json|csv|html|toml|sha256"
     named = set(re.findall(rf"\b[\w./]+\.(?:{ends})\b", text))
     assert named - there == {"your_recipe.toml"} | ({"results.csv"} & named)
+
+
+def test_a_package_for_hands_has_the_pattern_on_paper_and_the_seam_list() -> None:
+    made = files(BY_HAND)
+    assert {"outline_a4.pdf", "seams.csv"} <= set(made)
+    assert "outline_letter.pdf" not in made
+    text = " ".join(made["README.txt"].decode().split())
+    rows = list(csv.DictReader(io.StringIO(made["seams.csv"].decode())))
+    shields = sum(row["shield"] == "yes" for row in rows)
+    assert f"The seam is {len(rows) - 1} straight stretches" in text
+    assert f"{rows[-1]['presses']} presses of the bar" in text
+    assert f"at most {float(rows[-1]['gap_mm']):.2f} mm beside the seam's middle" in text
+    assert f"First the stretches 1 to {shields} (dashed)" in text
+    letter = prepare(fork(), read_profile(BY_HAND), paper="letter")
+    assert "outline_letter.pdf" in letter.laser
+    assert "outline_a4.pdf" not in letter.laser
+    asked = prepare(fork(), read_profile("co2_60w__stretchlon_200"), paper="a4")
+    assert "outline_a4.pdf" in asked.laser
+    assert not any(name.endswith(".pdf") for name in prepared("co2_60w__stretchlon_200").laser)
 
 
 @pytest.mark.parametrize("recipe", ["co2_60w__stretchlon_200", "hot_tip_220_knife__stretchlon_200"])

@@ -29,7 +29,9 @@ from vinefab.fabrication.formats.laser_formats import (
     formats_for,
     laser_files,
     planned_files,
+    requested_formats,
 )
+from vinefab.fabrication.job.bar_strokes import bar_strokes, seams_name, seams_text
 from vinefab.fabrication.job.passes import sealed_by_hand
 from vinefab.fabrication.package.package_texts import filled_document, tool_template
 from vinefab.fabrication.package.sheet_pictures import job_plan
@@ -70,6 +72,12 @@ class CouponSet:
     laser: Mapping[str, bytes]  # laser files by name, read back without a problem
 
     @property
+    def seam_lists(self) -> dict[str, bytes]:
+        """What a straight bar does of each sheet's seams, by file name."""
+        lists = {job.name: bar_strokes(job, self.profile) for job in self.sheets}
+        return {seams_name(name): seams_text(one).encode() for name, one in lists.items() if one}
+
+    @property
     def jobs(self) -> tuple[Job, ...]:
         """Every job, sheets first."""
         grid = (self.grid.job,) if self.grid else ()
@@ -92,6 +100,8 @@ def coupon_readme(coupons: CouponSet) -> str:
         matrix=coupons.matrix,
         grid=coupons.grid,
         left_out=coupons.left_out,
+        patterns=[name for name in coupons.laser if name.endswith(".pdf")],
+        seam_lists=list(coupons.seam_lists),
         with_settings=[one.suffix for one in formats_for(profile).values() if one.needs_profile],
         energies=lambda values: ", ".join(f"{energy:.1f}" for energy in values),
         square_mm=SQUARE_MM,
@@ -127,7 +137,13 @@ def make_coupons(profile: LaserProfile) -> CouponSet:
         # Without arcs the drawing of chords is the same as the DXF.
         is_straight = not any(path.contour.arc_count for path in spec.job.paths)
         without = (DXF_POLYLINE,) if is_straight else ()
-        written = laser_files(spec, stem=job.name, without=without, each_operation=job not in lines)
+        written = laser_files(
+            spec,
+            stem=job.name,
+            requested=requested_formats(profile),
+            without=without,
+            each_operation=job not in lines,
+        )
         laser |= written.files
         problems |= written.problems
     ensure_read_back(problems)
@@ -158,7 +174,11 @@ def coupon_files(coupons: CouponSet) -> dict[str, bytes]:
                 "name": job.name,
                 "files": [
                     one.name
-                    for one in planned_files(package_spec(job, profile), stem=job.name)
+                    for one in planned_files(
+                        package_spec(job, profile),
+                        stem=job.name,
+                        requested=requested_formats(profile),
+                    )
                     if one.name in coupons.laser
                 ],
                 "paths": len(job.paths),
@@ -175,6 +195,7 @@ def coupon_files(coupons: CouponSet) -> dict[str, bytes]:
         "README.txt": coupon_readme(coupons).encode(),
         COUPON_MARK: json_text(_SCHEMA, settings).encode(),
         **coupons.laser,
+        **coupons.seam_lists,
         **pictures,
         "checks.json": checks_text(coupons.report).encode(),
         RESULTS_NAME: results_text(profile, matrix, grid.settings if grid else ()).encode(),

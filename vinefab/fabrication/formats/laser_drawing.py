@@ -304,6 +304,7 @@ class LaserFormat(FileFormat[LaserFileSpec, str, ReadDrawing]):
     paths: Callable[[LaserFileSpec], tuple[StyledPath, ...]] = lambda spec: spec.paths
     # a contour as the format represents it
     contour: Callable[[Contour], Contour] = lambda contour: contour
+    encoding: str = "utf-8"  # of its text; ``latin-1`` for bytes, a letter each
     sagitta_mm: float = 0.0  # largest distance of its chords from the job's arcs
     # a style's colour as the format gives it
     colour: Callable[[Style], str] = lambda style: style.rgb
@@ -313,6 +314,7 @@ class LaserFormat(FileFormat[LaserFileSpec, str, ReadDrawing]):
     on_request: bool = False  # written only when it is asked for by name
     whole: bool = True  # whether a file holds all operations of a sheet
     each_operation: bool = True  # whether a file for each operation is written, too
+    paper: str = ""  # paper that it is printed on at 1:1; empty: none
     tools: frozenset[Tool] = frozenset()  # whose paths it is for; empty: for all
 
     def __post_init__(self) -> None:
@@ -346,7 +348,7 @@ def file_problems(
         return ("the file is missing",)
     what = f"laser format {laser_format.title!r}"
     try:
-        text = data.decode("utf-8")
+        text = data.decode(laser_format.encoding)
         with calling(what, laser_format.read, VinefabError):
             drawing = laser_format.read(text)
     except BrokenPluginError:

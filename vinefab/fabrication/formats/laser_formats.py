@@ -9,20 +9,23 @@ package's README.txt, bill and job.json name it by its title and its use.
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
-from vinefab.core.errors import ReadBackError
+from vinefab.core.errors import ReadBackError, UnknownNameError
 from vinefab.core.foreign import calling, ensure_type
 from vinefab.core.registry import Registry
 from vinefab.fabrication.formats.dxf_format import DXF, DXF_POLYLINE, DXF_R12
 from vinefab.fabrication.formats.gcode_format import GCODE
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec, LaserFormat, file_problems
 from vinefab.fabrication.formats.lightburn_format import LIGHTBURN
+from vinefab.fabrication.formats.pdf_format import PAPER_FORMATS, pdf_format
 from vinefab.fabrication.formats.svg_format import SVG
+from vinefab.fabrication.job.passes import draws_by_hand
 from vinefab.fabrication.job.steps import JobStep
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
 from vinefab.model.machine import Tool
+from vinefab.pages.paper_tiles import PAPERS
 
-R12_FORMAT = "dxf_r12"
+R12_FORMAT, AUTO = "dxf_r12", "auto"
 
 
 def format_problem(name: str, part: object) -> str:
@@ -44,6 +47,7 @@ LASER_FORMATS: Registry[LaserFormat] = Registry(
         R12_FORMAT: DXF_R12,
         "lightburn": LIGHTBURN,
         "gcode": GCODE,
+        **{PAPER_FORMATS[paper]: pdf_format(paper) for paper in PAPERS},
     },
     group="vinefab.laser_formats",
     problem=format_problem,
@@ -57,6 +61,31 @@ class LaserFiles:
 
     files: Mapping[str, bytes]  # by name
     problems: Mapping[str, tuple[str, ...]]  # by name; empty for a file that agrees with its job
+
+
+def requested_formats(
+    profile: LaserProfile, *, paper: str = AUTO, r12: bool = False
+) -> tuple[str, ...]:
+    """Return the formats to write that are written on request only.
+
+    Parameters
+    ----------
+    paper
+        Of the pattern at 1:1: a name of `PAPERS`, or ``auto``: A4 where people seal along lines
+        that no machine marks, else no pattern.
+    r12
+        Whether a DXF of release 12 is wanted.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such paper.
+    """
+    if paper != AUTO and paper not in PAPERS:
+        raise UnknownNameError("paper", paper, {AUTO, *PAPERS})
+    if paper == AUTO and draws_by_hand(profile):
+        paper = "a4"
+    return (*([] if paper == AUTO else [PAPER_FORMATS[paper]]), *([R12_FORMAT] if r12 else []))
 
 
 def formats_for(
@@ -173,7 +202,7 @@ def _written(one: LaserFormat, spec: LaserFileSpec) -> bytes:
         text = one.write(spec)
     ensure_type(what, one.write, "file", text, str)
     with calling(what, one.write):  # half a pair of surrogates has no UTF-8
-        return text.encode()
+        return text.encode(one.encoding)
 
 
 def format_words(name: str, alone: Collection[str] = (), stem: str = "outline") -> str:

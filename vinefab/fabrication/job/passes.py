@@ -144,6 +144,12 @@ def sealed_by_hand(profile: LaserProfile, *, separate: bool = False) -> bool:
     return seals.by_hand and not cuts.by_hand
 
 
+def draws_by_hand(profile: LaserProfile) -> bool:
+    """Whether people seal along lines that no machine marks on the film."""
+    operations = profile.recipe.by_operation
+    return operations[profile.recipe.seals].tool.by_hand and Operation.MARK not in operations
+
+
 def reach_mm(profile: LaserProfile, *, separate: bool = False) -> float:
     """Return the reach of a robot's paths outside the lumen's edge."""
     one_pass = in_one_pass(profile, separate=separate)

@@ -32,8 +32,9 @@ from vinefab.core.validation import Floats
 from vinefab.core.view import Rows, Section
 from vinefab.inflation.pattern import Pattern
 from vinefab.pages.page_files import page_svg
-from vinefab.pages.panel import INK, LEVEL_COLOURS, SOFT, Ink, Page, Panel, page_of_paper
-from vinefab.pages.true_scale import A4_MM, MARGIN_MM, draw_ruler, true_scale
+from vinefab.pages.panel import INK, LEVEL_COLOURS, SOFT, Box, Ink, Page, Panel, page_of_paper
+from vinefab.pages.paper_tiles import PAPERS, paper_sheets
+from vinefab.pages.true_scale import A4_MM, MARGIN_MM, PT_PER_MM, draw_ruler, true_scale
 
 if TYPE_CHECKING:
     from vinefab.pages import page_pdf
@@ -148,13 +149,27 @@ def _overlap(tube: FoldedTube) -> str:
     return ""
 
 
-def fold_files(tube: FoldedTube) -> dict[str, bytes]:
-    """Return the fold table as CSV and the tube at true scale as SVG and PDF, by file name."""
+def fold_files(tube: FoldedTube, paper: str = "a4") -> dict[str, bytes]:
+    """Return the fold table as CSV and the tube at true scale as SVG and PDF, by file name.
+
+    What one page does not hold comes on several sheets of the paper, to be put together.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such paper.
+    """
     drawing = fold_drawing(tube)
+    if PAPERS.get(paper) == A4_MM and drawing.height_pt <= PT_PER_MM * A4_MM[0] + 1.0:
+        pdf = page_pdf.page_pdf(drawing)
+    else:
+        strip, box_mm = fold_strip(tube)
+        sheets = paper_sheets(strip, box_mm, paper, _title(tube), fold_steps(tube))
+        pdf = page_pdf.sheets_pdf(strip, sheets)
     return {
         FOLDS_CSV: fold_text(tube).encode(),
         "folds.svg": page_svg(drawing),
-        "folds.pdf": page_pdf.page_pdf(drawing),
+        "folds.pdf": pdf,
     }
 
 
@@ -226,8 +241,7 @@ def fold_drawing(tube: FoldedTube) -> Page:
     high_mm = max(high_mm, tall_mm)
     panel = true_scale((0.0, 0.0, wide_mm, high_mm))
     top_mm = high_mm - MARGIN_MM
-    title = f"{tube.name}: {counted(len(tube.folds), 'fold')} in tubing {tube.width_mm:g} mm wide"
-    panel.words((MARGIN_MM, top_mm), one_line(title), _TITLE_PT, bold=True)
+    panel.words((MARGIN_MM, top_mm), _title(tube), _TITLE_PT, bold=True)
     for row, words in enumerate(fold_steps(tube), 2):
         panel.words((MARGIN_MM, top_mm - row * _LINE_MM), words, _TEXT_PT)
     for row, from_mm in enumerate(starts_mm):
@@ -237,6 +251,23 @@ def fold_drawing(tube: FoldedTube) -> Page:
     draw_ruler(panel, MARGIN_MM, MARGIN_MM)
     panel.words((MARGIN_MM, MARGIN_MM - 4.0), "Print at 100 % and measure the ruler.", _TEXT_PT)
     return page_of_paper(panel)
+
+
+def fold_strip(tube: FoldedTube) -> tuple[Page, Box]:
+    """Return the flat tube at true scale in one row, and the box of it that is drawn on, in mm."""
+    wide_mm = tube.tail_mm + tube.length_mm + 2.0 * _GAP_MM
+    high_mm = tube.width_mm + 2.0 * _GAP_MM
+    panel = true_scale((0.0, 0.0, wide_mm, high_mm))
+    shift = np.array([_GAP_MM + tube.tail_mm, high_mm / 2.0])
+    _draw_row(panel, tube, (-tube.tail_mm, tube.length_mm), shift)
+    rim_mm = _GAP_MM / 2.0
+    box_mm = rim_mm, rim_mm, wide_mm - rim_mm, high_mm - rim_mm
+    return page_of_paper(panel), box_mm
+
+
+def _title(tube: FoldedTube) -> str:
+    folds = counted(len(tube.folds), "fold")
+    return one_line(f"{tube.name}: {folds} in tubing {tube.width_mm:g} mm wide")
 
 
 def fold_steps(tube: FoldedTube) -> tuple[str, ...]:

@@ -35,6 +35,7 @@ from vinefab.fabrication.formats.laser_formats import (
     format_words,
     formats_for,
 )
+from vinefab.fabrication.job.bar_strokes import FOLLOW_MM, bar_strokes, seams_name
 from vinefab.fabrication.job.passes import WEB_MM, cut_offset_mm, sealed_by_hand, weld_offset_mm
 from vinefab.fabrication.job.placement import box_around_mm
 from vinefab.fabrication.job.steps import JobStep, process_place, steps_of
@@ -90,7 +91,7 @@ def readme_text(
         seals,
         *(profile.settings(operation).tool for operation in written if operation.is_machined),
     }
-    runs = [_run(spec, number) for number in range(len(job.runs))]
+    runs = [_run(spec, number, requested) for number in range(len(job.runs))]
     table = None if pattern is None else pattern_table(pattern)
     tube = None if pattern is None else folded_tube(pattern)
     filled = {
@@ -121,6 +122,7 @@ def readme_text(
         "pin_mm": weld.pin_mm if isinstance(weld, Sealer) else None,
         "guide_mm": cut_offset_mm(profile) - weld_offset_mm(profile) if by_hand else math.nan,
         "web_mm": WEB_MM,
+        "follow_mm": FOLLOW_MM,
         "recipe_tables": [
             table
             for operation in written
@@ -171,11 +173,12 @@ def _alone(one: LaserFormat, plan: Sequence[PlannedFile]) -> list[str]:
     return list(dict.fromkeys(name.rpartition("/")[2] for name in names))
 
 
-def _run(spec: LaserFileSpec, number: int) -> SimpleNamespace:
+def _run(spec: LaserFileSpec, number: int, requested: Collection[str]) -> SimpleNamespace:
     """Return one list of steps: a sheet or a tile with its files, its box and its layers."""
     job, profile, colours = spec.job, spec.recipe_profile, spec.colours
     run, count = job.runs[number], len(job.runs)
-    stem, plan = list(files_by_run(spec).items())[number - count]
+    stem, plan = list(files_by_run(spec, requested).items())[number - count]
+    strokes = bar_strokes(run, profile)
     title = "The sheet"
     if job.tiles:
         title = f"Tile {number + 1} of {count}"
@@ -192,6 +195,12 @@ def _run(spec: LaserFileSpec, number: int) -> SimpleNamespace:
     return SimpleNamespace(
         title=title,
         stem=stem,
+        patterns=[file.name for file in plan if file.kind.paper],
+        strokes=strokes,
+        seams_file=seams_name(stem),
+        shields=sum(stroke.needs_shield for stroke in strokes),
+        presses=sum(stroke.presses for stroke in strokes),
+        gap_mm=max((stroke.gap_mm for stroke in strokes), default=math.nan),
         job=run,
         is_last=number == count - 1,
         box=(min(low_x), min(low_y), max(high_x), max(high_y)),

@@ -16,11 +16,14 @@ from vinefab.core.validation import Floats
 from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Picture, Rows, Section, Text, Tone
 from vinefab.fabrication.formats.laser_drawing import package_spec
 from vinefab.fabrication.formats.laser_formats import (
-    R12_FORMAT,
+    AUTO,
+    LASER_FORMATS,
     drawn_jobs,
     ensure_read_back,
     laser_files,
+    requested_formats,
 )
+from vinefab.fabrication.job.bar_strokes import bar_strokes, seams_name, seams_text
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import ONE, SheetOptions
 from vinefab.fabrication.package.assembly_drawing import assembly_files, exploded_picture
@@ -120,6 +123,12 @@ class Prepared:
         return folded_tube(self.pattern)
 
     @property
+    def paper(self) -> str:
+        """The paper that drawings at true scale are for."""
+        papers = (one.paper for name, one in LASER_FORMATS.items() if name in self.requested)
+        return next(filter(None, papers), "a4")
+
+    @property
     def cut(self) -> Design:
         """The flat tree that is cut."""
         return self.pattern.flat
@@ -146,6 +155,7 @@ def prepare(
     *,
     sheet: SheetOptions = ONE,
     r12: bool = False,
+    paper: str = AUTO,
 ) -> Prepared:
     """Return a design's job and the report of every rule.
 
@@ -160,13 +170,17 @@ def prepare(
         Number of copies, other designs on the sheet, process.
     r12
         Whether to write a DXF of release 12 as well.
+    paper
+        Of the pattern at 1:1, as of `requested_formats`.
 
     Raises
     ------
     BadInputError
         If the sheet cannot hold the designs, or the recipe lacks an operation.
+    UnknownNameError
+        If there is no such paper.
     """
-    separate, requested = sheet.separate, (R12_FORMAT,) if r12 else ()
+    separate, requested = sheet.separate, requested_formats(profile, paper=paper, r12=r12)
     named = {one.name: one for one in (*sheet.beside, design)}
     patterns = {name: pattern_of(one, profile) for name, one in named.items()}
     pattern = patterns[design.name]
@@ -236,6 +250,7 @@ def package(prepared: Prepared) -> dict[str, bytes]:
     design, profile, job = prepared.design, prepared.profile, prepared.job
     spec, requested = package_spec(job, profile), prepared.requested
     pattern, partition, cut = prepared.pattern, prepared.partition, prepared.cut
+    tube = prepared.folded
     joints, outlines = tuple[BomLine, ...](), dict[str, Contour]()
     if partition is not None:
         joints = joint_lines(cut, partition, profile, robots=robot_count(job))
@@ -253,10 +268,19 @@ def package(prepared: Prepared) -> dict[str, bytes]:
         "report.html": page(f"{design.name}: fabrication", page_blocks(prepared)).encode(),
         "bom.csv": bom_text(job, profile, joints, requested).encode(),
         **assembly_files(cut, partition, outlines, profile),
-        **(fold_files(prepared.folded) if isinstance(prepared.folded, FoldedTube) else {}),
+        **_seam_lists(job, profile),
+        **(fold_files(tube, prepared.paper) if isinstance(tube, FoldedTube) else {}),
     }
     digests = {name: sha256_of(data) for name, data in files.items()}
     return {**files, MANIFEST_NAME: manifest_text(digests).encode()}
+
+
+def _seam_lists(job: Job, profile: LaserProfile) -> dict[str, bytes]:
+    """Return what a straight bar does of each sheet's seams, by file name."""
+    lists = {stem: bar_strokes(one, profile) for stem, one in drawn_jobs(job).items()}
+    return {
+        seams_name(stem): seams_text(strokes).encode() for stem, strokes in lists.items() if strokes
+    }
 
 
 def zip_bytes(files: Mapping[str, bytes], folder: str) -> bytes:

@@ -464,6 +464,7 @@ def test_files_to_begin_with_are_written_once(tmp_path):
     assert vf.Design.read(tmp_path / "ex" / "arena" / "sprig.toml").name == "sprig"
 
 
+@pytest.mark.thorough
 def test_coupons_are_measured_and_a_recipe_is_fitted(tmp_path):
     made = vf.coupon(out=tmp_path / "coupons")
     table = made.path / "results.csv"

@@ -105,6 +105,7 @@ def words_of(drawing):
     return re.findall(r"<text.*?>(.*?)</text>", drawing)
 
 
+@pytest.mark.thorough
 def test_pictures_of_rules_show_what_the_rules_measure():
     """Each rule fires on one side of its picture and not on the other: else it is not drawn."""
     stale, silent = [], []

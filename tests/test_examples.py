@@ -153,7 +153,9 @@ RUNS = {
 }
 
 
-@pytest.mark.parametrize("name", RUNS)
+@pytest.mark.parametrize(
+    "name", [pytest.param("grid_pieces", marks=pytest.mark.thorough), *list(RUNS)[1:]]
+)
 def test_a_run_file_runs_and_resumes(name, tmp_path):
     settings = read_run(ROOT / "examples" / f"{name}.toml")
     short = settings.changed(

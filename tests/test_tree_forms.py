@@ -141,7 +141,9 @@ def pouched():
     )
 
 
-@pytest.mark.parametrize("name", ["three_level_tree", "plain_vine", "pouched"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("three_level_tree", marks=pytest.mark.thorough), "plain_vine", "pouched"]
+)
 def test_a_design_of_levels_is_made_of_the_same_bytes_branch_by_branch(name, tmp_path):
     levels = pouched() if name == "pouched" else vf.Design.read(name)
     free = levels.by_branches
@@ -231,6 +233,7 @@ def own_widths(pouch_mm=18.0):
     )  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_tables_of_widths_have_those_of_the_branches():
     design, profile = own_widths(), read_profile(RECIPE)
     widths = [40.0, 24.0, 22.0, 8.0, 10.0]

@@ -27,6 +27,7 @@ from .app.predicting import observe as observe
 from .app.predicting import report as report
 from .app.predicting import score as score
 from .app.searching import bench as bench
+from .app.searching import benchmark as benchmark
 from .app.searching import contest as contest
 from .app.searching import demo as demo
 from .app.searching import optimize as optimize

@@ -70,6 +70,7 @@ def test_coupons_are_cut_measured_and_given_back(vinefab, coupons, tmp_path):
     assert job["facts"]["weldcut_offset_mm"] == pytest.approx(expected)
 
 
+@pytest.mark.thorough
 def test_a_table_that_was_filled_in_is_not_lost(vinefab, coupons):
     before = {path.name: path.read_bytes() for path in coupons.iterdir()}
     code, said, complaint = vinefab("coupon", "--out", coupons)

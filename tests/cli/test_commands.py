@@ -170,6 +170,7 @@ def test_interruption_leaves_what_was_there(monkeypatch, vinefab, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["package"]
 
 
+@pytest.mark.thorough
 def test_fabricate_nests_copies_and_other_designs_or_says_how_many_fit(vinefab, tmp_path):
     out = tmp_path / "sheet"
     code, _, _ = vinefab(

@@ -141,7 +141,11 @@ def ended(pid):
     [
         ("", None),
         ("bounded(Path('.'), time.sleep, 99)", signal.SIGKILL),
-        ("bounded(Path('.'), exec, 'while True: pass')", signal.SIGKILL),
+        pytest.param(
+            "bounded(Path('.'), exec, 'while True: pass')",
+            signal.SIGKILL,
+            marks=pytest.mark.thorough,
+        ),
         ("bounded(Path('.'), time.sleep, 99)", signal.SIGINT),
     ],
 )

@@ -237,10 +237,10 @@ def test_two_processes_compile_what_is_lacking_and_listeners_hear_of_it(tmp_path
 @pytest.mark.parametrize(
     "without",
     [
-        "sys.executable = ''",
-        "compiling._processors = lambda: 1",
+        pytest.param("sys.executable = ''", marks=pytest.mark.thorough),
+        pytest.param("compiling._processors = lambda: 1", marks=pytest.mark.thorough),
         "helpers._PROGRAM = 'raise SystemExit(3)'",
-        "helpers._PROGRAM = 'input(); print(0)'",
+        pytest.param("helpers._PROGRAM = 'input(); print(0)'", marks=pytest.mark.thorough),
     ],
     ids=["no interpreter", "one processor", "the helper ends", "the helper answers wrongly"],
 )
@@ -249,6 +249,7 @@ def test_without_another_process_this_one_compiles_all(tmp_path: Path, without) 
     assert precompiled(tmp_path) == ["0"]
 
 
+@pytest.mark.thorough
 def test_two_commands_that_compile_at_once_lose_nothing(tmp_path: Path) -> None:
     alone = "compiling._processors = lambda: 1"
     run_together(tmp_path, alone, alone)  # one may find some that the other has compiled

@@ -216,7 +216,7 @@ def test_an_error_is_circled_where_it_is_in_a_drawing_for_dxf():
     assert {"1 B01", "legend: 1 error VF-B01 0: 100 mm at least 150 mm"} <= labels
 
 
-@pytest.mark.parametrize("name", ["overlaps", "heap"])
+@pytest.mark.parametrize("name", ["overlaps", pytest.param("heap", marks=pytest.mark.thorough)])
 def test_a_drawing_for_dxf_is_never_cut_and_lies_on_its_sheet(name):
     subject, report = checked(name)
     drawing = annotated_job(subject.job, report.findings)

@@ -44,6 +44,7 @@ def table(tmp_path_factory):
     return results, true
 
 
+@pytest.mark.thorough
 def test_angles_are_read_within_a_degree(table):
     results, true = table
     read = {one.setting: np.degrees(one.value) for one in read_results(results).of("joint_angle")}

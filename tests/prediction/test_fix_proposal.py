@@ -57,7 +57,10 @@ def test_an_error_that_no_change_clears_is_reported(profile):
     assert "VF-B01" not in found.lines()[0]
 
 
-@pytest.mark.parametrize("keep", [[], ["branches"], ["branches", "length", "width"]])
+@pytest.mark.parametrize(
+    "keep",
+    [[], pytest.param(["branches"], marks=pytest.mark.thorough), ["branches", "length", "width"]],
+)
 def test_one_fan_that_is_too_narrow_is_opened_and_nothing_else_changes(profile, keep):
     """What clears the quick rules at the lowest cost does not pass the full check here."""
     design = Design.read("three_level_tree").with_level(2, angle_deg=8.0)

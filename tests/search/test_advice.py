@@ -96,6 +96,7 @@ def test_a_narrow_trunk_and_a_small_sheet_are_named_before_anything_is_searched(
     assert said_before(searched(asked["shipped film, flat", 1]).evaluator) == ""
 
 
+@pytest.mark.thorough
 def test_a_run_says_it_with_its_first_generation_and_where_targets_are_missed(
     asked, tmp_path, monkeypatch
 ):

@@ -68,6 +68,7 @@ def test_each_simple_fault_is_fixed_where_it_is(make, profile):
     )
 
 
+@pytest.mark.thorough
 def test_the_change_is_near_the_smallest_that_a_grid_finds(
     make: Make, profile: LaserProfile
 ) -> None:

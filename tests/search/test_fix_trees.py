@@ -196,6 +196,7 @@ def test_every_place_that_gets_better_lowers_the_penalty_of_a_tree(profile):
     assert one > 1.2 * two > 0.0
 
 
+@pytest.mark.thorough
 def test_levels_with_bends_are_changed_branch_by_branch(make, profile):
     design = make((2, 110.0, 30.0), (2, 70.0, 110.0), compensation="none")
     first, *more = design.levels

@@ -1,5 +1,7 @@
 """Two of the cases of `target_cases.py`: one is solved, of the other a run says what stops it."""
 
+import pytest
+
 from tests.search import target_cases
 
 
@@ -22,6 +24,7 @@ def test_a_search_touches_three_of_three_points(tmp_path):
     assert words == "3 of 3 touched"
 
 
+@pytest.mark.thorough
 def test_a_run_that_misses_targets_says_which_rules_stop_robots_that_touch_them(tmp_path):
     kind = "0.1 mm, 300 mm roll, pieces"
     is_solved, words, _ = searched(tmp_path, kind, 4, 20, 3, trunk_width_mm=24.0)

@@ -84,6 +84,7 @@ def test_a_load_is_measured():
     assert Scaling.of(found, LATENCIES_S[-1]).speedups[0] == pytest.approx(1.0)
 
 
+@pytest.mark.thorough
 def test_the_figure_is_drawn(monkeypatch, tmp_path):
     whole = draw_cluster_scaling.load_of
 

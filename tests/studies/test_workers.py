@@ -57,6 +57,7 @@ def test_a_worker_that_is_killed_is_one_error_and_no_hang():
         list(processes.map(kill_itself, [signal.SIGKILL]))
 
 
+@pytest.mark.thorough
 def test_a_study_says_so_and_keeps_what_is_done(tmp_path):
     from vinefab.studies.study_runs import QUICK_SIZE, JobStore  # noqa: PLC0415
 

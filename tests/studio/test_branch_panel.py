@@ -269,6 +269,7 @@ def test_a_saved_branch_leaves_the_comments_of_the_others(tab, free_studio):
     ]
 
 
+@pytest.mark.thorough
 def test_a_design_of_levels_is_freed_and_then_each_branch_moves_alone(open_tab, studio):
     tab, world = open_tab(studio.address), vf.Map.read(studio.folder / "grid.geojson")
     before = shows(tab, world)

@@ -84,6 +84,7 @@ def sources(studio):
     return studio.folder / "own.geojson", studio.folder / "laser.toml"
 
 
+@pytest.mark.thorough
 def test_map_and_recipe_are_read_anew_when_they_change_on_disk(sources, tab):
     on_disk, laser = sources
     tab.page.evaluate(
@@ -140,6 +141,7 @@ def test_unsaved_work_outlives_its_tab_and_is_offered_once(studio, twig, open_ta
     after.soon([], lambda: list(kept.glob("*")))
 
 
+@pytest.mark.thorough
 def test_a_tab_says_when_the_work_of_another_is_saved(open_tab):
     tab = open_tab()
     set_length(tab, 160.0)
@@ -150,6 +152,7 @@ def test_a_tab_says_when_the_work_of_another_is_saved(open_tab):
     beside.page.wait_for_selector(".file-note[data-note=other]", state="detached")
 
 
+@pytest.mark.thorough
 def test_unsaved_work_of_another_folder_is_a_copy(tmp_path, start_studio, open_tab, twig):
     """Another project's file of the same name stays as it is, byte for byte."""
     other = with_length(120.0).replace("to be dragged", "of another project")
@@ -184,6 +187,7 @@ def test_unsaved_work_of_another_folder_is_a_copy(tmp_path, start_studio, open_t
     assert twig.read_text() == TWIG
 
 
+@pytest.mark.thorough
 def test_work_on_a_file_that_was_changed_since_asks_before_it_is_saved(open_tab, twig):
     tab = open_tab()
     set_length(tab, 160.0)
@@ -198,6 +202,7 @@ def test_work_on_a_file_that_was_changed_since_asks_before_it_is_saved(open_tab,
     assert twig.read_text() == with_length(140.0)
 
 
+@pytest.mark.thorough
 def test_a_moved_start_is_unsaved_work_until_it_is_saved_with_the_map(studio, open_tab):
     tab = open_tab()
     assert "●" not in tab.page.title()

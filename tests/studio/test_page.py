@@ -225,6 +225,7 @@ BUSY_MOVES = """(selector) => new Promise((resolve) => {
 """Six moves of a slider, after each of which the page is busy for longer than a hand rests."""
 
 
+@pytest.mark.thorough
 def test_a_busy_page_takes_no_moving_hand_for_one_that_rests(tab):
     slider = f'input[type=range][data-key="{LENGTH}"]'
     tab.drag(slider, (4, 0), drop=False)
@@ -234,6 +235,7 @@ def test_a_busy_page_takes_no_moving_hand_for_one_that_rests(tab):
     tab.until("() => !document.querySelector('.stale-notes')")
 
 
+@pytest.mark.thorough
 def test_the_sheet_shows_the_inflated_body_until_the_design_changes(tab):
     toggle = tab.page.locator("#deployed-toggle")
     toggle.click()
@@ -392,6 +394,7 @@ def test_targets_are_placed_dragged_renamed_removed_and_their_state_is_live(tab,
     assert [one["name"] for one in tab.state()["map"]["targets"]] == names
 
 
+@pytest.mark.thorough
 def test_scale_bar_cursor_measure_snap_and_legend(tab):
     tab.page.select_option("#snap", "10")
     tab.drag(".pose-layer .base", (23, -31))
@@ -448,6 +451,7 @@ def test_names_of_targets_are_not_cut_by_the_edge_of_the_plan(tab, grid):
     assert name.evaluate(right_of) <= tab.page.locator("#map svg.plan").evaluate(right_of)
 
 
+@pytest.mark.thorough
 def test_how_sure_scores_are_is_asked_for_once_the_hand_is_away(tab):
     tab.rest()
     tab.set(LENGTH, 71)
@@ -464,6 +468,7 @@ AT_REST = """(least) => document.querySelector("#sheet").ariaBusy === "false"
   && document.querySelectorAll("#sheet-piece option").length > least"""
 
 
+@pytest.mark.thorough
 def test_layers_and_pieces_of_the_sheet_are_switched(tab):
     pieces = tab.state()["design"]  # its outer fans lie on each other
     pieces["level"] = [
@@ -623,6 +628,7 @@ def test_two_tabs_do_not_overwrite_each_other(open_tab, twig):
     one.until("() => studio.store.get().design.level[0].length === 64")
 
 
+@pytest.mark.thorough
 def test_a_reload_in_the_middle_of_a_drag_keeps_the_state_and_the_token(tab, studio, grid):
     assert tab.page.url == f"{studio.origin}/"
     tab.drag(".pose-layer .base", (30, -20), drop=False)
@@ -656,6 +662,7 @@ def test_a_reload_keeps_what_can_be_undone(tab):
         assert tab.state() == step
 
 
+@pytest.mark.thorough
 def test_a_server_that_ends_and_one_that_starts_anew(tmp_path, start_studio, open_context):
     (tmp_path / "twig.toml").write_text(TWIG)
     page = open_context().new_page()
@@ -871,6 +878,7 @@ def test_arrow_keys_move_handles_and_obstacles(tab, grid):
     assert tab.design().levels[0].length_mm == 71.0
 
 
+@pytest.mark.thorough
 def test_ten_arrows_are_ten_steps(tab):
     """Every edit is a function of the state: keys wait for no answer."""
     target = {"name": "A", "point_mm": [60.0, 150.0]}
@@ -949,6 +957,7 @@ WINDOWS = (
 """Width, height, and the least height of the map in it."""
 
 
+@pytest.mark.thorough
 def test_the_map_is_in_view_at_every_width(tab):
     tab.page.locator("#theme").click()
     assert tab.page.get_attribute("html", "data-theme") == "dark"
@@ -1025,6 +1034,7 @@ def test_growth_options_are_seen_and_changed_in_one_place(tab, grid):
         assert tab.state()["growth"] == {}
 
 
+@pytest.mark.thorough
 def test_the_comparison_folds_away_until_something_changed(tab):
     summary = tab.page.locator("#compare summary")
     assert not summary.is_visible()

@@ -213,6 +213,7 @@ BY_NO_BROWSER = (
 )
 
 
+@pytest.mark.thorough
 def test_crowds_without_the_token_do_not_lock_the_owner_out(studio):
     """Old ones go when one more comes; the owner stays, with a page that is being loaded."""
     loading = http.client.HTTPConnection(studio.host, timeout=20)

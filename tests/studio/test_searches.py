@@ -100,6 +100,7 @@ def front_run(tmp_path):
     return folder, members
 
 
+@pytest.mark.thorough
 def test_a_search_that_was_stopped_and_resumed_ends_as_the_command_does(
     searches, tmp_path, monkeypatch
 ):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -79,6 +80,7 @@ if TYPE_CHECKING:
     from vinefab.prediction.deploy import DeployedDesign
     from vinefab.prediction.predict import Predicted
     from vinefab.prediction.skeleton_files import Skeleton
+    from vinefab.studies.frozen_problems import BenchmarkResults
 
 
 _IN_FREE_SPACE = ("design", "pose", "out", "progress", "force")
@@ -455,13 +457,14 @@ def compare(
     progress: ProgressLike = True,
     force: Force = False,
     **parameters: EitherParameters,
-) -> DesignComparison:
+) -> DesignComparison | BenchmarkResults:
     """Compare designs on the same maps and poses, with paired statistics (simulated).
 
     Parameters
     ----------
     designs
-        Two to twelve designs, their paths or their names.
+        Two to twelve designs, their paths or their names; or results of ``study benchmark``, which
+        are ranked by their problems.
     task
         Whose score, ``task_score``, is compared too: a name, in Python also a task of your own;
         default: that of the run that found the first design, where it is a plug-in's.
@@ -471,8 +474,9 @@ def compare(
 
     Returns
     -------
-    DesignComparison
-        The ``means`` by name, best first, the paired ``differences``, and a ``summary`` in lines.
+    DesignComparison or BenchmarkResults
+        The ``means`` by name, best first, the paired ``differences``, and a ``summary`` in lines;
+        of results of the benchmark ``ranking(problem)``.
 
     Raises
     ------
@@ -497,13 +501,16 @@ def compare(
     from vinefab.prediction.measures import TASK_SCORE
 
     page = page_path("out", out, force=force)
+    named = as_several(designs)
+    if any(str(one).endswith(".json") for one in named):
+        return _ranked(named)
     if task is None and measure is not None and measure != TASK_SCORE:
         measure_named(measure)  # refused before any work
     with told(progress):
         chosen, of_task = parted(environment, options, parameters)
         families = families_of(maps, start, environment, count, seed, chosen)
         context = context_of(
-            as_several(designs),
+            named,
             key="designs",
             task=task,
             usual_task="",
@@ -523,6 +530,19 @@ def compare(
     if page is not None:
         write_page(page, content, force=force)
     return found
+
+
+def _ranked(files: Sequence[object]) -> BenchmarkResults:
+    """Return results of the benchmark together."""
+    from vinefab.studies.frozen_problems import together
+
+    for one in files:
+        if not str(one).endswith(".json"):
+            problem = "is no result of the benchmark, as the others are"
+            raise UnfitInputError(
+                str(one), problem, "score designs by: vinefab study benchmark --designs"
+            )
+    return together([as_path("designs", one) for one in files])
 
 
 @verb

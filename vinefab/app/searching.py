@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from vinefab.app.common import (
     MOST_WORKERS,
@@ -51,13 +51,16 @@ from vinefab.core.verbs import (
 )
 from vinefab.core.view import Answer, Fact, Facts
 from vinefab.model.inputs import (
+    DESIGNS,
     FOLDER,
     PAIRS,
     DesignLike,
+    DesignsLike,
     MapLike,
     PathText,
     RecipeLike,
     all_names,
+    as_designs,
     as_path,
     as_several,
     name_or_path,
@@ -69,11 +72,14 @@ if TYPE_CHECKING:
     from vinefab.search.record.result import RunResult
     from vinefab.search.run_pages import RunListing
     from vinefab.search.settings import RunSettings
+    from vinefab.studies.frozen_problems import BenchmarkResults
+    from vinefab.studies.optimizer_contest import Contender
     from vinefab.tasks.task import Task
 
     RunLike = RunSettings | str | PathLike[str]
     RunsLike = str | PathLike[str] | tuple[str | PathLike[str], ...]
     Contenders = str | tuple[str, ...]
+    ContendersLike = Contenders | OptimizerConfig
 else:
     RunLike = Annotated[object, Kind(metavar="RUN.toml", files=partial(all_names, "run file"))]
     RunsLike = Annotated[
@@ -87,6 +93,7 @@ else:
             several=True,
         ),
     ]
+    ContendersLike = Contenders
 
 _FRONT_FILES = ("front.json", "front.svg", "front.png")
 
@@ -497,10 +504,8 @@ def contest(
     >>> contest("grid_coverage", optimizers=("cmaes", "random"), out="x")  # doctest: +SKIP
     """
     from vinefab.search.manufacturability import with_build_for_film
-    from vinefab.search.optimizers.optimizer import make_optimizer_config
-    from vinefab.search.settings import PartSettings, read_run
+    from vinefab.search.settings import read_run
     from vinefab.studies.optimizer_contest import (
-        Contender,
         Contest,
         comparison_blocks,
         comparison_json,
@@ -510,17 +515,9 @@ def contest(
 
     files = [Path(name_or_path("run_files", one, "run files", "run file"))
              for one in as_several(run_files)]  # fmt: skip
-    contenders = list[Contender]()
-    for text in as_several(optimizers):
-        name, _, rest = text.partition(":")
-        assert PAIRS.read is not None  # noqa: S101  for the type checker
-        parameters: Mapping[str, Any] = dict(map(PAIRS.read, rest.split(",") if rest else []))
-        make_optimizer_config(name, parameters)
-        part = PartSettings(name=name, parameters=parameters)
-        contenders.append(Contender(label=text, part=part))
     plan = Contest(
         problems=tuple(with_build_for_film(read_run(path)) for path in files),
-        contenders=tuple(contenders),
+        contenders=tuple(_contenders(optimizers)),
         seeds=seeds,
         unseen=unseen,
         poses=poses,
@@ -534,6 +531,100 @@ def contest(
     write_page(folder / "comparison.svg", comparison_svg(plan, rows), force=force)
     blocks = tuple(comparison_blocks(plan, rows))
     return StudyOutcome(found=rows, blocks=blocks, text=document)
+
+
+@verb
+def benchmark(
+    *problems: Annotated[
+        str,
+        Kind(metavar="PROBLEM", known=registered_names("vinefab.studies.frozen_problems:DIGESTS")),
+    ],
+    optimizers: Annotated[ContendersLike, also("--optimizer")] = (),
+    designs: Annotated[DesignsLike, DESIGNS] = (),
+    out: Annotated[PathText, FOLDER],
+    seeds: int = 10,
+    workers: Annotated[Workers, also("--jobs")] = 1,
+    progress: ProgressLike = True,
+    force: Force = False,
+) -> BenchmarkResults:
+    """Score optimizers or designs on problems that never change; run again, it continues.
+
+    ``compare`` ranks the files of several people together.
+
+    Parameters
+    ----------
+    *problems
+        Problems; default: all.
+    optimizers
+        NAME or NAME:KEY=VALUE,...; several; in Python also one of your own.
+    designs
+        Designs to score, however they were found.
+    out
+        Folder for record and benchmark.json.
+    seeds
+        Searches of each optimizer on each problem.
+
+    Raises
+    ------
+    BadInputError
+        If there is neither an optimizer nor a design.
+    UnfitInputError
+        If this version would pose another problem.
+    UnknownNameError
+        If there is no such problem, optimizer or design.
+
+    Examples
+    --------
+    $ vinefab study benchmark grid-coverage-free-pass --optimizer islands --seeds 2 --out mine
+    $ vinefab compare mine/benchmark.json yours/benchmark.json
+
+    >>> benchmark("grid-reach-levels-pass", designs="grid_explorer", out="x")  # doctest: +SKIP
+    """
+    from vinefab.studies.frozen_problems import (
+        BENCHMARK_FILE,
+        BenchmarkResults,
+        BenchmarkRow,
+        benchmark_contest,
+        posed,
+        rows_of_designs,
+    )
+    from vinefab.studies.optimizer_contest import contest_rows
+
+    contenders, robots = _contenders(optimizers), as_designs(designs, "designs")
+    if not contenders and not robots:
+        raise BadInputError("--optimizer", None, "an optimizer, or --designs")
+    folder = as_path("out", out)
+    with told(progress):
+        chosen = posed(problems)
+        rows = list[BenchmarkRow]()
+        if contenders:
+            plan = benchmark_contest(chosen, contenders, seeds)
+            done = contest_rows(plan, folder / "bouts.jsonl", jobs=workers, force=force)
+            rows += map(BenchmarkRow.of_run, done)
+        rows += rows_of_designs(robots, chosen)
+    found = BenchmarkResults(rows=tuple(rows))
+    write_page(folder / BENCHMARK_FILE, found.json_text(), force=force)
+    return found
+
+
+def _contenders(given: ContendersLike) -> list[Contender]:
+    """Return optimizers by name with their parameters, or one of the caller's."""
+    from vinefab.search.optimizers.optimizer import make_optimizer_config
+    from vinefab.search.settings import PartSettings
+    from vinefab.studies.optimizer_contest import Contender
+
+    if callable(getattr(given, "start", None)):
+        own = cast("OptimizerConfig", given)
+        return [Contender(label=type(own).__name__, part=PartSettings(name="islands"), own=own)]
+    contenders = []
+    for text in as_several(given):
+        name, _, rest = text.partition(":")
+        assert PAIRS.read is not None  # noqa: S101  for the type checker
+        parameters: Mapping[str, Any] = dict(map(PAIRS.read, rest.split(",") if rest else []))
+        make_optimizer_config(name, parameters)
+        part = PartSettings(name=name, parameters=parameters)
+        contenders.append(Contender(label=text, part=part))
+    return contenders
 
 
 @verb

@@ -100,6 +100,9 @@ VERBS = {
     "study reproduce": Verb(
         f"{_APP}.searching:reproduce", "Do the paper's experiments again, with statistics."
     ),
+    "study benchmark": Verb(
+        f"{_APP}.searching:benchmark", "Score a way to design on frozen problems; compare ranks it."
+    ),
     "study bench": Verb(
         f"{_APP}.searching:bench", "Measure the speed of the growth simulator on this computer."
     ),

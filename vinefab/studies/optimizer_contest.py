@@ -23,12 +23,20 @@ from vinefab.core.statistics import LEVEL, SIGNIFICANT, mean_interval, mean_p
 from vinefab.core.validation import Floats, whole
 from vinefab.core.view import Block, Number, Rows, Value, p_value
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.design import Design
 from vinefab.model.files.run_context import package_versions
 from vinefab.pages.page_files import page_svg
 from vinefab.pages.panel import Ink, Page, Panel, ends_of, jitter, page_of_rows, series_colour
+from vinefab.search.optimizers.optimizer import OptimizerConfig
 from vinefab.search.record.generations import RunIdentity
 from vinefab.search.run import Search, fresh_maps, penalty_of, training_maps
-from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
+from vinefab.search.settings import (
+    MapSettings,
+    PartSettings,
+    RunSettings,
+    has_own_targets,
+    plain_settings,
+)
 from vinefab.studies.workers import WorkerProcesses
 from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
@@ -43,6 +51,7 @@ class Contender:
 
     label: str  # what tables call it
     part: PartSettings  # name and parameters
+    own: OptimizerConfig | None = None  # one of the caller's in place of it; runs in this process
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,6 +105,7 @@ class ContestRun:
     # unseen, poses: as in `Contest`
     unseen: int
     poses: int
+    own: OptimizerConfig | None = None  # as in `Contender`
 
     @classmethod
     def of(
@@ -115,6 +125,7 @@ class ContestRun:
             settings=settings,
             unseen=contest.unseen,
             poses=contest.poses,
+            own=contender.own,
         )
 
     @property
@@ -147,20 +158,14 @@ def run_contest(contest_run: ContestRun) -> ContestRow:
     """Do one run of a comparison."""
     began_s = time.perf_counter()
     settings = contest_run.settings
-    result = _search(settings).run()
+    result = _search(settings, contest_run.own).run()
     weighed = settings.evaluation.composite
-    sites = _unseen_sites(
-        settings.maps.environment, json.dumps(dict(settings.maps.options)), contest_run.unseen
-    )
-    poses = poses_on(sites, contest_run.poses, range(contest_run.unseen))
-    task = make_task(settings.task.name, settings.task.parameters)
-    score = score_design(result.best, sites, poses, task, settings.growth)
     return ContestRow(
         key=contest_run.key,
         problem=settings.name,
         contender=contest_run.contender,
         number=contest_run.number,
-        unseen=score.composite[weighed],
+        unseen=unseen_score(result.best, settings, contest_run.unseen, contest_run.poses),
         fresh=result.score.composite[weighed],
         lucky=max(generation.best for generation in result.history),
         penalty=result.finalists[0].penalty,
@@ -168,6 +173,27 @@ def run_contest(contest_run: ContestRun) -> ContestRow:
         optimizer_s=result.times.optimizer_s,
         total_s=time.perf_counter() - began_s,
     )
+
+
+def unseen_score(design: Design, settings: RunSettings, unseen: int, poses: int) -> float:
+    """Return a design's composite on maps that no run trains on.
+
+    A task with targets of its own is tested on the run's maps, from poses that it has not seen.
+    """
+    if has_own_targets(settings):
+        sites = tuple(map(PreparedMap.of, training_maps(settings)))
+        drawn = poses_on(sites, unseen * poses, [FIRST_CONTEST_SEED] * len(sites))
+    else:
+        sites = unseen_sites(settings.maps, unseen)
+        drawn = poses_on(sites, poses, range(unseen))
+    task = make_task(settings.task.name, settings.task.parameters)
+    score = score_design(design, sites, drawn, task, settings.growth)
+    return float(score.composite[settings.evaluation.composite])
+
+
+def unseen_sites(maps: MapSettings, count: int) -> tuple[PreparedMap, ...]:
+    """Return the maps of an environment that winners are tested on."""
+    return _unseen_sites(maps.environment, json.dumps(dict(maps.options)), count)
 
 
 @lru_cache(maxsize=4)
@@ -199,7 +225,7 @@ def contest_rows(
         if (run.settings.name, run.contender) not in checked:
             checked.add((run.settings.name, run.contender))
             with located(sources[run.settings.name]):
-                _search(run.settings)
+                _search(run.settings, run.own)
     total, begun = len(contest_runs), len(contest_runs) - len(todo)
     processes = WorkerProcesses(jobs) if jobs > 1 and len(todo) > 1 else nullcontext()
     with processes as pool, phase("runs", total) as told:
@@ -218,9 +244,9 @@ def contest_rows(
     return [known[contest_run.key] for contest_run in contest_runs]
 
 
-def _search(settings: RunSettings) -> Search:
+def _search(settings: RunSettings, own: OptimizerConfig | None = None) -> Search:
     maps, fresh = training_maps(settings), fresh_maps(settings)
-    return Search.of(settings, maps, penalty_of(settings), fresh_maps=fresh)
+    return Search.of(settings, maps, penalty_of(settings), optimizer=own, fresh_maps=fresh)
 
 
 def _recorded(record: Path) -> dict[str, ContestRow]:

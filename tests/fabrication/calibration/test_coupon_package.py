@@ -150,6 +150,7 @@ def test_a_lap_coupon_is_open_at_tube_plug_and_socket_and_its_film_is_cut_free(c
         assert (len(cuts), len(seals)) == ((2, 2) if is_tube else (1, 1))
 
 
+@pytest.mark.thorough
 def test_films_that_no_laser_welds_have_lap_coupons_too():
     coupons = make_coupons(read_profile("co2_60w__tpu_nylon_70d"))
     assert coupons.report.findings == ()

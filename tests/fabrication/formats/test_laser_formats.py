@@ -313,7 +313,10 @@ def fabricate(
 
 @pytest.mark.parametrize(
     ("design", "stem"),
-    [("plain_vine", "outline"), ("grid_explorer_pieces_levels", "sheet_1/outline")],
+    [
+        ("plain_vine", "outline"),
+        pytest.param("grid_explorer_pieces_levels", "sheet_1/outline", marks=pytest.mark.thorough),
+    ],
 )
 def test_a_new_format_is_one_file_and_one_line_and_every_text_names_it(
     gcode: Path, tmp_path: Path, design: str, stem: str

@@ -50,7 +50,9 @@ POUCHED_TURNED = POUCHED.changed(build=POUCHED.build.changed(mounting="turned"))
 ROBOTS = {"TREE": TREE, "LONG": LONG, "POUCHED_TURNED": POUCHED_TURNED, "BENT": BENT}
 
 
-@pytest.fixture(scope="module", params=ROBOTS)
+@pytest.fixture(
+    scope="module", params=[pytest.param("TREE", marks=pytest.mark.thorough), *list(ROBOTS)[1:]]
+)
 def made(request):
     one = ROBOTS[request.param]
     waived = prepare(one, PROFILE)

@@ -105,7 +105,17 @@ def test_hand_made_designs_pass_but_for_the_recipe(name, spool, profile):
     assert report.blocking == ()
 
 
-@pytest.mark.parametrize("name", names("design"))
+SLOW = "grid_explorer", "grid_explorer_pieces", "cave_explorer_pieces"
+"""Robots with many joints of their own; `cave_explorer` is one, too."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.thorough] if name in SLOW else [])
+        for name in names("design")
+    ],
+)
 def test_shipped_designs_have_no_errors(name, profile):
     assert check_design(Design.read(name), profile).blocking == ()
 

@@ -93,6 +93,7 @@ def test_options_do_what_they_say() -> None:
     assert few < 4.5
 
 
+@pytest.mark.thorough
 def test_too_dense_rubble_is_refused_soon() -> None:
     with pytest.raises(BadInputError, match=r"cover is 0.7; allowed: at most about 0\.[34]"):
         rubble_map(0, RubbleOptions(cover=0.7))

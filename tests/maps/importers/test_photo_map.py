@@ -97,6 +97,7 @@ def test_bricks_with_markers_around_have_their_walls_within_a_millimetre(found):
     assert world.size_mm == pytest.approx((484.0, 384.0), abs=1.5)
 
 
+@pytest.mark.thorough
 def test_without_their_height_bricks_lean(table):
     world = imported(table, marker_mm=30.0)
     assert max(off_mm(world, SHIFT)) > 5.0
@@ -124,6 +125,7 @@ def test_obstacles_may_be_told_by_their_colour(table):
     assert world.facts["threshold"] is None
 
 
+@pytest.mark.thorough
 def test_a_crop_keeps_its_place_also_where_it_is_looked_at_in_parts(table, monkeypatch):
     options = {"marker_mm": 30.0, "height_mm": HEIGHT_MM, "crop_mm": (50.0, 60.0, 220.0, 200.0)}
     world = imported(table, **options)
@@ -149,6 +151,7 @@ def test_one_marker_is_enough(table, tmp_path):
     assert world.facts["shape_within_mm"] > 1.0  # far from one small square little is known
 
 
+@pytest.mark.thorough
 def test_a_picture_smoothed_by_software_keeps_its_scale_within_what_is_stated(table, tmp_path):
     blur_px = 1.2
     path = tmp_path / "soft.jpg"

@@ -849,6 +849,7 @@ def test_an_unknown_parameter_of_any_function_is_an_error_that_names_it():
             vf.coupon,
             vf.calibrate,
             vf.contest,
+            vf.benchmark,
             vf.reproduce,
         )
         needed = {"out": Path("none")} if function in writing else {}

@@ -74,7 +74,7 @@ VERBS = {
 }
 """Verbs with a small question each."""
 
-LONG = {"bench", "contest", "demo", "fit_observations", "observe", "reproduce"}
+LONG = {"bench", "benchmark", "contest", "demo", "fit_observations", "observe", "reproduce"}
 """Verbs that take minutes, all with a `StudyOutcome`, or photos, whose own tests copy results."""
 
 CLASSES = {name: one for name in dir(vf) if inspect.isclass(one := getattr(vf, name))}

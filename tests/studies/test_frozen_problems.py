@@ -115,7 +115,7 @@ def test_files_that_are_none_are_refused(tmp_path):
     path.write_text(json.dumps(written | {"rows": [written["rows"][0] | {"score": 0.6}]}))
     with pytest.raises(BadInputError, match="a of grid-coverage-levels-pass, seed 0"):
         vf.compare([path, other])
-    with pytest.raises(UnfitInputError, match="plain_vine is no result of the benchmark"):
+    with pytest.raises(UnfitInputError, match="plain_vine is among results of the benchmark"):
         vf.compare([other, "plain_vine"])
     with pytest.raises(BadInputError, match="optimizer is missing; give an optimizer, or designs"):
         vf.benchmark(out=tmp_path / "none")

@@ -538,7 +538,7 @@ def _ranked(files: Sequence[object]) -> BenchmarkResults:
 
     for one in files:
         if not str(one).endswith(".json"):
-            problem = "is no result of the benchmark, as the others are"
+            problem = "is among results of the benchmark"
             raise UnfitInputError(
                 str(one), problem, "score designs by: vinefab study benchmark --designs"
             )

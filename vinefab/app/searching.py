@@ -576,7 +576,7 @@ def benchmark(
     Examples
     --------
     $ vinefab study benchmark grid-coverage-free-pass --optimizer islands --seeds 2 --out mine
-    $ vinefab compare mine/benchmark.json yours/benchmark.json
+    $ vinefab compare mine/benchmark.json
 
     >>> benchmark("grid-reach-levels-pass", designs="grid_explorer", out="x")  # doctest: +SKIP
     """

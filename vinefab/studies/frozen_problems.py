@@ -106,7 +106,7 @@ DIGESTS: Mapping[str, str] = {
 
 
 def _subjects() -> Iterator[tuple[str, dict[str, object]]]:
-    """Yield what problems are about: maps and task."""
+    """Yield the subjects of problems: maps and task."""
     for environment, task in product(("grid", "cave"), ("coverage", "reach")):
         tables = {"maps": {"environment": environment, "count": MAPS}, "task": {"name": task}}
         yield f"{environment}-{task}", tables
@@ -271,7 +271,7 @@ class BenchmarkResults(Result):
         Raises
         ------
         UnreadableFileError
-            If it is no result of this version of the benchmark.
+            If it is not a result of this version of the benchmark.
         """
         text = read_text(path)
         try:

@@ -178,7 +178,7 @@ def run_contest(contest_run: ContestRun) -> ContestRow:
 def unseen_score(design: Design, settings: RunSettings, unseen: int, poses: int) -> float:
     """Return a design's composite on maps that no run trains on.
 
-    A task with targets of its own is tested on the run's maps, from poses that it has not seen.
+    A task with targets is tested on the run's maps, from poses that it has not seen.
     """
     if has_own_targets(settings):
         sites = tuple(map(PreparedMap.of, training_maps(settings)))

@@ -50,6 +50,8 @@ def making() -> Iterator[tuple[str, bytes]]:
     yield "pieces.svg", Path("pieces/assembly.svg").read_bytes()
     vf.fabricate("scout", out="scout", allow_uncalibrated=True)
     yield "folds.svg", Path("scout/folds.svg").read_bytes()
+    vf.rig(printer="generic_220", out="contact_coupon", contact_test=True)
+    yield "contact_test.svg", Path("contact_coupon/contact_test.svg").read_bytes()
     vf.coupon("co2_60w__stretchlon_200", out="coupons")
     yield "joints.webp", webp(Path("coupons/joints.png").read_bytes(), 900)
     vf.report("grid_explorer", environment="grid", count=100, out="report.html")

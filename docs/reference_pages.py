@@ -123,8 +123,8 @@ FORMATS = (
         name="contacts",
         title="Measured contacts (`vinefab/contacts-1`, TOML)",
         form=ContactsFile,
-        about="What photos of grown robots say of assumed numbers; `vinefab observe` writes it, "
-        "`--contacts` reads it.",
+        about="What photos of grown robots and coupons say of assumed numbers; "
+        "`vinefab fit-observations` writes it, `--contacts` reads it.",
     ),
 )
 

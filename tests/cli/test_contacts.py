@@ -91,12 +91,12 @@ def test_reports_say_measured_on_their_page_and_in_their_numbers(
     code, words, _ = vinefab("report", plain, *more)
     assert code == 0
     width = json.loads(words[words.index("{") :])["width"]["contacts"]
-    assert width["head_on_half_angle_deg"] == [3.0, 4.0, 5.0, 6.0]
+    assert width["head_on_half_angle_deg"] == [3.0, 3.75, 4.5, 5.25, 6.0]
     assert width["standing"] == f"measured: {WORDS}"
     text = page.read_text()
     charts = [b64decode(one).decode() for one in re.findall(r"svg\+xml;base64,([^\"]+)", text)]
     assert any("tips stop within 3 to 6 deg, measured: " in chart for chart in charts)
-    assert "was measured on photos of grown robots" in text
+    assert "slides on or stops there was measured (12 contacts on 4 photos" in text
     assert "growth.body_width_ratio" in text
 
 
@@ -123,14 +123,14 @@ def test_bounds_leave_the_other_end_assumed(bounded):
     vine = Design.read("plain_vine")
     assert "at most 8 deg; too few photos, from 5 on; 1 deg assumed)" in growth_text(upper, [vine])
     lower = GrowthOptions.of({"contacts": read_contacts(bounded("lower", 12.0, 90.0))})
-    assert lower.half_angle_deg == [12.0, 15.0]
-    assert "at least 12 deg; too few photos, from 5 on; 15 deg assumed)" in growth_text(
+    assert lower.half_angle_deg == [12.0, 30.0]
+    assert "at least 12 deg; too few photos, from 5 on; 30 deg assumed)" in growth_text(
         lower, [vine]
     )
-    loose = GrowthOptions.of({"contacts": read_contacts(bounded("upper", 0.0, 30.0))})
-    assert loose.half_angle_deg == [1.0, 15.0]
+    loose = GrowthOptions.of({"contacts": read_contacts(bounded("upper", 0.0, 40.0))})
+    assert loose.half_angle_deg == [1.0, 30.0]
     few = "too few photos, from 5 on"
-    assert f"at most 30 deg; {few}; 1 to 15 deg assumed)" in growth_text(loose, [vine])
+    assert f"at most 40 deg; {few}; 1 to 30 deg assumed)" in growth_text(loose, [vine])
     assert upper.at_one_angle.half_angle_deg == 1.0
 
 
@@ -171,7 +171,7 @@ def test_designs_that_were_trained_with_it_are_grown_with_it(measured, tmp_path)
 def test_without_measured_contacts_nothing_changes():
     plain = GrowthOptions()
     assert "contacts" not in plain.content
-    assert plain.contact_angles_deg == (1.0, 5.0, 10.0, 15.0)
+    assert plain.contact_angles_deg == (1.0, 8.25, 15.5, 22.75, 30.0)
     tree = Design.read("three_level_tree")
     radii_mm = Plan.of(tree, plain).radii_mm
     assert radii_mm == Plan.of(tree, GrowthOptions.of({"body_width_ratio": 1.0})).radii_mm

@@ -103,7 +103,7 @@ def test_the_plain_vine_has_the_same_length_film_and_rules():
 
 def test_contacts_are_all_that_they_may_be_unless_the_user_says():
     low, high = aim_growth([TREE], None).options.half_angle_range_rad
-    assert np.degrees([low, high]) == pytest.approx([1.0, 15.0])
+    assert np.degrees([low, high]) == pytest.approx([1.0, 30.0])
     given = aim_growth([TREE], {"head_on_half_angle_deg": 4.0}).options
     assert np.degrees(given.half_angle_range_rad) == pytest.approx([4.0, 4.0])
 

@@ -64,7 +64,7 @@ def test_every_half_angle_has_the_measures_of_its_own_deployments(explorer, prep
             assert found.values[measure.key][index].mean == pytest.approx(mean, abs=most)
     stuck = [value.mean for value in found.values[STUCK.key]]
     # Deployments differ from angle to angle: a wider one stops more tips, but not at each step.
-    assert stuck[-1] == max(stuck) > min(stuck)
+    assert stuck[0] < max(stuck)
     assert found.ends(COVERAGE)[0] < found.ends(COVERAGE)[1]
 
 

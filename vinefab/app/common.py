@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_bytes, write_text
 from vinefab.core.errors import BadInputError, UnfitInputError, located
+from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted
 from vinefab.core.verbs import Doc, Kind, Within, also, note, registered_names, this_call, wrote
 from vinefab.core.view import Block, Notes, Result, Rows, Text, lines
@@ -36,6 +37,7 @@ from vinefab.model.inputs import (
 if TYPE_CHECKING:
     from typing import Unpack
 
+    from vinefab.growth.options import GrowthOptions
     from vinefab.model.design import Design
     from vinefab.model.files.run_context import RunContext
     from vinefab.model.finding import CheckReport
@@ -284,7 +286,7 @@ def context_of(
     if growth is not ...:
         from vinefab.growth.options import GrowthChoice
 
-        choice = GrowthChoice.of(robots, given)
+        choice = GrowthChoice.of(robots, on_surface(given, worlds))
         if run.growth:
             used.append("growth options")
             others += [f"{', '.join(given)} as given"] * bool(given)
@@ -302,6 +304,29 @@ def context_of(
         growth=choice,
         given=given,
     )
+
+
+def on_surface(growth: Mapping[str, Any] | None, worlds: Sequence[Map]) -> dict[str, Any]:
+    """Return growth options with the surface that maps name, where the caller gives none."""
+    from vinefab.growth.options import surface_of
+
+    given = dict(as_mapping("growth", growth))
+    if given.get("surface") is None and (surface := surface_of(worlds)):
+        given["surface"] = surface
+    return given
+
+
+def note_surface(context: Context) -> None:
+    """Say where the walls of the maps may stop tips that slide at the half-angle of growth."""
+    options: GrowthOptions = context.growth.options
+    low, high = options.known_half_angle.ends_deg
+    if options.surface and not low <= deg(options.half_angle_range_rad[1]) <= high:
+        known = f"{low:g} to {high:g} deg ({options.known_half_angle.standing})"
+        note(
+            f"walls are {options.surface}, half-angles of {known}; "
+            f"grown at {options.half_angle_text}: report and compare show the range",
+            only_in_shell=True,
+        )
 
 
 _Words = tuple[tuple[str, ...], tuple[str, ...]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -23,11 +24,24 @@ from vinefab.core.atomic import ensure_writable, is_filled_in, write_bytes, writ
 from vinefab.core.errors import BadInputError, ExportRefusedError, UnfitInputError, located
 from vinefab.core.plain_text import counted
 from vinefab.core.progress import phase
-from vinefab.core.verbs import FieldsOf, Force, Kind, ProgressLike, Within, also, told, verb, wrote
+from vinefab.core.verbs import (
+    IN_PLACE,
+    FieldsOf,
+    Force,
+    Kind,
+    ProgressLike,
+    Within,
+    also,
+    this_call,
+    told,
+    verb,
+    wrote,
+)
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.inputs import (
     DESIGNS,
     FOLDER,
+    ContactsLike,
     DesignLike,
     DesignsLike,
     GrowthLike,
@@ -41,6 +55,7 @@ from vinefab.model.inputs import (
     all_names,
     as_design,
     as_designs,
+    as_growth,
     as_limits,
     as_map,
     as_maps,
@@ -62,7 +77,7 @@ if TYPE_CHECKING:
     from vinefab.fabrication.calibration.fit_recipe import Calibration
     from vinefab.model.finding import CheckReport
     from vinefab.prediction.fix_proposal import ProposedFix
-    from vinefab.rig.part import Printer
+    from vinefab.rig.part import Printer, RigOptions
 
     PrinterLike = Printer | str | PathLike[str]
     PicturesLike = str | PathLike[str] | Iterable[str | PathLike[str]]
@@ -479,8 +494,6 @@ def calibrate(
     >>> mine = calibrate("coupons/results.csv", out="mine.toml")  # doctest: +SKIP
     >>> fabricate("plain_vine", mine, out="package")  # doctest: +SKIP
     """
-    from dataclasses import replace
-
     from vinefab.fabrication.calibration.coupons import read_results
     from vinefab.fabrication.calibration.fit_recipe import calibrated_recipe, fitted_recipe
     from vinefab.model.contacts import contacts_with
@@ -500,13 +513,13 @@ def calibrate(
             raise UnfitInputError("contacts", problem, "count the children that came out")
     write_page(path, calibrated_recipe(found, before, path, table), force=force)
     if shares is not None and found.emergence is not None:
-        write_page(shares, contacts_with(found.emergence, shares), force=force)
+        write_page(shares, contacts_with(shares, found.emergence), force=force)
     return replace(found, path=path)
 
 
 @verb
 def rig(
-    world: Annotated[MapLike, also("--map")],
+    world: Annotated[MapLike | None, also("--map"), IN_PLACE] = None,
     printer: PrinterLike = DEFAULT_PRINTER,
     *,
     out: OutFolder,
@@ -516,6 +529,8 @@ def rig(
     sheet_mm: Annotated[tuple[float, float] | None, several_numbers("WIDTH,DEPTH")] = None,
     lid: bool = False,
     base: bool = False,
+    contact_test: bool = False,
+    contacts: ContactsLike | None = None,
     allow_empty: bool = False,
     pictures: bool = True,
     progress: ProgressLike = True,
@@ -529,6 +544,8 @@ def rig(
 
     Parameters
     ----------
+    world
+        A map, or the path of a map file; none with ``contact_test``.
     printer
         A printer's name or path, in Python also a printer.
     design
@@ -541,6 +558,11 @@ def rig(
         Add a transparent lid (DXF).
     base
         Add a printed base for the robot: tube, chamber and lid, clamped by the holder.
+    contact_test
+        In place of a map, walls that are met at 5 to 40 degrees from head-on, on one bed, with a
+        table to fill in for `fit_observations`.
+    contacts
+        Measured contacts, whose surfaces the rig may name.
     allow_empty
         Make a bare tray of a map without anything to steer around.
     pictures
@@ -568,25 +590,32 @@ def rig(
     Examples
     --------
     $ vinefab rig grid.geojson --printer generic_220 --fit-mm 400 --out rig
+    $ vinefab rig --contact-test --surface grey_pla --printer generic_220 --out coupon
 
     >>> from vinefab import maps
     >>> made = rig(maps.pegs(seed=4), "generic_220", out="rig", fit_mm=300)  # doctest: +SKIP
     """
     from vinefab.core.limits import number
+    from vinefab.model.contacts import surface_known
     from vinefab.rig.make import RIG_MARK, RigRequest, make_rig
-    from vinefab.rig.part import Printer, RigOptions, read_printer
+    from vinefab.rig.part import RigOptions
     from vinefab.rig.rig_plan import refuse_fine
 
-    folder = folder_to_write("out", out, RIG_MARK, force=force)
-    place, machine = as_map(world, "world", start), printer
-    if isinstance(world, str | PathLike):
-        refuse_fine(place, Path(world))
-    if not isinstance(machine, Printer):
-        allowed = f"a Printer, a path, or one of {', '.join(all_names('printer'))}"
-        machine = read_printer(name_or_path("printer", machine, allowed, "printer"))
     if sheet_mm is not None:
         sizes |= {"sheet_width_mm": sheet_mm[0], "sheet_depth_mm": sheet_mm[1]}
     options = RigOptions(**sizes)
+    if contact_test:
+        return _contact_test(_printer_of(printer), out, options, pictures, progress, force=force)
+    if world is None:
+        raise UnfitInputError("map", "is missing", "give a map file, or --contact-test")
+    folder = folder_to_write("out", out, RIG_MARK, force=force)
+    place, machine = as_map(world, "world", start), _printer_of(printer)
+    if isinstance(world, str | PathLike):
+        refuse_fine(place, Path(world))
+    named = options.surface or place.surface
+    if named:
+        given = as_growth(None, contacts=contacts).get("contacts")
+        options = options.changed(surface=surface_known(named, given).surface)
     request = RigRequest(
         design=None if design is None else as_design(design),
         allow_empty=allow_empty,
@@ -605,6 +634,63 @@ def rig(
     return WrittenFolder(
         path=folder, files=tuple(made.files), report=made.report, summary=made.summary
     )
+
+
+def _printer_of(printer: PrinterLike) -> Printer:
+    """Return a printer, passed as such, or by its name or path."""
+    from vinefab.rig.part import Printer, read_printer
+
+    if isinstance(printer, Printer):
+        return printer
+    allowed = f"a Printer, a path, or one of {', '.join(all_names('printer'))}"
+    return read_printer(name_or_path("printer", printer, allowed, "printer"))
+
+
+_OF_CONTACT_TESTS = {"contact_test", "printer", "out", "pictures", "progress", "force"}
+"""Parameters of `rig` that mean something without a map, with the sizes of a rig."""
+
+
+def _contact_test(
+    printer: Printer,
+    out: PathText,
+    options: RigOptions,
+    pictures: bool,  # noqa: FBT001  as the verb was given them
+    progress: ProgressLike,
+    *,
+    force: bool,
+) -> WrittenFolder:
+    """Write the contact coupon: its rig, a table to fill in, instructions."""
+    from vinefab.observation.surface_fit import UNNAMED
+    from vinefab.rig.contact_test import (
+        CONTACTS_NAME,
+        contact_files,
+        contact_map,
+        contact_options,
+        strip_design,
+    )
+    from vinefab.rig.make import RIG_MARK, RigRequest, make_rig
+
+    for name, value in this_call().changed.items():
+        if name not in _OF_CONTACT_TESTS and name not in type(options).model_fields and value:
+            raise UnfitInputError(name, "goes with a map", "leave it out of the contact test")
+    folder = folder_to_write("out", out, RIG_MARK, force=force)
+    surface = options.surface or UNNAMED
+    options = contact_options(printer, options.changed(surface=surface))
+    world = replace(contact_map(), surface=surface)
+    with told(progress):
+        request = RigRequest(design=strip_design(), pictures=pictures, extras=False)
+        made = make_rig(world, printer, options, request)
+        if made.report.blocking:
+            raise _refused("contact test", made.report)
+        files = {**made.files, **contact_files(surface, world)}
+    kept = f"{folder} is as this call writes it; {CONTACTS_NAME}, filled in, is kept"
+    if is_filled_in(folder / CONTACTS_NAME, files, force=force):
+        return WrittenFolder(
+            path=folder, files=tuple(files), report=made.report, summary=(*made.summary, kept)
+        )
+    write_folder(folder, files, RIG_MARK, force=force)
+    wrote(folder, f"/ ({counted(len(files), 'file')}; begin with README.txt)")
+    return WrittenFolder(path=folder, files=tuple(files), report=made.report, summary=made.summary)
 
 
 # --- The verb that puts a design's pattern under pressure -----------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.app.common import PictureFile, ensure_apart, page_path, write_page
@@ -40,11 +41,18 @@ if TYPE_CHECKING:
     Layers = str | Sequence[str]
 else:
     Layers = Annotated[object, Kind(metavar="NAME", several=True)]
+SurfaceName = Annotated[
+    str, Doc("What the walls are like: smooth, rough, or a surface of your contacts file.")
+]
 MapOut = Annotated[PathText | None, file_kind(*MAP_SUFFIXES), Doc("The map file to write.")]
 
 
-def _kept(world: Map, out: Any, *, force: bool, is_new: bool = True) -> Map:
+def _kept(
+    world: Map, out: Any, *, force: bool, is_new: bool = True, surface: str | None = None
+) -> Map:
     """Write a map if a file is asked for, and return it; of a new one, tell how it was made."""
+    if surface is not None:
+        world = replace(world, surface=surface)
     for key, value in world.facts.items() if is_new else ():
         if value is not None and key not in ("notes", "free_apart"):  # told as sentences
             shown = f"{value:.6g}" if isinstance(value, float) else value
@@ -62,6 +70,7 @@ def generate(
     seed: Seed = 0,
     *,
     start: StartsLike = (),
+    surface: SurfaceName | None = None,
     out: MapOut = None,
     force: Force = False,
     **options: object,
@@ -94,7 +103,7 @@ def generate(
 
     kind = ENVIRONMENTS[environment]
     made = kind.generate(seed, with_parameters(kind.options, environment, options))
-    return _kept(as_map(made, start=start), out, force=force)
+    return _kept(as_map(made, start=start), out, force=force, surface=surface)
 
 
 def generator(environment: str) -> Callable[..., Map]:
@@ -114,8 +123,8 @@ Parameters
 seed
     The same seed gives the same map.
 **options
-    The fields of `{kind.options.__module__}.{kind.options.__name__}`, and ``start``, ``out`` and
-    ``force`` as in `generate`.
+    The fields of `{kind.options.__module__}.{kind.options.__name__}`, and ``start``, ``surface``,
+    ``out`` and ``force`` as in `generate`.
 
 Raises
 ------
@@ -245,6 +254,7 @@ def import_(
     *,
     out: MapOut = None,
     start: StartsLike = (),
+    surface: SurfaceName | None = None,
     layers: Annotated[Layers, also("--layer")] = (),
     preview: Annotated[PathText | None, file_kind(".png")] = None,
     progress: ProgressLike = True,
@@ -327,7 +337,8 @@ def import_(
     )
     with told(progress), phase("reading the source"):
         if preview is None:
-            return _kept(as_map(import_map(source, chosen), start=places), out, force=force)
+            world = as_map(import_map(source, chosen), start=places)
+            return _kept(world, out, force=force, surface=surface)
         if source.suffix.lower() not in PHOTO_SUFFIXES:
             problem = f"is for photos and scans ({', '.join(PHOTO_SUFFIXES)}) alone"
             raise UnfitInputError("preview", problem, "leave it out", source)
@@ -337,7 +348,8 @@ def import_(
 
         imported = read_photo_map(source, chosen)
         picture = page_png(photo_preview(imported))
-    world = _kept(as_map(imported.world, start=places), out, force=force)
+    world = as_map(imported.world, start=places)
+    world = _kept(world, out, force=force, surface=surface)
     target = as_path("preview", preview)
     write_bytes(target, picture, force=force)
     wrote(target)

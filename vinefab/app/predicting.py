@@ -22,6 +22,8 @@ from vinefab.app.common import (
     ensure_apart,
     families_of,
     note_seen,
+    note_surface,
+    on_surface,
     page_path,
     parted,
     with_origin,
@@ -71,6 +73,7 @@ from vinefab.model.inputs import (
 if TYPE_CHECKING:
     from vinefab.observation.contact_fit import ContactFit
     from vinefab.observation.observe_photo import Observation
+    from vinefab.observation.surface_fit import SurfaceFit
 
 if TYPE_CHECKING:
     from vinefab.model.design import Design
@@ -205,9 +208,10 @@ def grow(
         contacts=contacts,
         children_of_stuck=children_of_stuck,
     )
+    note_surface(context)
     (robot,), here = context.as_grown, None if pose is None else Pose.of(pose)
     with told(progress):
-        found = deploy(robot, context.worlds[0], here, context.given)
+        found = deploy(robot, context.worlds[0], here, on_surface(context.given, context.worlds))
         if drawing is not None:
             where = f"on {context.worlds[0].name}"
             lines = Skeleton.of_deployment(found.deployment, robot, where)
@@ -310,6 +314,7 @@ def score(
             head_on_half_angle_deg=head_on_half_angle_deg,
             contacts=contacts,
         )
+        note_surface(context)
         plan = ScorePlan(task=context.task, poses=poses, seed=seed)
         (robot,) = context.as_grown
         found = score_design_on_task(robot, context.worlds, plan, context.growth.options)
@@ -418,7 +423,7 @@ def aim(
     )
     (place,) = context.worlds
     compared = held_against(*context.as_grown, alone=alone)
-    choice = aim_growth(compared, context.given)
+    choice = aim_growth(compared, on_surface(context.given, context.worlds))
     plan = AimPlan(
         where=where,
         deployments=deployments,
@@ -496,6 +501,7 @@ def compare(
     >>> sorted(found.means)
     ['plain_vine', 'three_level_tree']
     """
+    from vinefab.growth.options import shown_growth
     from vinefab.prediction.comparison import compare_designs, measure_named
     from vinefab.prediction.family_deployments import PredictionPlan
     from vinefab.prediction.measures import TASK_SCORE
@@ -515,12 +521,12 @@ def compare(
             task=task,
             usual_task="",
             parameters=of_task,
-            growth=growth,
+            growth=on_surface(growth, [world for family in families for world in family.worlds]),
             body=body,
             head_on_half_angle_deg=head_on_half_angle_deg,
             contacts=contacts,
         )
-        choice, robots = context.growth, context.as_grown
+        choice, robots = shown_growth(context.growth, context.given), context.as_grown
         note_seen(context, families)
         main = None if measure is None else measure_named(measure, context.task)
         plan = PredictionPlan(poses=poses, seed=seed, options=choice.options, task=context.task)
@@ -599,6 +605,7 @@ def report(
     """
     from dataclasses import replace
 
+    from vinefab.growth.options import shown_growth
     from vinefab.prediction.family_deployments import PredictionPlan
     from vinefab.prediction.predict import predict
 
@@ -626,10 +633,9 @@ def report(
             for family in families
         )
         note_seen(context, families)
-        plan = PredictionPlan(
-            poses=poses, seed=seed, options=context.growth.options, task=context.task
-        )
-        found = predict(robot, profile, families, plan)
+        choice = shown_growth(context.growth, context.given)
+        plan = PredictionPlan(poses=poses, seed=seed, options=choice.options, task=context.task)
+        found = replace(predict(robot, profile, families, plan), growth_notes=choice.notes)
         found = replace(with_origin(found, [robot], families, profile), path=path)
         content = found.page()
     write_page(path, content, force=force)
@@ -773,29 +779,38 @@ def _with_reading(seen: Observation, table: Path, pressure_kpa: float) -> Observ
 
 @verb
 def fit_observations(
-    observations: Annotated[PathText | tuple[PathText, ...], Kind(metavar="JSON", several=True)],
+    observations: Annotated[PathText | tuple[PathText, ...], Kind(metavar="FILE", several=True)],
     *,
     angle_error_deg: Annotated[float, Within(0.1, 30.0, "deg")] = 2.0,
+    film: str = "",
+    tube_diameter_mm: Annotated[float | None, Within(0.1, 1e4, "mm")] = None,
     out: Annotated[PathText | None, written(".toml")] = None,
     progress: ProgressLike = True,
     force: Force = False,
-) -> ContactFit:
-    """Fit several observations: half-angle, friction of the tip and widths, with 95 % intervals.
+) -> ContactFit | SurfaceFit:
+    """Fit observed contacts: half-angle, friction of the tip and widths, with 95 % intervals.
 
     Parameters
     ----------
     observations
         JSON files of observations, one for each photo, in Python also what `observe` returned for
-        such ``out``.
+        such ``out``; or one CSV table of contacts, from ``rig --contact-test``: its columns are
+        angle_from_head_on_deg, grew_on (yes or no) and, if you like, surface.
     angle_error_deg
         Standard error of the angles of contacts where an observation does not give it (assumed).
+    film
+        Of the tubes of a table.
+    tube_diameter_mm
+        Of the tubes of a table.
     out
-        A file to write; predictions read it as ``contacts``.
+        A file to write; predictions read it as ``contacts``. The surfaces of a table are added to
+        what it holds.
 
     Returns
     -------
-    ContactFit
-        A ``summary`` in lines, all ``numbers``, and the file's ``path``.
+    ContactFit | SurfaceFit
+        A ``summary`` in lines, all ``numbers``, and the file's ``path``; of a table the
+        ``surfaces``.
 
     Raises
     ------
@@ -809,6 +824,7 @@ def fit_observations(
     Examples
     --------
     $ vinefab fit-observations seen.json --out contacts.toml
+    $ vinefab fit-observations coupon/contacts.csv --out contacts.toml
 
     >>> fitted = fit_observations(["one.json", "two.json"], out="mine.toml")  # doctest: +SKIP
     >>> fitted.numbers["head_on_half_angle_deg"]["low"]  # doctest: +SKIP
@@ -821,8 +837,30 @@ def fit_observations(
         raise BadInputError("observations", None, "JSON files of observations")
     for path in paths if file is not None else ():
         ensure_apart("out", file or path, path, "an observation")
+    tables = [path for path in paths if path.suffix.lower() == ".csv"]
+    if tables and len(paths) > 1:
+        problem = f"{tables[0]} is a table of contacts, given with other files"
+        raise UnfitInputError("observations", problem, "give it alone, all contacts in one table")
+    for name in ("film", "tube_diameter_mm") if not tables else ():
+        if this_call().changed.get(name):
+            raise UnfitInputError(name, "goes with a table of contacts", "leave it out")
+    if tables:
+        return _fit_table(tables[0], file, film, tube_diameter_mm, force=force)
     with told(progress), phase("contacts of all observations"):
         found = fit_files(paths, angle_error_deg)
     if file is not None:
         write_page(file, found.text(), force=force)
+    return replace(found, path=file)
+
+
+def _fit_table(
+    table: Path, file: Path | None, film: str, tube_diameter_mm: float | None, *, force: bool
+) -> SurfaceFit:
+    """Fit a table of contacts, and add its surfaces to a file, which may be a new one."""
+    from vinefab.model.contacts import contacts_with
+    from vinefab.observation.surface_fit import fit_contact_table
+
+    found = fit_contact_table(table, film=film, tube_diameter_mm=tube_diameter_mm)
+    if file is not None:
+        write_page(file, contacts_with(file, surfaces=found.surfaces), force=force)
     return replace(found, path=file)

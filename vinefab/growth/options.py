@@ -1,7 +1,7 @@
 """Options of the growth model, and which of them a command takes."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -14,19 +14,28 @@ from vinefab.core.errors import BadInputError, UnfitInputError, UnknownNameError
 from vinefab.core.limits import deg, rad
 from vinefab.core.table import Slider, Table, declared_keys
 from vinefab.core.validation import Floats, number
-from vinefab.model.contacts import MeasuredContacts, MeasuredNumber, contacts_of
+from vinefab.model.contacts import (
+    SURFACES,
+    MeasuredContacts,
+    MeasuredNumber,
+    Side,
+    Surface,
+    contacts_of,
+    surface_known,
+)
 from vinefab.model.design import ORIGIN_GROWTH, Design
 from vinefab.model.inputs import Body, ChildrenOfStuck
+from vinefab.model.map import Map
 from vinefab.model.tree import BranchTree
 from vinefab.physics.growth_pressure import FITTED_DIAMETER_MM
 from vinefab.physics.tube import inflated_radius_mm
 
 DEFAULT_HEAD_ON_HALF_ANGLE_RAD = math.radians(1.0)
 
-CONTACT_ANGLES_DEG = (1.0, 5.0, 10.0, 15.0)
-"""Head-on half-angles that a prediction is shown for [assumed]: real tips slid at up to 75 degrees
-from the wall's tangent, so 15 is the most; how much less it is, is not known. Photos of a user's
-own robots replace them (`GrowthOptions.contact_angles_deg`)."""
+UNMEASURED_DEG = (1.0, 30.0)
+"""Head-on half-angles that a prediction is shown for where nothing was measured [assumed]: the tips
+that were seen slid on smooth walls, and others stopped on rough ones. A surface that a map names,
+and measurements of a user's own robots, replace them (`GrowthOptions.contact_angles_deg`)."""
 
 HALF_ANGLE_DEG = "head_on_half_angle_deg"
 
@@ -67,9 +76,10 @@ class GrowthOptions(Table):
     """Options of the growth model; recorded with every result, because results depend on them.
 
     ``head_on_half_angle_rad``: a tip that meets a wall with its heading within this angle of the
-    wall's inward normal stops there. Real robots slid at up to 75 degrees from the wall's tangent,
-    so the true value is at most about 15 degrees. A range (low, high) gives every evaluation
-    another value: the same for all designs that are compared.
+    wall's inward normal stops there. Surface and tube decide its value: 1 to 15 degrees on smooth
+    walls, 15 to 45 on rough ones (assumed). For a tip that slides as a solid it is the angle whose
+    tangent is the friction (Coulomb's cone); an everting tip lies below. A range (low, high) gives
+    every evaluation another value: the same for all designs that are compared.
 
     ``body``: inflated, every level sees the free space shrunk by its inflated radius, lay-flat
     width / pi. The published model has a line, and no pressure.
@@ -82,7 +92,7 @@ class GrowthOptions(Table):
         float | Annotated[tuple[float, float], Field(strict=False)],
         Field(alias=HALF_ANGLE_DEG),
         Unit("deg"),
-        Slider(0, 20, 0.5),
+        Slider(0, 45, 0.5),
         Doc("within it of head-on a tip stops, 0 to 90; [low, high]: drawn"),
     ] = DEFAULT_HEAD_ON_HALF_ANGLE_RAD
     children_of_stuck: Annotated[
@@ -132,6 +142,10 @@ class GrowthOptions(Table):
         BeforeValidator(lambda given: None if given is None else contacts_of(given)),
         Doc("measured: a file, relative to the run file, or its name; or the numbers themselves"),
     ] = None
+    surface: Annotated[
+        str | None,
+        Doc("of the walls: smooth, rough, or one of `contacts`; else the maps', where they say it"),
+    ] = None
 
     @model_validator(mode="before")
     @classmethod
@@ -145,6 +159,8 @@ class GrowthOptions(Table):
         low_rad, high_rad = self.half_angle_range_rad
         number(HALF_ANGLE_DEG, deg(high_rad), 0.0, 90.0, "deg")
         number(HALF_ANGLE_DEG, deg(low_rad), 0.0, deg(high_rad), "deg")
+        if self.surface is not None:
+            surface_known(self.surface, self.contacts)
         return self
 
     @classmethod
@@ -179,8 +195,12 @@ class GrowthOptions(Table):
             if name not in GROWTH_NAMES:
                 raise UnknownNameError("growth option", name, GROWTH_NAMES)
         base, values = base or cls(), dict(given)
+        surface: Any = values.get("surface", base.surface)
         if values.get("contacts") is not None:
-            values = {**measured_values(values["contacts"]), **values}
+            values = {**measured_values(values["contacts"], surface), **values}
+        elif base.contacts and surface in [one.surface for one in base.contacts.surfaces]:
+            ends_deg = KnownHalfAngle.of(base.contacts, surface).ends_deg
+            values = {HALF_ANGLE_DEG: list(ends_deg), **values}
         kept = {name: getattr(base, name) for name in cls.model_fields if name not in values}
         if HALF_ANGLE_DEG in values:
             del kept["head_on_half_angle_rad"]
@@ -285,44 +305,45 @@ class GrowthOptions(Table):
 
         All its children come out.
         """
-        angle_rad, measured = self.half_angle_range_rad[0], self.measured_half_angle
-        if self.draws_half_angle and measured is not None and measured.value is not None:
-            angle_rad = rad(measured.value)
+        angle_rad, known = self.half_angle_range_rad[0], self.known_half_angle
+        if self.draws_half_angle and self.uses_measured and known.value_deg is not None:
+            angle_rad = rad(known.value_deg)
         return self.changed(head_on_half_angle_rad=angle_rad, emergence=1.0)
 
     @property
-    def measured_half_angle(self) -> MeasuredNumber | None:
-        """The measured half-angle if growth uses it; None where another one was given."""
-        found = None if self.contacts is None else self.contacts.head_on_half_angle_deg
-        if found is None:
-            return None
-        ends = self.half_angle_range_rad
-        low_rad, high_rad = (rad(angle_deg) for angle_deg in half_angle_ends_deg(found))
-        one_rad = low_rad if found.value is None else rad(found.value)
-        uses = ((low_rad, high_rad), (one_rad, one_rad))
-        return found if any(np.allclose(ends, use, rtol=0.0, atol=1e-9) for use in uses) else None
+    def in_the_middle(self) -> "GrowthOptions":
+        """The options with the half-angle in the middle of its range."""
+        return self.changed(head_on_half_angle_rad=rad(self.known_half_angle.middle_deg))
+
+    @property
+    def known_half_angle(self) -> "KnownHalfAngle":
+        """What is known of the half-angle on this surface, whatever growth uses."""
+        return KnownHalfAngle.of(self.contacts, self.surface)
+
+    @property
+    def uses_measured(self) -> bool:
+        """Whether growth uses the measured half-angle; another one may have been given."""
+        known = self.known_half_angle
+        uses = known.ends_deg, (known.middle_deg, known.middle_deg)
+        ends = [deg(angle_rad) for angle_rad in self.half_angle_range_rad]
+        return known.is_measured and any(
+            np.allclose(ends, use, rtol=0.0, atol=1e-7) for use in uses
+        )
 
     @property
     def half_angle_standing(self) -> str:
         """Where the half-angle comes from: ``assumed``, or ``measured`` and how."""
-        found = self.measured_half_angle
-        return "assumed" if found is None else _measured_standing(found)
+        return self.known_half_angle.standing if self.uses_measured else "assumed"
 
     @property
     def contact_angles_deg(self) -> tuple[float, ...]:
-        """Head-on half-angles that predictions are shown for: over the measured interval."""
-        found = None if self.contacts is None else self.contacts.head_on_half_angle_deg
-        if found is None:
-            return CONTACT_ANGLES_DEG
-        low, high = half_angle_ends_deg(found)
-        steps = np.linspace(low, high, len(CONTACT_ANGLES_DEG)).tolist()
-        return tuple(dict.fromkeys((low, *(round(step, 2) for step in steps[1:-1]), high)))
+        """Head-on half-angles that predictions are shown for: ends, middle and between."""
+        return self.known_half_angle.angles_deg
 
     @property
     def contact_angles_standing(self) -> str:
         """Where `contact_angles_deg` come from: ``assumed``, or ``measured`` and how."""
-        found = None if self.contacts is None else self.contacts.head_on_half_angle_deg
-        return "assumed" if found is None else _measured_standing(found)
+        return self.known_half_angle.standing
 
     @property
     def half_angle_deg(self) -> float | list[float]:
@@ -408,6 +429,25 @@ class GrowthChoice:
         return GrowthChoice(options=options, notes=(*notes, note))
 
 
+def shown_growth(choice: GrowthChoice, given: Mapping[str, object]) -> GrowthChoice:
+    """Return how designs are grown for a prediction: in the middle of the range of half-angles.
+
+    Parameters
+    ----------
+    given
+        Options that the caller gave; with a half-angle among them that one counts.
+    """
+    if HALF_ANGLE_DEG in given:
+        return choice
+    trained, known = choice.options, choice.options.known_half_angle
+    low, high = known.ends_deg
+    note = (
+        f"grown at a head-on half-angle of {known.middle_deg:g} deg, the middle of {low:g} to "
+        f"{high:g} ({known.standing}); trained at {trained.half_angle_text}"
+    )
+    return GrowthChoice(options=trained.in_the_middle, notes=(*choice.notes, note))
+
+
 def trained_growth(design: Design) -> GrowthOptions:
     """Return the growth options that a design was trained with; the defaults where none stand."""
     table = design.origin.get(ORIGIN_GROWTH, {})
@@ -461,37 +501,140 @@ def growth_text(options: GrowthOptions, designs: Sequence[Design]) -> str:
     return ", ".join(parts)
 
 
-def half_angle_ends_deg(found: MeasuredNumber) -> tuple[float, float]:
-    """Return the range of half-angles that a measured one leaves open.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownHalfAngle:
+    """What is known of the head-on half-angle on a surface, measured or assumed."""
 
-    Where photos gave only a bound, the other end is the assumed one, as long as the bound allows.
+    ends_deg: tuple[float, float]  # the range that predictions are shown for
+    standing: str  # ``assumed``, with a colon and how; or ``measured`` and how
+    value_deg: float | None = None  # the most likely one, where it is known
+    source: str = ""  # who saw the contacts, and how
+    measured_deg: tuple[float, ...] = ()  # the numbers among these that were measured
+
+    @classmethod
+    def of(cls, contacts: MeasuredContacts | None, surface: str | None) -> "KnownHalfAngle":
+        """Return the half-angle that was measured on a surface, else on photos, else assumed.
+
+        A file with one surface alone holds for maps that name none.
+        """
+        measured = () if contacts is None else contacts.surfaces
+        on_photos = None if contacts is None else contacts.head_on_half_angle_deg
+        if surface is None and on_photos is None and len(measured) == 1:
+            return cls.on_surface(measured[0])
+        if surface is not None and (surface in [one.surface for one in measured] or not on_photos):
+            return cls.on_surface(surface_known(surface, contacts))
+        return cls(ends_deg=UNMEASURED_DEG, standing="assumed") if on_photos is None else (
+            cls.on_photos(on_photos)
+        )  # fmt: skip
+
+    @classmethod
+    def on_surface(cls, found: Surface) -> "KnownHalfAngle":
+        """Return the half-angle of a surface."""
+        low, high, value = (getattr(found.half_angle_deg, end) for end in ("low", "high", "value"))
+        side: Side = "both"
+        if value is None and found.standing == "measured":
+            side = "upper" if low == 0.0 else "lower" if high == 90.0 else "both"
+        ends, left_open = _left_open(side, low, high)
+        return cls(
+            ends_deg=ends,
+            standing=f"{found.standing}: {found.text}{left_open}",
+            value_deg=value,
+            source=found.source,
+            measured_deg=_numbers(side, low, high, value) * (found.standing == "measured"),
+        )
+
+    @classmethod
+    def on_photos(cls, found: MeasuredNumber) -> "KnownHalfAngle":
+        """Return the half-angle that photos of grown robots measured."""
+        ends, left_open = _left_open(found.side, found.low, found.high)
+        return cls(
+            ends_deg=ends,
+            standing=f"measured: {found.text('deg')}{left_open}",
+            value_deg=found.value,
+            source=found.source,
+            measured_deg=_numbers(found.side, found.low, found.high, found.value),
+        )
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether it was measured."""
+        return self.standing.startswith("measured")
+
+    @property
+    def middle_deg(self) -> float:
+        """The most likely half-angle, else the middle of the range."""
+        return sum(self.ends_deg) / 2.0 if self.value_deg is None else self.value_deg
+
+    @property
+    def angles_deg(self) -> tuple[float, ...]:
+        """The half-angles that predictions are shown for, least first."""
+        (low, high), middle = self.ends_deg, self.middle_deg
+        between = (round((low + middle) / 2.0, 2), middle, round((middle + high) / 2.0, 2))
+        return tuple(dict.fromkeys((low, *between, high)))
+
+
+CONTACT_ANGLES_DEG = KnownHalfAngle(ends_deg=UNMEASURED_DEG, standing="assumed").angles_deg
+"""Half-angles that predictions are shown for where nothing was measured and no surface is named."""
+
+
+def _numbers(side: Side, low: float, high: float, value: float | None) -> tuple[float, ...]:
+    """Return the numbers of a measurement: value and interval, or the one bound."""
+    bounds = {"both": (low, high), "upper": (high,), "lower": (low,)}[side]
+    return bounds if value is None else (value, *bounds)
+
+
+def _left_open(side: Side, low: float, high: float) -> tuple[tuple[float, float], str]:
+    """Return the range of half-angles that a measurement leaves open, and its assumed part.
+
+    Where there is only a bound, the other end is the assumed one, as far as the bound allows.
     """
-    least, most = CONTACT_ANGLES_DEG[0], CONTACT_ANGLES_DEG[-1]
-    if found.side == "upper":
-        return min(least, found.high), min(most, found.high)
-    if found.side == "lower":
-        return found.low, max(most, found.low)
-    return found.low, found.high
+    least, most = UNMEASURED_DEG
+    if side == "upper":
+        ends = min(least, high), min(most, high)
+        between = f"; {ends[0]:g} to {most:g} deg assumed"
+        return ends, between if most < high else f"; {ends[0]:g} deg assumed"
+    if side == "lower":
+        ends = low, most if low < most else high
+        return ends, f"; {ends[1]:g} deg assumed"
+    return (low, high), ""
 
 
-def _measured_standing(found: MeasuredNumber) -> str:
-    """Return the measured part of a range of half-angles, and its source."""
-    words = f"measured: {found.text('deg')}"
-    low, high = half_angle_ends_deg(found)
-    other = {"both": "", "upper": f"; {low:g} deg assumed", "lower": f"; {high:g} deg assumed"}
-    if found.side == "upper" and high < found.high:
-        return f"{words}; {low:g} to {high:g} deg assumed"
-    return words + other[found.side]
-
-
-def measured_values(given: object) -> dict[str, Any]:
+def measured_values(given: object, surface: str | None = None) -> dict[str, Any]:
     """Return the growth options that measured contacts give, as files have them."""
-    contacts = contacts_of(given)
-    values: dict[str, Any] = {}
-    if contacts.head_on_half_angle_deg is not None:
-        values[HALF_ANGLE_DEG] = list(half_angle_ends_deg(contacts.head_on_half_angle_deg))
+    contacts = None if given is None else contacts_of(given)
+    known, values = KnownHalfAngle.of(contacts, surface), dict[str, Any]()
+    if known.is_measured:
+        values[HALF_ANGLE_DEG] = list(known.ends_deg)
+    if contacts is None:
+        return values
     if contacts.body_width_ratio is not None and contacts.body_width_ratio.value is not None:
         values["body_width_ratio"] = contacts.body_width_ratio.value
     if contacts.emergence is not None:
         values["emergence"] = contacts.emergence.value
     return values
+
+
+def surface_words() -> str:
+    """Return what is known of half-angles in general, by surface."""
+    known = (
+        f"{one.half_angle_deg.low:g} to {one.half_angle_deg.high:g} degrees where walls are "
+        f"{one.surface} ({one.standing}, {one.counted})"
+        for one in SURFACES
+    )
+    return f"surface and tube decide: {', '.join(known)}"
+
+
+def surface_of(worlds: Iterable[Map]) -> str | None:
+    """Return the surface that maps name; None where none names one.
+
+    Raises
+    ------
+    UnfitInputError
+        If they name different ones.
+    """
+    named = dict.fromkeys(world.surface for world in worlds)
+    if len(named) > 1:
+        words = ", ".join(name or "none" for name in named)
+        remedy = "take maps of one surface, or give --growth surface=NAME"
+        raise UnfitInputError("maps", f"they name different surfaces: {words}", remedy)
+    return next(iter(named), None) or None

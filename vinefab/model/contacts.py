@@ -1,6 +1,6 @@
 """What was measured of contacts: numbers with intervals, read by predictions."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -10,7 +10,7 @@ from annotated_types import Ge, Interval, Le, Unit
 from pydantic import Field, model_validator
 from typing_extensions import Doc
 
-from vinefab.core.errors import BadInputError, UnfitInputError
+from vinefab.core.errors import BadInputError, UnfitInputError, UnknownNameError
 from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.table import Table, validated
 from vinefab.core.validation import number
@@ -111,10 +111,82 @@ class MeasuredShare(Table):
         return f"{tried}, 95 % interval {self.low:.2f} to {self.high:.2f}"
 
 
+_ANGLE = Interval(ge=0, le=90)
+
+
+class SurfaceAngle(Table):
+    """The head-on half-angle on one surface: the likely value, and the range that it lies in."""
+
+    low: Annotated[float, _ANGLE, Unit("deg"), Doc("least; 0 where every tip grew on")]
+    high: Annotated[float, _ANGLE, Unit("deg"), Doc("greatest; 90 where every tip stopped")]
+    value: Annotated[
+        float | None, Unit("deg"), Doc("the most likely one; left out where it is not known")
+    ] = None
+
+    @model_validator(mode="after")
+    def _is_an_interval(self) -> "SurfaceAngle":
+        number("high", self.high, self.low, 90.0)
+        if self.value is not None:
+            number("value", self.value, self.low, self.high)
+        return self
+
+
+class Surface(Table):
+    """Contacts with one kind of wall: the half-angle belongs to a surface with a film."""
+
+    surface: Annotated[str, Field(min_length=1, max_length=80), Doc("its name")]
+    half_angle_deg: Annotated[
+        SurfaceAngle, Unit("deg"), Doc("within it of a wall's normal, head-on, a tip stops")
+    ]
+    contacts: Annotated[int, Ge(0), Le(10**6), Doc("that were seen; 0: no count is published")]
+    tube_diameter_mm: Annotated[
+        float | None, Ge(0.1), Le(1e4), Unit("mm"), Doc("of the tubes; left out: not known")
+    ] = None
+    film: Annotated[str, Field(exclude_if=lambda name: not name), Doc("of the tubes")] = ""
+    source: Annotated[str, Field(min_length=1), Doc("who saw them, and how")]
+    standing: Annotated[
+        Literal["measured", "published", "assumed"], Doc("where the half-angle comes from")
+    ] = "measured"
+
+    @property
+    def text(self) -> str:
+        """Its source in a few words: ``on rough, 40 contacts, 95 % interval 9 to 16 deg``."""
+        ends = f"{self.half_angle_deg.low:g} to {self.half_angle_deg.high:g} deg"
+        kind = "95 % interval " if self.standing == "measured" else ""
+        return f"on {self.surface}, {self.counted}, {kind}{ends}"
+
+    @property
+    def counted(self) -> str:
+        """How many contacts were seen: ``17 contacts``."""
+        return counted(self.contacts, "contact") if self.contacts else "contacts not counted"
+
+
+SURFACES = (
+    Surface(
+        surface="smooth",
+        half_angle_deg=SurfaceAngle(low=1.0, high=15.0),
+        contacts=17,
+        source="17 lasting contacts on films of others (DiffVineSimPy), all slid, 19 degrees or "
+        "more from head-on; one more of a 24 mm tube slid at 16.3 (Jitosho 2021)",
+        standing="assumed",
+    ),
+    Surface(
+        surface="rough",
+        half_angle_deg=SurfaceAngle(low=15.0, high=45.0),
+        contacts=0,
+        source="one abstract: robots pinned after 24 cm between rough cylinders of 8 cm "
+        "(Murray-Cooper et al., APS March Meeting 2019, S64.8)",
+        standing="assumed",
+    ),
+)
+"""Surfaces that every map may name; measured ones of a contacts file take their places."""
+
+
 class MeasuredContacts(Table):
     """What was measured of contacts: a number that was not is None.
 
-    Several photos together give all but the share of children that come out, which coupons give.
+    Several photos together give all but the share of children that come out and the surfaces, which
+    coupons give.
     """
 
     head_on_half_angle_deg: Annotated[
@@ -148,13 +220,38 @@ class MeasuredContacts(Table):
         MeasuredShare | None,
         Doc("share of the children that come out of their parent's tip"),
     ] = None
+    surfaces: Annotated[
+        tuple[Surface, ...],
+        Field(strict=False, exclude_if=lambda found: not found),
+        Doc("half-angles by surface, which maps and rigs name"),
+    ] = ()
 
     @model_validator(mode="after")
     def _has_a_number(self) -> "MeasuredContacts":
         names = MeasuredContacts.model_fields
-        if all(getattr(self, name) is None for name in names):
+        if not any(getattr(self, name) for name in names):
             raise UnfitInputError("contacts", "hold no number", f"give one of {', '.join(names)}")
+        named = [one.surface for one in self.surfaces]
+        if len(set(named)) < len(named):
+            twice = next(name for name in named if named.count(name) > 1)
+            raise UnfitInputError("surfaces", f"{twice} is there twice", "leave one of them out")
         return self
+
+
+def surface_known(name: str, contacts: MeasuredContacts | None) -> Surface:
+    """Return the surface of a name: a measured one, else one that ships.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none.
+    """
+    known = {one.surface: one for one in SURFACES}
+    if contacts is not None:
+        known |= {one.surface: one for one in contacts.surfaces}
+    if name not in known:
+        raise UnknownNameError("surface", name, known)
+    return known[name]
 
 
 CONTACTS_SCHEMA: Final = "vinefab/contacts-1"
@@ -203,14 +300,25 @@ def contacts_text(contacts: MeasuredContacts, method: Mapping[str, object]) -> s
     return f"# {GENERATOR}: measured contacts\n{tomli_w.dumps(content)}"
 
 
-def contacts_with(emergence: MeasuredShare, path: Path) -> str:
-    """Return a file of measured contacts, or a new one, with the share of children that come out.
+def contacts_with(
+    path: Path, emergence: MeasuredShare | None = None, surfaces: Sequence[Surface] = ()
+) -> str:
+    """Return a file of measured contacts, or a new one, with more numbers; its others stay.
 
-    Its other numbers stay.
+    Parameters
+    ----------
+    emergence
+        The share of children that come out, if it was measured.
+    surfaces
+        Surfaces that were measured; those of the same names in the file are replaced.
     """
-    found, method = {}, {}
+    found, method = dict[str, object](), dict[str, object]()
     if path.exists():
         before = validated(ContactsFile, read_toml(path), path)
         found = {name: getattr(before, name) for name in MeasuredContacts.model_fields}
+        named = {one.surface for one in surfaces}
+        surfaces = [*(one for one in before.surfaces if one.surface not in named), *surfaces]
         method = dict(before.method)
-    return contacts_text(MeasuredContacts(**{**found, "emergence": emergence}), method)
+    if emergence is not None:
+        found["emergence"] = emergence
+    return contacts_text(MeasuredContacts(**{**found, "surfaces": tuple(surfaces)}), method)

@@ -267,13 +267,16 @@ else:
     ContactsLike = Annotated[
         object,
         Kind(metavar="FILE"),
-        Doc("Numbers that photos measured (`fit_observations`), in place of assumed ones."),
+        Doc(
+            "Numbers that photos or a contact coupon measured (`fit_observations`), in place of "
+            "assumed ones."
+        ),
     ]
     HalfAngle = Annotated[
         object,
         Kind(metavar="DEG", read=_half_angle, words=_numbers_words, hyphen=True),
-        Doc("Contacts closer to head-on than this stop a tip (assumed); a range LOW,HIGH gives "
-            "every deployment another value."),
+        Doc("Contacts closer to head-on than this stop a tip (assumed; smooth walls 1 to 15, rough "
+            "ones 15 to 45); a range LOW,HIGH gives every deployment another value."),
     ]  # fmt: skip
     Pairs = Annotated[object, PAIRS]
     GrowthLike = Annotated[

@@ -65,6 +65,9 @@ class Map:
         The generator's seed, None for imported maps.
     facts
         Parameters of the generator or settings of the import; plain values.
+    surface
+        What walls are like: ``smooth``, ``rough``, or a surface of your contacts file. Empty: not
+        known.
     """
 
     name: str
@@ -75,6 +78,7 @@ class Map:
     environment: str = "unknown"
     seed: int | None = None
     facts: Mapping[str, object] = field(default_factory=dict)
+    surface: str = ""
 
     def __post_init__(self) -> None:
         for key, kind in (("obstacles", Polygon), ("starts", Start)):
@@ -387,7 +391,7 @@ class _AboutForm(Table):
 
 _about_fields: dict[str, Any] = {
     name: (Map.__annotations__[name] | None, None)
-    for name in ("name", "environment", "seed", "facts")
+    for name in ("name", "environment", "seed", "facts", "surface")
 }
 _About = create_model("_About", __base__=_AboutForm, **_about_fields)
 """With fields of `Map`, any of which may be missing."""
@@ -402,6 +406,7 @@ def map_text(world: Map) -> str:
         "environment": world.environment,
         "seed": world.seed,
         "facts": dict(world.facts),
+        **({"surface": world.surface} if world.surface else {}),
     }
     lines = [_feature_line(world.bounds, role="bounds")]
     lines += [_feature_line(polygon, role="obstacle") for polygon in world.obstacles]
@@ -513,6 +518,7 @@ def _map_of(features: list[dict[str, Any]], about: Mapping[str, Any], stem: str)
         environment=about.get("environment") or "geojson",
         seed=about.get("seed"),
         facts=about.get("facts", {}),
+        surface=about.get("surface", ""),
     )
     for key, target in targets:
         check_targets(world, (target,), key)

@@ -205,8 +205,9 @@ class DesignComparison(Result):
             for name, one in zip(self.names, self.designs, strict=True)
         }
         yield Answer(
-            f"{ranked[0][0]} has the best mean {measure.title}, {measure.text(ranked[0][1])}, "
-            f"{'' if clear else 'not '}clearly ahead of every other (simulated).",
+            f"{ranked[0][0]} has the best mean {measure.title}, {measure.text(ranked[0][1])} "
+            f"at {self.plan.options.half_angle_text}, {'' if clear else 'not '}clearly ahead of "
+            f"every other (simulated); {self.order_words}.",
             "plain" if clear else "caution",
         )
         yield Picture(
@@ -243,6 +244,8 @@ class DesignComparison(Result):
         )
         yield Data({"standing": "simulated", "growth": self.plan.options.content,
                     "measure": measure.key, **task_content(self.plan.task),
+                    "orders": [{"head_on_half_angle_deg": angle, "designs": order}
+                               for angle, order in self.orders.items()],
                     "maps": some.map_count})  # fmt: skip
         yield Data(lambda: {"designs": {name: o.spreads for name, o in outcomes.items()}})
         # Charts of every measure, designs over contacts and on the same map.
@@ -319,6 +322,32 @@ class DesignComparison(Result):
         least, most = contacts.angles_deg[0], contacts.angles_deg[-1]
         over = f"half-angles of {least:g} to {most:g} deg, {contacts.standing.partition(':')[0]}"
         return f"{low} to {high} over {over}{contacts.over_rules(measure)}"
+
+    @property
+    def orders(self) -> dict[float, tuple[str, ...]]:
+        """Names by their mean, the best first, at each half-angle; empty where it has no mean."""
+        key, sign = self.measure.key, 1.0 if self.measure.better == "more" else -1.0
+        if not all(key in found.values for found in self.contacts):
+            return {}
+        means = np.array([[v.mean for v in found.values[key]] for found in self.contacts])
+        places = np.argsort(-sign * means, axis=0, kind="stable").T.tolist()
+        angles = self.contacts[0].angles_deg
+        return {
+            angle: tuple(self.names[place] for place in row)
+            for angle, row in zip(angles, places, strict=True)
+        }
+
+    @property
+    def order_words(self) -> str:
+        """Whether the order of the means survives the range of half-angles, as text."""
+        over, kept = self.contacts[0].over, tuple(name for name, _ in self.ranked(self.measure))
+        if not self.orders:
+            return f"{self.measure.title} is not followed over {over}"
+        others = {angle: order for angle, order in self.orders.items() if order != kept}
+        if not others:
+            return f"the order of the means is the same over {over}"
+        turned = ", ".join(f"{' > '.join(order)} at {angle:g}" for angle, order in others.items())
+        return f"the order does not survive {over}: {turned}"
 
     def ranked(self, measure: Measure) -> list[tuple[str, float]]:
         """Return names and means, the best first; designs without any value are left out."""

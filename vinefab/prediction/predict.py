@@ -1,5 +1,6 @@
 """Predictions for a design over maps and unseen environments: all numbers and the report."""
 
+import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
@@ -12,7 +13,7 @@ from pydantic import Field
 
 from vinefab.core.codec import Record, decimals
 from vinefab.core.compiling import precompile
-from vinefab.core.limits import deg
+from vinefab.core.limits import deg, rad
 from vinefab.core.plain_text import counted, rounded
 from vinefab.core.progress import phase
 from vinefab.core.statistics import means_by_map
@@ -46,7 +47,7 @@ from vinefab.fabrication.package.prepare import (
     recipe_verdict,
 )
 from vinefab.fabrication.rules.catalog import RULES
-from vinefab.growth.options import GrowthOptions, growth_text
+from vinefab.growth.options import GrowthOptions, growth_text, surface_words
 from vinefab.inflation.pattern import as_grown
 from vinefab.model.contacts import MeasuredNumber
 from vinefab.model.deployment import Deployment
@@ -372,6 +373,7 @@ class Predicted(WrittenResult):
     effects: tuple[Effect, ...]
     tolerance: Tolerance
     more: tuple[Section, ...] = ()  # what else its page shows
+    growth_notes: tuple[str, ...] = ()  # why it was grown by these rules, a sentence each
     origin: Origin | None = None  # what it takes to get it again
     path: Path | None = None  # its page
     schema = "vinefab/prediction-1"
@@ -416,6 +418,14 @@ class Predicted(WrittenResult):
             return TOUCHED
         return _ASKED.get(str(self.prepared.design.origin.get("task")), SEEN)
 
+    @property
+    def _over_contacts(self) -> str:
+        """The half-angle of the headline, and the range of the measure over half-angles."""
+        measure, options = self.asked, self.plan.options
+        low, high = (measure.number(value) for value in self.contacts.ends(measure))
+        unit = f" {measure.unit}".rstrip()
+        return f"at {options.half_angle_text}; {low} to {high}{unit} over {self.contacts.over}"
+
     def view(self) -> tuple[Block, ...]:
         """Return its scores, its rate of failure, the cost to make it, then all the rest."""
         return self._blocks
@@ -438,7 +448,7 @@ class Predicted(WrittenResult):
         spread, (does, what) = outcomes.spread(self.asked), self.asked.does
         share = "-" if spread is None else self.asked.text(spread.mean)
         deed = f" {does} {share} {what}" if asked is None else f": {asked.headline}"
-        yield Answer(f"{design.name}{deed}; {words}", tone, "verdict")
+        yield Answer(f"{design.name}{deed}, {self._over_contacts}; {words}", tone, "verdict")
         if targets is not None:
             yield Data({"targets_headline": targets.headline})
         yield from self._typical()
@@ -450,6 +460,7 @@ class Predicted(WrittenResult):
         )
         if targets is not None:
             yield targets.table
+        yield Notes(self.growth_notes)
         yield Notes(self.notes, "notes")
         yield Notes(cautions(prepared, self.window, outcomes))
         yield Facts((Fact("growth model", self.growth),))
@@ -753,18 +764,12 @@ Numbers = tuple[tuple[str, Quantity], ...]
 def model_assumptions(options: GrowthOptions) -> Numbers:
     """Return the numbers of the models behind predictions, by name with unit."""
     angles = dict.fromkeys(deg(angle_rad) for angle_rad in options.half_angle_range_rad)
-    found, name = options.measured_half_angle, "growth.head_on_half_angle_deg"
     factor = RULES["VF-P01"].limits["safety_factor"]
     coverage, friction = Coverage(), ASSUMED_FRICTION
     yours, printed = "measure your robots", "film on printed plastic"
     own = "vinefab's own, the paper does not give it"
     return (
-        *(
-            _assumed(name, angle, "real robots: at most about 15")
-            if found is None or angle not in _ends_of(found)
-            else (name, _of_photos(found, angle))
-            for angle in angles
-        ),
+        *chain.from_iterable(_half_angle_numbers(options, angle) for angle in angles),
         _assumed("making.length_tolerance_percent", LENGTH_TOLERANCE_PERCENT, yours),
         _assumed("making.angle_tolerance_deg", ANGLE_TOLERANCE_DEG, yours),
         *_contact_numbers(options),
@@ -785,6 +790,18 @@ def model_assumptions(options: GrowthOptions) -> Numbers:
         _assumed("coverage.weight_film", coverage.weight_film, own),
         _assumed("reach.buffer_mm", Reach().buffer_mm, own),
     )
+
+
+def _half_angle_numbers(options: GrowthOptions, angle_deg: float) -> Numbers:
+    """Return a half-angle that growth uses, and the friction that it is for a solid."""
+    known, standing = options.known_half_angle, Standing.ASSUMED
+    source = f"{surface_words()}; {known.standing}"
+    if options.uses_measured and angle_deg in known.measured_deg:
+        standing, source = Standing.MEASURED, f"{known.standing}; {known.source}"
+    cone = "Coulomb's cone: tangent of the half-angle, for a tip that slides as a solid; not used"
+    angle = Quantity(value=angle_deg, standing=standing, source=source)
+    friction = Quantity(value=math.tan(rad(angle_deg)), standing=Standing.COMPUTED, source=cone)
+    return ("growth.head_on_half_angle_deg", angle), ("growth.friction_of_half_angle", friction)
 
 
 def _ends_of(found: MeasuredNumber) -> list[float]:

@@ -22,7 +22,13 @@ from vinefab.core.statistics import ANY_NUMBER, PAIRED_TAILS, MeanValue
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.growth.batch import Batch, GrowthBlock, Launches, Workspace
-from vinefab.growth.options import BRANCH_CONTACTS, BranchContact, GrowthOptions, UnknownRule
+from vinefab.growth.options import (
+    BRANCH_CONTACTS,
+    BranchContact,
+    GrowthOptions,
+    UnknownRule,
+    surface_words,
+)
 from vinefab.growth.plan import Plan, Plans
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
@@ -44,6 +50,7 @@ from vinefab.pages.panel import (
     series_colour,
     upright,
 )
+from vinefab.physics.anchoring import ASSUMED_FRICTION
 from vinefab.prediction.family_deployments import (
     PredictionPlan,
     PreparedFamily,
@@ -355,15 +362,8 @@ def cost_row(
         words = "branches pass, or stop at each other"
     else:
         words = f"children come out, {low:.3g} to {high:.3g}"
-    words += ", measured" * (standing != "assumed")
+    words += ", measured" * standing.startswith("measured")
     return f"{words}: {means[0]:z.{digits}f} to {means[-1]:z.{digits}f}", tuple(means)
-
-
-CONTACT_WORDS = (
-    "Whether a tip that meets a wall slides on or stops there is not known: films of real robots "
-    "show sliding down to 15 degrees from head-on. Every number here holds for one half-angle "
-    "within which a tip stops, and the same poses. The range is the honest width of a prediction."
-)
 
 
 RULE_WORDS = (
@@ -375,13 +375,22 @@ RULE_WORDS = (
 
 def contact_words(found: ContactRange) -> str:
     """Return the meaning of a range of half-angles, and its source."""
-    if found.standing == "assumed":
-        return CONTACT_WORDS
+    if not found.standing.startswith("measured"):
+        middle = found.angles_deg[len(found.angles_deg) // 2]
+        return (
+            f"Whether a tip that meets a wall slides on or stops there is not known: "
+            f"{surface_words()}. Every number here holds for one half-angle within which a tip "
+            "stops, and the same poses. The range is the honest width of a prediction. A "
+            f"half-angle of {middle:g} degrees is the cone of Coulomb friction "
+            f"{math.tan(rad(middle)):.2g}, for a tip that slides as a solid; an everting tip lies "
+            "below it. Growth uses the half-angle alone, and anchoring another friction, "
+            f"{ASSUMED_FRICTION.value:g}."
+        )
     return (
-        "Whether a tip that meets a wall slides on or stops there was measured on photos of grown "
-        f"robots ({found.standing}). Every number here holds for one half-angle "
-        "within which a tip stops, and the same poses. What the photos leave open is the width of "
-        "a prediction."
+        "Whether a tip that meets a wall slides on or stops there was measured "
+        f"({found.standing.removeprefix('measured: ')}). Every number here holds for one "
+        "half-angle within which a tip stops, and the same poses. What was left open is the width "
+        "of a prediction."
     )
 
 
@@ -575,8 +584,7 @@ SIDEWAYS_STEPS_MM = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
 
 LENGTH_STEPS_PERCENT = (-10.0, -5.0, 5.0, 10.0)
 
-HEAD_ON_STEPS_DEG = (4.0, 9.0, 14.0)
-"""Beyond the 1 degree that is assumed: 5, 10 and 15 degrees, the most that is plausible."""
+HEAD_ON_STEPS_DEG = (-14.0, -7.0, 7.0, 14.0)
 
 LENGTH_TOLERANCE_PERCENT = 1.0
 
@@ -681,9 +689,9 @@ def sensitivity(evaluator: VariantEvaluator) -> tuple[Effect, ...]:
         other = scaled_tree(design, 1.0 + step / 100.0)
         variants.append(replace(exact, knob="lengths", step=step, unit="%", design=other))
     for step in HEAD_ON_STEPS_DEG:
-        low_rad, high_rad = (
-            min(angle + rad(step), math.pi / 2.0) for angle in options.half_angle_range_rad
-        )
+        low_rad, high_rad = (angle + rad(step) for angle in options.half_angle_range_rad)
+        if low_rad < 0.0 or high_rad > math.pi / 2.0:
+            continue
         wider = options.changed(head_on_half_angle_rad=(low_rad, high_rad))
         variants.append(
             replace(exact, knob="head-on half-angle", step=step, unit="deg", options=wider)
@@ -784,8 +792,8 @@ def sensitivity_blocks(effects: Sequence[Effect], measures: Sequence[Measure]) -
         f"Every change is tried from the same {counted(count, 'pose')} as without it, and each "
         "deployment is "
         "compared with itself (simulated). Position: sideways to the heading, left is positive. "
-        "Lengths: all branches alike. Head-on half-angle: on top of the angle assumed; the real "
-        "one is not known, at most about 15 degrees."
+        "Lengths: all branches alike. Head-on half-angle: on top of the one that it was grown at; "
+        f"{surface_words()}."
     )
 
     def cell(change: MeanValue | None, measure: Measure) -> str:

@@ -540,8 +540,8 @@ def _drawn(run: EndedRun, name: str, world: Map, deployment: Deployment, words: 
 
 _KNOWN = {
     True: "Whether a tip that meets a wall slides on or stops there is not known,",
-    False: "Whether a tip that meets a wall slides on or stops there is known from photos only as "
-    "far as the range says,",
+    False: "Whether a tip that meets a wall slides on or stops there is measured only as far as "
+    "the range says,",
 }
 
 
@@ -564,7 +564,7 @@ def _width_section(found: WinnerPrediction) -> Section:
         ),
     )
     words = (
-        f"{_KNOWN[standing == 'assumed']} nor how well a "
+        f"{_KNOWN[not standing.startswith('measured')]} nor how well a "
         "body is placed: what a robot will do lies in these ranges. Positive headings turn the "
         "base to its left, positive positions move it to its left; places without room for the "
         "trunk are left out."

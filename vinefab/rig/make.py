@@ -595,6 +595,7 @@ class RigRequest:
     pictures: bool = True  # draw the plan and sheets, and write report.html
     lid: bool = False  # add a lid, to be cut from a transparent sheet
     base: bool = False  # add a printed base, clamped by the holder
+    extras: bool = True  # add a scale cube and a north arrow
 
 
 def make_rig(
@@ -624,6 +625,7 @@ def make_rig(
         raise UnfitInputError(f"map {world.name!r}", problem, remedy)
     with phase("solids of the rig"):
         rig, pieces, why_style = _built(world, printer, options)
+        rig = rig if request.extras else replace(rig, extras=())
         rig, fixtures = with_fixtures(rig, world, request.design, with_base=request.base)
     jobs = laser_jobs(rig, pieces, fixtures.board, lid=request.lid)
     sheets = {name: sheet_file(name, jobs[name]) for name in each("sheets of the rig", jobs)}

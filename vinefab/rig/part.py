@@ -184,6 +184,11 @@ class RigOptions(Table):
         Mm, _within(2, 30), Doc("hole for the fitting in a printed base's lid; 8.8: tap G 1/8")
     ] = 8.8
 
+    surface: Annotated[
+        str | None,
+        Doc("what its walls are like: smooth, rough, or one of your contacts file; else the map's"),
+    ] = None
+
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         if self.top_mm > self.height_mm:

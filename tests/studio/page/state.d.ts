@@ -186,6 +186,34 @@ type MeasuredShare = {
   standing?: "measured";
 };
 
+/** The head-on half-angle on one surface: the likely value, and the range that it lies in. */
+type SurfaceAngle = {
+  /** deg: least; 0 where every tip grew on */
+  low: number;
+  /** deg: greatest; 90 where every tip stopped */
+  high: number;
+  /** deg: the most likely one; left out where it is not known */
+  value?: number;
+};
+
+/** Contacts with one kind of wall: the half-angle belongs to a surface with a film. */
+type Surface = {
+  /** its name */
+  surface: string;
+  /** deg: within it of a wall's normal, head-on, a tip stops */
+  half_angle_deg: SurfaceAngle;
+  /** that were seen; 0: no count is published */
+  contacts: number;
+  /** mm: of the tubes; left out: not known */
+  tube_diameter_mm?: number;
+  /** of the tubes */
+  film?: string;
+  /** who saw them, and how */
+  source: string;
+  /** where the half-angle comes from */
+  standing?: "measured" | "published" | "assumed";
+};
+
 /** What was measured of contacts: a number that was not is None. */
 type MeasuredContacts = {
   /** deg: within it of a wall's normal, head-on, a tip stops */
@@ -198,6 +226,8 @@ type MeasuredContacts = {
   film_breadth_ratio?: MeasuredNumber;
   /** share of the children that come out of their parent's tip */
   emergence?: MeasuredShare;
+  /** half-angles by surface, which maps and rigs name */
+  surfaces: Surface[];
 };
 
 /** Options of the growth model; recorded with every result, because results depend on them. */
@@ -222,6 +252,8 @@ type GrowthOptions = {
   body_width_ratio: number;
   /** measured: a file, relative to the run file, or its name; or the numbers themselves */
   contacts?: MeasuredContacts;
+  /** of the walls: smooth, rough, or one of `contacts`; else the maps', where they say it */
+  surface?: string;
 };
 
 /** The maps of the panel with many maps: seeds of an environment, or files. */

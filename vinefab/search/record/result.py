@@ -441,6 +441,7 @@ def map_to_text(world: Map) -> str:
         "targets": [target.content for target in world.targets],
         "environment": world.environment,
         "seed": world.seed,
+        **({"surface": world.surface} if world.surface else {}),
     }
     return json.dumps(record)
 
@@ -456,6 +457,7 @@ def map_from_text(text: str) -> Map:
         targets=tuple(record.get("targets", ())),
         environment=record["environment"],
         seed=record["seed"],
+        surface=record.get("surface", ""),
     )
 
 

@@ -213,13 +213,18 @@ class WinnerPrediction(Record):
     @property
     def lead_facts(self) -> tuple[Fact, ...]:
         """The facts that lead a page: the score elsewhere, failures, and placed off."""
-        (low, high), number = self.placed_off_ends, mean_number(self.unseen.score)
+        low, high = self.placed_off_ends
+        angles_deg, (least, most) = self.head_on_half_angles_deg, self.unseen.contact_ends
+        middle = len(angles_deg) // 2
+        number = mean_number(self.unseen.over_contacts[middle])
         over = f"mean over {counted(self.unseen.deployments, 'deployment')}"
         score = Fact(
             f"{self.title} on {self.unseen.label}",
             replace(number, interval=None),
-            detail=f"{number.bracket}, {over}".removeprefix(", "),
-            standing="simulated",
+            detail=f"{number.bracket}, {over} at a half-angle of {angles_deg[middle]:g} deg; "
+            f"{least:.3f} to {most:.3f} over {angles_deg[0]:g} to {angles_deg[-1]:g} deg; "
+            f"{self.unseen.score.mean:.3f} as trained".removeprefix(", "),
+            standing=f"simulated, {_short(self.head_on_half_angles_standing)}",
         )
         placed = Fact(
             f"{self.title} placed off",

@@ -118,6 +118,9 @@ def test_a_run_is_optimized_for_a_task_of_another_package(vinefab, run_file, gri
     assert "theirs 1.0" in (tmp_path / "run/best.toml").read_text()
 
 
+MIDDLE = 15.5
+"""The half-angle of reports and comparisons, degrees; scores take the one of the training."""
+
 VERBS = {
     "score": (("score", "plain_vine"), "task", "depth"),
     "compare": (("compare", "plain_vine", "three_level_tree"), "measure", "task_score"),
@@ -138,7 +141,8 @@ def test_every_verb_that_scores_takes_a_task_of_another_package(
     assert (code, complaint) == (0, "")
     found = json.loads((tmp_path / "found.json").read_text())
     assert found[key] == value
-    scored = vf.score("plain_vine", "depth", maps=grid, unit_mm=50.0).composite["mean"]
+    middle = {"head_on_half_angle_deg": MIDDLE}
+    scored = vf.score("plain_vine", "depth", maps=grid, unit_mm=50.0, **middle).composite["mean"]
     if verb == "report":
         assert found["fields"][0]["spread"]["task_score"]["mean"] == round(scored, 4)
         assert "plain_vine scores" in (tmp_path / "page.html").read_text()
@@ -158,7 +162,7 @@ def test_a_report_is_about_the_task_of_the_run_that_another_package_offers(
     found = vf.report(best, out=tmp_path / "page.html", maps=grid, progress=False)
     assert found.asked.key == "task_score"
     assert vf.Design.read(best).origin["task"] == "depth"
-    scored = vf.score(best, maps=grid)
+    scored = vf.score(best, maps=grid, head_on_half_angle_deg=MIDDLE)
     assert scored.task == "depth"
     assert found.main.outcomes.spread(found.asked).mean == pytest.approx(scored.composite["mean"])
 
@@ -179,7 +183,7 @@ class Grown:
 
 def test_every_verb_that_scores_takes_a_task_as_an_object(grid, tmp_path):
     task, quiet = Grown(100.0), {"progress": False}
-    scored = vf.score("grid_explorer_levels", task, maps=grid)
+    scored = vf.score("grid_explorer_levels", task, maps=grid, head_on_half_angle_deg=MIDDLE)
     mean = scored.composite["mean"]
     assert mean > 0.1
     page = tmp_path / "page.html"
@@ -224,7 +228,8 @@ def test_a_task_that_is_no_number_is_refused_wherever_it_is_taken(verb, grid, tm
 def test_a_score_over_unseen_maps_is_that_of_the_comparison(vinefab, tmp_path):
     unseen = ("--environment", "yard", "--count", "3", "--seed", "4", "--set", "columns=3")
     out = ("--json", tmp_path / "score.json")
-    code, _, complaint = vinefab("score", "plain_vine", "--task", "depth", *unseen, *out)
+    angle = ("--head-on-half-angle-deg", MIDDLE)
+    code, _, complaint = vinefab("score", "plain_vine", "--task", "depth", *unseen, *out, *angle)
     assert (code, complaint) == (0, "")
     score = json.loads((tmp_path / "score.json").read_text())
     out = ("--task", "depth", "--json", tmp_path / "both.json")

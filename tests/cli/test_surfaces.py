@@ -73,8 +73,10 @@ def test_what_ships_says_how_little_it_rests_on():
 def test_a_report_leads_with_the_middle_of_the_range_and_shows_the_range(vinefab, grid, tmp_path):
     found = prediction(vinefab, tmp_path, "plain_vine", "--map", grid, "--poses", 4)
     means = [seen_percent(vinefab, grid, angle) for angle in (1, 8.25, 15.5, 22.75, 30)]
-    assert f"sees {means[2]:.1f} % of the free space, at 15.5 deg; " in found["verdict"]
-    ends = re.search(r"at 15.5 deg; (\S+) to (\S+) % over", found["verdict"]).groups()
+    assert f"sees {means[2]:.1f} % of the free space where tips stop within " in found["verdict"]
+    ends = re.search(
+        r"within 15.5 deg of head-on, (\S+) to (\S+) % over", found["verdict"]
+    ).groups()
     # Areas of the range are the fast ones, within 0.1 %.
     assert [*map(float, ends)] == pytest.approx([min(means), max(means)], abs=0.15)
     assert min(means) < max(means)

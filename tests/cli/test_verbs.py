@@ -163,6 +163,7 @@ OTHERWISE = {
     "results": "`observe` may begin the table",
     "rig": "its folder, or its file",
     "start": "`map start` needs one",
+    "world": "the contact test of `rig` needs none",
 }
 
 

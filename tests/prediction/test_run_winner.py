@@ -177,7 +177,7 @@ def test_starts_without_spread_leave_one_deployment_and_no_interval(tmp_path: Pa
     assert found.content["unseen"]["score"]["low"] is None
     assert WinnerPrediction.of_json(found.as_json) == found
     assert np.isfinite(found.placed_off_ends).all()
-    assert found.lead_facts[0].detail == "mean over 1 deployment"
+    assert found.lead_facts[0].detail.startswith("mean over 1 deployment at a half-angle")
 
 
 def test_unseen_maps_that_cannot_be_made_are_named(monkeypatch: pytest.MonkeyPatch) -> None:

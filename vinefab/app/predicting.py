@@ -570,6 +570,7 @@ def report(
     head_on_half_angle_deg: HalfAngle | None = None,
     contacts: ContactsLike | None = None,
     growth: GrowthLike | None = None,
+    tip_speed_mm_s: Annotated[float | None, Within(0.01, 1e5, "mm/s")] = None,
     progress: ProgressLike = True,
     force: Force = False,
     **parameters: EitherParameters,
@@ -581,6 +582,8 @@ def report(
     task
         Whose score the page begins with: a name, in Python also a task of your own; default: what
         the run that found the design asked for.
+    tip_speed_mm_s
+        How fast tips are to grow: the page says how many litres of air a minute that takes.
 
     Returns
     -------
@@ -634,7 +637,13 @@ def report(
         )
         note_seen(context, families)
         choice = shown_growth(context.growth, context.given)
-        plan = PredictionPlan(poses=poses, seed=seed, options=choice.options, task=context.task)
+        plan = PredictionPlan(
+            poses=poses,
+            seed=seed,
+            options=choice.options,
+            task=context.task,
+            tip_speed_mm_s=tip_speed_mm_s,
+        )
         found = replace(predict(robot, profile, families, plan), growth_notes=choice.notes)
         found = replace(with_origin(found, [robot], families, profile), path=path)
         content = found.page()

@@ -161,6 +161,7 @@ class PredictionPlan:
     options: GrowthOptions = field(default_factory=GrowthOptions)  # the growth model's choices
     anchoring: Anchoring = field(default_factory=Anchoring)  # how anchoring is scored
     task: Task | None = None  # whose score is a measure too
+    tip_speed_mm_s: float | None = None  # for the flow of air; None: no flow is named
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

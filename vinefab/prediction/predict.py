@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cache, cached_property, partial
 from itertools import chain
 from pathlib import Path
@@ -61,6 +61,7 @@ from vinefab.model.target import TargetsResult
 from vinefab.pages.page_files import page_svg
 from vinefab.physics.anchoring import ASSUMED_FRICTION, payload_over_mass
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, NO_TENSION
+from vinefab.physics.supply import SupplyFlow
 from vinefab.physics.tube import seam_load_n_mm, self_weight_span_mm
 from vinefab.prediction.family_deployments import (
     FamilyDeployments,
@@ -419,12 +420,23 @@ class Predicted(WrittenResult):
         return _ASKED.get(str(self.prepared.design.origin.get("task")), SEEN)
 
     @property
+    def supply(self) -> SupplyFlow | None:
+        """The flow of air that all tips take together; None where no speed is named."""
+        design, speed = self.prepared.design, self.plan.tip_speed_mm_s
+        if speed is None:
+            return None
+        return SupplyFlow.of(design.tree, design.build.pressure_kpa, speed)
+
+    @property
     def _over_contacts(self) -> str:
         """The half-angle of the headline, and the range of the measure over half-angles."""
         measure, options = self.asked, self.plan.options
         low, high = (measure.number(value) for value in self.contacts.ends(measure))
         unit = f" {measure.unit}".rstrip()
-        return f"at {options.half_angle_text}; {low} to {high}{unit} over {self.contacts.over}"
+        return (
+            f"where tips stop within {options.half_angle_text} of head-on, {low} to {high}{unit} "
+            f"over {self.contacts.over}"
+        )
 
     def view(self) -> tuple[Block, ...]:
         """Return its scores, its rate of failure, the cost to make it, then all the rest."""
@@ -448,7 +460,7 @@ class Predicted(WrittenResult):
         spread, (does, what) = outcomes.spread(self.asked), self.asked.does
         share = "-" if spread is None else self.asked.text(spread.mean)
         deed = f" {does} {share} {what}" if asked is None else f": {asked.headline}"
-        yield Answer(f"{design.name}{deed}, {self._over_contacts}; {words}", tone, "verdict")
+        yield Answer(f"{design.name}{deed} {self._over_contacts}; {words}", tone, "verdict")
         if targets is not None:
             yield Data({"targets_headline": targets.headline})
         yield from self._typical()
@@ -473,6 +485,7 @@ class Predicted(WrittenResult):
                 "growth": self.plan.options.content,
                 "tone": tone,
                 "pressure_window": None,
+                **({} if self.supply is None else {"supply": asdict(self.supply)}),
             }
         )
         *sheet, rules, pattern, bill = making_sections(prepared)
@@ -557,6 +570,15 @@ class Predicted(WrittenResult):
                 room if window.is_open else "no room",
                 detail=f"growth needs, widest part may take; working {window.working_kpa:g} kPa",
                 tone="plain" if window.is_open and window.holds_working else "bad",
+                standing="computed, assumed",
+            )
+        if (supply := self.supply) is not None:
+            yield Fact(
+                "supply",
+                f"{supply.peak_l_min:.2g} litres per minute",
+                detail=f"{counted(supply.tips, 'tip')} at once at {supply.tip_speed_mm_s:g} mm/s "
+                f"each, {supply.pressure_kpa:g} kPa; {supply.free_l_min:.2g} of free air; grown in "
+                f"full after {supply.time_s:.0f} s with {supply.volume_l:.2g} litres",
                 standing="computed, assumed",
             )
         yield from making_facts(prepared)

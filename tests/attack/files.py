@@ -22,6 +22,8 @@ import pyogrio
 import shapely
 from PIL import Image
 
+from vinefab.core.compiling import all_compiled, precompile
+
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from attempts import READ_BACK, VINEFAB, Attempt, Tally, judged
@@ -378,6 +380,8 @@ def stock(folder: Path, make: Sequence[str] = MAKE) -> Path:
         Attempt(name=line, arguments=words_of(line), folder=str(folder), rewrites=True, cpu_s=99)
         for line in make
     )
+    # An attempt that compiles is ended before it has said anything, and so is the next.
+    precompile(all_compiled())
     for verdict in judged(commands):
         if verdict.outcome not in ("accepted", "findings"):
             raise RuntimeError(f"{verdict.name}: {verdict.reason} {verdict.words}")

@@ -45,3 +45,18 @@ def test_no_line_of_a_search_stands_still_on_an_empty_cache(tmp_path):
     assert all(one != two for one, two in itertools.pairwise(lines))
     # Asked are 10 s; a loaded computer may take longer to write a line.
     assert max(two - one for (one, _), (two, _) in itertools.pairwise(heard)) < 25.0
+
+
+def test_what_is_refused_is_refused_before_anything_is_compiled(tmp_path):
+    (tmp_path / "run.toml").write_text(RUN.replace("= 8", "= 3"))
+    refused = subprocess.run(
+        [sys.executable, "-m", "vinefab", "optimize", "run.toml", "--out", "run"],
+        cwd=tmp_path,
+        env={**os.environ, "VINEFAB_CACHE_DIR": str(tmp_path / "cache")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert "optimizer.population is 3" in refused.stderr
+    assert not (tmp_path / "cache" / "code").exists()

@@ -360,10 +360,10 @@ def _searched(
     from vinefab.search.run import Search, fresh_maps, penalty_of, recipe_of, training_maps
 
     maps, fresh = training_maps(settings), fresh_maps(settings)
-    precompile(needed_code(settings, maps) if task is None else ())
     search = Search.of(
         settings, maps, penalty_of(settings), task=task, optimizer=optimizer, fresh_maps=fresh
     )
+    precompile(needed_code(settings, maps) if task is None else ())
     result, recipe = search.run(workers=workers), recipe_of(settings)
     if recipe is not None:
         result = result.with_recipe(recipe)

@@ -592,13 +592,14 @@ def run_search(  # noqa: PLR0913  options by keyword
         settings = _raised(resumed_limits(folder, settings), limits or {}, folder)
     with located(source) if source else nullcontext():
         maps = training_maps(settings)
-        code = needed_code(settings, maps) if task is None else ()
-        precompile(code)
         penalty = penalty_of(settings)
         fresh = fresh_maps(settings)
         search = Search.of(
             settings, maps, penalty, task=task, optimizer=optimizer, fresh_maps=fresh
         )
+    # Whatever is refused is refused before; compiling may take a minute.
+    code = needed_code(settings, maps) if task is None else ()
+    precompile(code)
     identity = RunIdentity.of(search.settings, maps, penalty)
     with (
         tuned_meanwhile(code),

@@ -91,7 +91,9 @@ def test_a_robot_in_tiles_is_aligned_by_its_crosses_and_keeps_its_guide():
     vine = Design(name="long", trunk_length_mm=1300.0, build=Build.standard(1))
     prepared = prepare(vine, read_profile(RECIPES[0]))
     assert prepared.report.blocking == ()
-    assert len(prepared.job.tiles) == 2
-    for tile in prepared.job.tiles:
+    *tiles, mouth = prepared.job.tiles
+    assert len(tiles) == 2
+    assert {path.operation for path in mouth.paths} == {Operation.CUT, Operation.REG}
+    for tile in tiles:
         assert marks(tile, GUIDE)
         assert not marks(tile, PIN_HOLE)

@@ -14,7 +14,7 @@ from tests.fabrication.conftest import fan, plan
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.passes import weldcut_offset_mm
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.fabrication.job.tiling import VERIFICATION, VERIFY
+from vinefab.fabrication.job.tiling import TARGET, VERIFICATION, VERIFY
 from vinefab.model.job import Operation
 from vinefab.model.laser import read_profile
 from vinefab.model.outline import Part
@@ -95,10 +95,10 @@ def test_tiles_share_targets_far_apart_and_verify_them_before_anything_else(name
         made[number] = np.array(tile.facts["targets_made_mm"]).reshape(-1, 2) + window
         found = [np.add(p, window) for p in tile.facts["targets_found_mm"]]
         lines = [path for path in tile.paths if path.label == VERIFICATION]
-        regs = tile.along(Operation.REG)
+        regs = [path for path in tile.along(Operation.REG) if path.label == TARGET]
         assert (tile.facts["tile"], tile.facts["tiles"]) == (number, len(job.tiles))
         if number == 1:
-            assert (found, lines, regs) == ([], [], ())
+            assert (found, lines, regs) == ([], [], [])
             continue
         assert math.dist(*found) >= 50.0
         others = made[tile.facts["aligned_to_tile"]]
@@ -106,6 +106,9 @@ def test_tiles_share_targets_far_apart_and_verify_them_before_anything_else(name
             assert body.distance(Point(point)) >= 3.0 + 4.0
             assert np.hypot(*(others - point).T).min() < 1e-6
         assert len(regs) == 4  # two crosses of two lines
+        if number == len(job.tiles):
+            assert lines == []  # the cut of the mouth alone: what it finds has been verified
+            continue
         assert tile.paths[:4] == tuple(lines)
         assert {(path.operation, path.variant) for path in lines} == {(Operation.MARK, VERIFY)}
         for one in (back(tile, path.contour).points_mm for path in lines):
@@ -130,8 +133,13 @@ def test_every_tile_lies_on_the_bed_and_the_film_holds_all_of_them(name, profile
         assert bool(labels) <= (tile.facts["tile"] == 1)
         assert profile is SMALL or not any(path.label == VERIFICATION for path in tile.paths)
         drawn += [replace(path, contour=back(tile, path.contour)) for path in tile.paths]
-    cuts = [p for p in job.tiles[0].along(Operation.CUT) if Part.MOUTH in p.contour.parts]
-    assert len(cuts) == 1
+    cuts = [
+        (number, path)
+        for number, tile in enumerate(job.tiles, start=1)
+        for path in tile.paths
+        if Part.MOUTH in path.contour.parts
+    ]
+    assert [number for number, _ in cuts] == [len(job.tiles)]  # the mouth comes last
     # The film is no larger than needed, with a rim of the machine's margin all around.
     boxes, far = np.array([path.contour.box_mm for path in drawn]), [job.sheet_width_mm - 5.0]
     assert boxes[:, :2].min(axis=0) == pytest.approx([5.0, 5.0])
@@ -149,8 +157,9 @@ def test_every_tile_lies_on_the_bed_and_the_film_holds_all_of_them(name, profile
 def test_film_that_is_fed_through_moves_along_the_bed_only():
     job = laser_job(ROBOTS["vine"], SMALL, SheetOptions(pass_through=True))
     assert len({tile.facts["window_y_mm"] for tile in job.tiles}) == 1
-    windows = [tile.facts["window_x_mm"] for tile in job.tiles]
+    *windows, mouth = [tile.facts["window_x_mm"] for tile in job.tiles]
     assert len(windows) > 2
+    assert mouth == windows[0]  # back to the mouth, which is cut last
     assert windows == sorted(windows)
     wide = laser_job(ROBOTS["tree"], SMALL, SheetOptions(pass_through=True))
     assert wide.tiles == ()

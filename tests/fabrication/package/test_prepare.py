@@ -248,17 +248,23 @@ def test_the_readme_says_how_often_paths_are_run(prepared: Prepared) -> None:
 
 
 def test_the_readme_says_where_the_film_of_tiles_lies(prepared: Prepared) -> None:
+    own = "targets_made_mm", "robot_targets_found_mm", "robot_targets_made_mm"
+    shared = {"overlap_mm": 12.0, **{key: [[30.0, 40.0]] for key in own}}
     facts = [
         {"tile": 1, "window_x_mm": -190.2, "window_y_mm": -100.4, "aligned_to_tile": None},
         {"tile": 2, "window_x_mm": 290.0, "window_y_mm": -20.0, "aligned_to_tile": 1},
     ]
-    tiles = tuple(replace(prepared.job, facts=fact) for fact in facts)
+    tiles = tuple(replace(prepared.job, facts={**shared, **fact}) for fact in facts)
     text = words(replace(prepared, job=replace(prepared.job, tiles=tiles)))
     assert "its lower left corner is 190 mm right of the bed's lower" in text
     assert "left corner and 100 mm above it" in text
     assert "its lower left corner is 290 mm left of the bed's" in text
     # the fixture marks an arrow, but no targets
-    assert "on the film by hand, by the pointer, before it moves" in text
+    assert "before anything is cut: 1 large cross beside the robot and 1 small cross on" in text
+    assert "small crosses on the robot must lie right as well" in text
+    assert "Until the last one film and robot stay in one piece" in text
+    assert "put tape across the cut on both sides of the robot" in text
+    assert text.index("Take the tape off") > text.index("Tile 2 of 2")
     # half of the fixture's seam of 0.4 mm
     assert "within 0.2 mm (half the seam, computed)" in text
 

@@ -238,3 +238,34 @@ def test_a_recipe_without_the_machine_for_its_tool_is_refused() -> None:
     high = tip.recipe.hot_tip.changed(touch_z_mm=tip.recipe.hot_tip.touch_z_mm.changed(value=1.0))
     with pytest.raises(BadInputError, match=r"touch_z_mm is 1\.0; allowed: below travel_z_mm"):
         replace(tip, machine=low, recipe=tip.recipe.changed(hot_tip=high))
+
+
+@pytest.mark.parametrize(
+    "recipe", ["hot_tip_220_knife__stretchlon_200", "hot_tip_250__stretchlon_200"]
+)
+def test_a_package_in_tiles_speaks_of_its_own_machines_and_shows_every_cross(recipe: str) -> None:
+    profile = read_profile(recipe)
+    build = Build(widths_mm=(30.0,), tail_mm=150.0, compensation="none")
+    vine = Design(name="long", trunk_length_mm=250.0, build=build)
+    made = package(prepare(vine, profile))
+    readme = made["README.txt"].decode()
+    assert foreign_words(own_text("README.txt", readme.encode(), profile), profile.tools) == []
+    text = " ".join(readme.split())
+    tiles = json.loads(made["job.json"])["tiles"]
+    assert [f"tile_{k}_outline_point.gcode" in made for k in range(1, len(tiles) + 1)] == [
+        bool(tile["facts"]["targets_found_mm"] or tile["facts"]["targets_made_mm"])
+        for tile in tiles
+    ]
+    named = set(re.findall(r"\btile_\w+\.gcode", text))
+    assert named == {name for name in made if name.endswith(".gcode")}
+    assert "Mark the crosses" not in text
+    if profile.cutter is None:
+        assert text.index(f"Tile {len(tiles)} of") < text.index(
+            "Cut around the robot with scissors"
+        )
+    else:
+        last = text.index(f"Tile {len(tiles)} of {len(tiles)}: the mouth")
+        assert last < text.index("cuts across the mouth") < text.index("Part the bridges")
+        # Both machines have the bed that their own file names.
+        assert "(bed 220 x 220 mm)" in text
+        assert "(bed 600 x 400 mm)" in text

@@ -728,7 +728,7 @@ def test_turns_at_contacts_count_when_a_deployment_is_given(make):
 @pytest.mark.parametrize(
     ("build", "rule", "note"),
     [
-        (of(trunk_mm=1000.0), "VF-S01", "2 tiles"),
+        (of(trunk_mm=1000.0), "VF-S01", "3 tiles"),
         (of(trunk_mm=300.0), "VF-S01", ""),
         (of((2, 200.0, 60.0), (1, 60.0, 40.0)), "VF-C02", "level 3 has one child"),
         (of((2, 200.0, 60.0), (1, 60.0, 0.0)), "VF-C02", ""),

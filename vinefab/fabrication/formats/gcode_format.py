@@ -35,7 +35,7 @@ from vinefab.model.outline import Contour, Segment
 
 _DECIMALS = 5
 _TOLERANCE_MM = 1e-3
-_MARK = f"; {GENERATOR.partition(' ')[0]} "
+GCODE_MARK = f"; {GENERATOR.partition(' ')[0]} "
 CHORD_MM = 0.02
 """Largest distance of chords from arcs, for machines whose firmware has no arcs."""
 
@@ -118,11 +118,11 @@ class _Drive:
     @property
     def expected(self) -> dict[str, str]:
         """What a reader finds of it."""
-        heat = {} if self.celsius is None else {"celsius": _number(self.celsius)}
+        heat = {} if self.celsius is None else {"celsius": gcode_number(self.celsius)}
         return {
-            "feed_mm_min": _number(self.feed_mm_min),
-            "depths_mm": ", ".join(map(_number, self.depths_mm)),
-            "dwell_s": _number(self.dwell_s),
+            "feed_mm_min": gcode_number(self.feed_mm_min),
+            "depths_mm": ", ".join(map(gcode_number, self.depths_mm)),
+            "dwell_s": gcode_number(self.dwell_s),
             **heat,
         }
 
@@ -165,7 +165,7 @@ def gcode_text(spec: LaserFileSpec) -> str:
         *(machine.start_gcode.splitlines() or ["G28 ; home"]),
         ";START END",
         *_warm_up(spec, paths),
-        f"G0 Z{_number(machine.travel_z_mm.value)} F{_number(60.0 * machine.plunge_mm_s.value)}",
+        _up(machine),
         *_PATHS[machine.tool](spec, machine, paths),
         *_cool_down(machine, paths[0].path.settings_in(profile)),
     ]
@@ -183,19 +183,19 @@ def _head(
     if profile.status is RecipeStatus.UNVERIFIED:
         recipe += "; its numbers are assumed, nothing here was tried on a machine: coupons first"
     yield f"; {GENERATOR}"
-    yield f"; {_comment(spec.job.name)}: {counted(len(paths), 'path')}, {length_mm:.0f} mm"
-    yield f"; machine {machine.name}: {_comment(machine.title)}"
+    yield f"; {gcode_comment(spec.job.name)}: {counted(len(paths), 'path')}, {length_mm:.0f} mm"
+    yield f"; machine {machine.name}: {gcode_comment(machine.title)}"
     yield f"; {recipe}"
     yield (
         f"; about {minutes:.1f} min on the paths, without homing and warming up (computed from "
         "assumed speeds)"
     )
     yield "; Z 0 is the top of the film as it lies, with everything that lies below it"
-    bed = f"{_number(machine.bed_width_mm.value)} {_number(machine.bed_height_mm.value)}"
+    bed = f"{gcode_number(machine.bed_width_mm.value)} {gcode_number(machine.bed_height_mm.value)}"
     yield f";BED {bed}"
-    yield f";TRAVEL {_number(machine.travel_z_mm.value)}"
+    yield f";TRAVEL {gcode_number(machine.travel_z_mm.value)}"
     if isinstance(machine, KnifeMachine):
-        yield f";BLADE {_number(machine.blade_offset_mm.value)}"
+        yield f";BLADE {gcode_number(machine.blade_offset_mm.value)}"
 
 
 def _warm_up(spec: LaserFileSpec, paths: Sequence[StyledPath]) -> Iterator[str]:
@@ -204,18 +204,18 @@ def _warm_up(spec: LaserFileSpec, paths: Sequence[StyledPath]) -> Iterator[str]:
     if not isinstance(settings, HotTip):
         return
     tip, bed = settings.seal_temperature_c.value, settings.bed_temperature_c.value
-    yield f"M104 S{_number(tip)} ; heat the tip"
+    yield f"M104 S{gcode_number(tip)} ; heat the tip"
     if bed > 0.0:
-        yield f"M140 S{_number(bed)} ; heat the bed"
-        yield f"M190 S{_number(bed)} ; wait for the bed"
-    yield f"M109 S{_number(tip)} ; wait for the tip"
+        yield f"M140 S{gcode_number(bed)} ; heat the bed"
+        yield f"M190 S{gcode_number(bed)} ; wait for the bed"
+    yield f"M109 S{gcode_number(tip)} ; wait for the tip"
     if settings.preheat_s.value > 0.0:
-        yield f"G4 S{_number(settings.preheat_s.value)} ; let everything warm through"
+        yield f"G4 S{gcode_number(settings.preheat_s.value)} ; let everything warm through"
 
 
 def _cool_down(machine: LiftingMachine, settings: OperationSettings) -> Iterator[str]:
     height, speed = machine.travel_z_mm.value, 60.0 * machine.plunge_mm_s.value
-    yield f"G0 Z{_number(4.0 * height)} F{_number(speed)} ; lift"
+    yield f"G0 Z{gcode_number(4.0 * height)} F{gcode_number(speed)} ; lift"
     if isinstance(settings, HotTip):
         yield "M104 S0 ; cool the tip"
         yield "M140 S0 ; cool the bed"
@@ -235,14 +235,14 @@ def _seal_lines(
         drive = _drive_of(styled.path.settings_in(profile))
         yield _title(number, styled)
         if celsius not in (None, drive.celsius) and drive.celsius is not None:
-            yield f"M109 S{_number(drive.celsius)} ; wait for the tip"
+            yield f"M109 S{gcode_number(drive.celsius)} ; wait for the tip"
         celsius = drive.celsius
         segments = list(styled.path.contour.segments)
         for depth in drive.depths_mm:
             yield _travel(machine, segments[0].start_mm)
             yield _down(machine, depth)
             if drive.dwell_s > 0.0:
-                yield f"G4 P{_number(1000.0 * drive.dwell_s)} ; dwell"
+                yield f"G4 P{gcode_number(1000.0 * drive.dwell_s)} ; dwell"
             yield from (_move(segment, drive.feed_mm_min) for segment in segments)
             yield _up(machine)
 
@@ -262,7 +262,7 @@ def _cut_lines(
         yield _travel(machine, (rim, rim))
         yield _down(machine, -first.swivel_depth_mm.value)
         ahead = (rim + orientation_mm(machine), rim)
-        yield f"G1 {_xy(ahead)} F{_number(60.0 * first.cut_speed_mm_s.value)}"
+        yield f"G1 {gcode_xy(ahead)} F{gcode_number(60.0 * first.cut_speed_mm_s.value)}"
         yield _up(machine)
     for number, styled in enumerate(paths, start=1):
         settings = styled.path.settings_in(profile)
@@ -313,41 +313,51 @@ GCODE_TOOLS = frozenset(_PATHS)
 
 def _title(number: int, styled: StyledPath) -> str:
     style = styled.style
-    return f";PATH {number} {style.layer} {style.rgb} {_comment(styled.path.label)}".rstrip()
+    return f";PATH {number} {style.layer} {style.rgb} {gcode_comment(styled.path.label)}".rstrip()
 
 
-def _comment(text: str) -> str:
+def gcode_comment(text: str) -> str:
     """Return a user's text as firmware can skip it: one line of ASCII."""
     return one_line(text).encode("ascii", "replace").decode()
 
 
 def _travel(machine: LiftingMachine, to_mm: Point) -> str:
-    return f"G0 {_xy(to_mm)} F{_number(60.0 * machine.speed_max_mm_s.value)}"
+    return f"G0 {gcode_xy(to_mm)} F{gcode_number(60.0 * machine.speed_max_mm_s.value)}"
 
 
 def _down(machine: LiftingMachine, z_mm: float) -> str:
-    return f"G1 Z{_number(z_mm)} F{_number(60.0 * machine.plunge_mm_s.value)}"
+    return f"G1 Z{gcode_number(z_mm)} F{gcode_number(60.0 * machine.plunge_mm_s.value)}"
 
 
 def _up(machine: LiftingMachine) -> str:
     height, speed = machine.travel_z_mm.value, machine.plunge_mm_s.value
-    return f"G0 Z{_number(height)} F{_number(60.0 * speed)}"
+    return f"G0 Z{gcode_number(height)} F{gcode_number(60.0 * speed)}"
 
 
 def _move(segment: Segment, feed_mm_min: float) -> str:
-    end, feed = _xy(segment.end_mm), _number(feed_mm_min)
+    end, feed = gcode_xy(segment.end_mm), gcode_number(feed_mm_min)
     if not segment.bulge:
         return f"G1 {end} F{feed}"
     (x, y), (x0, y0) = segment.center_mm, segment.start_mm
     code = "G3" if segment.bulge > 0.0 else "G2"
-    return f"{code} {end} I{_number(x - x0)} J{_number(y - y0)} F{feed}"
+    return f"{code} {end} I{gcode_number(x - x0)} J{gcode_number(y - y0)} F{feed}"
 
 
-def _xy(point_mm: Point) -> str:
-    return f"X{_number(point_mm[0])} Y{_number(point_mm[1])}"
+def gcode_xy(point_mm: Point) -> str:
+    """Return a place as words of G-code.
+
+    >>> gcode_xy((1.5, 0.0))
+    'X1.5 Y0'
+    """
+    return f"X{gcode_number(point_mm[0])} Y{gcode_number(point_mm[1])}"
 
 
-def _number(value: float) -> str:
+def gcode_number(value: float) -> str:
+    """Return a number as G-code has it: no exponent, no digits that say nothing.
+
+    >>> gcode_number(2.50000001)
+    '2.5'
+    """
     return f"{round(float(value), _DECIMALS) + 0.0:.{_DECIMALS}f}".rstrip("0").rstrip(".")
 
 
@@ -386,7 +396,7 @@ class _Reader:
         """Begin a path."""
         self.end()
         self.title, self.passes, self.depths = (layer, colour), [], []
-        heat = {} if self.celsius is None else {"celsius": _number(self.celsius)}
+        heat = {} if self.celsius is None else {"celsius": gcode_number(self.celsius)}
         self.found = {"feed_mm_min": "", "depths_mm": "", "dwell_s": "0", **heat}
 
     def end(self) -> None:
@@ -408,7 +418,7 @@ class _Reader:
                 self.odd.append(f"passes of path {number} that differ")
             layer, colour = self.title
             self.paths.append(DrawnPath(layer=layer, colour=colour, contour=first))
-            self.found["depths_mm"] = ", ".join(map(_number, self.depths))
+            self.found["depths_mm"] = ", ".join(map(gcode_number, self.depths))
             self.settings[f"path {number}"] = self.found
         self.title = None
 
@@ -461,7 +471,7 @@ class _Reader:
             self.heading = math.atan2(y, x)
         if self.title is None:
             return
-        self.found["feed_mm_min"] = _number(self.feed)
+        self.found["feed_mm_min"] = gcode_number(self.feed)
         if math.dist(before, self.point) > _SAME_MM:
             self.passes[-1].append(Segment(start_mm=before, end_mm=self.point, bulge=move.bulge))
 
@@ -474,7 +484,7 @@ def read_gcode(text: str) -> ReadDrawing:
     """Read G-code of ours: what its machine's tool does to the film."""
     reader, own = _Reader(), True
     lines = text.splitlines()
-    if not lines or not lines[0].startswith(_MARK):
+    if not lines or not lines[0].startswith(GCODE_MARK):
         raise UnreadableFileError(
             "G-code text", "not G-code of ours: it does not begin with its mark"
         )
@@ -529,11 +539,11 @@ def _obey(reader: _Reader, words: Sequence[tuple[str, str]]) -> None:
     elif name == "G4":
         seconds = values.get("S", values.get("P", 0.0) / 1000.0)
         if reader.title is not None:
-            reader.found["dwell_s"] = _number(seconds)
+            reader.found["dwell_s"] = gcode_number(seconds)
     elif name == "M109":
         reader.celsius = values["S"]
         if reader.title is not None:
-            reader.found["celsius"] = _number(values["S"])
+            reader.found["celsius"] = gcode_number(values["S"])
     elif name in ("G0", "G1", "G2", "G3"):
         sense = {"G2": -1, "G3": 1}.get(name, 0)
         reader.go(values, fast=name == "G0", bulge_of=sense)

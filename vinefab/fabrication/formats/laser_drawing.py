@@ -312,6 +312,7 @@ class LaserFormat(FileFormat[LaserFileSpec, str, ReadDrawing]):
     settings: Callable[[LaserFileSpec], Mapping[str, Mapping[str, str]]] = lambda _: {}
     needs_profile: bool = False  # written only where the spec has a profile
     on_request: bool = False  # written only when it is asked for by name
+    where_needed: bool = False  # written only for jobs that have paths for it
     whole: bool = True  # whether a file holds all operations of a sheet
     each_operation: bool = True  # whether a file for each operation is written, too
     paper: str = ""  # paper that it is printed on at 1:1; empty: none

@@ -17,6 +17,7 @@ from vinefab.fabrication.formats.gcode_format import GCODE
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec, LaserFormat, file_problems
 from vinefab.fabrication.formats.lightburn_format import LIGHTBURN
 from vinefab.fabrication.formats.pdf_format import PAPER_FORMATS, pdf_format
+from vinefab.fabrication.formats.pointing_format import POINTING
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.job.passes import draws_by_hand
 from vinefab.fabrication.job.steps import JobStep
@@ -47,6 +48,7 @@ LASER_FORMATS: Registry[LaserFormat] = Registry(
         R12_FORMAT: DXF_R12,
         "lightburn": LIGHTBURN,
         "gcode": GCODE,
+        "gcode_point": POINTING,
         **{PAPER_FORMATS[paper]: pdf_format(paper) for paper in PAPERS},
     },
     group="vinefab.laser_formats",
@@ -149,7 +151,7 @@ def planned_files(
     steps = spec.steps if parted else ()
     found = list[PlannedFile]()
     for one in formats_for(spec.profile, requested).values():
-        if one in without:
+        if one in without or (one.where_needed and not one.paths(spec)):
             continue
         if one.whole:
             found.append(PlannedFile(name=one.file_name(stem), kind=one, spec=spec))

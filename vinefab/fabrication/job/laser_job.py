@@ -83,6 +83,9 @@ def laser_job(
     facts = {**_placement_facts(robots, profile), **_body_facts(robots[0])}
     single = robots[0].placement
     if len(robots) == 1 and single is not None and not single.fits:
+        if all(tool.by_hand for tool in profile.tools):
+            facts["tiling"] = "people seal and cut it, on a table as large as the film"
+            return _sheet_job(robots, profile, sheet, facts, pinned=pinned)
         parted = tiled(design, robots[0].body, profile, pass_through=sheet.pass_through)
         if isinstance(parted, Tiled):
             return _tiled_job(design, robots[0].body, profile, parted)

@@ -13,7 +13,7 @@ right.
 import math
 from bisect import bisect
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -29,6 +29,8 @@ from vinefab.fabrication.job.placement import (
     place_contours,
     placed_at,
 )
+from vinefab.fabrication.job.tile_order import in_making_order
+from vinefab.fabrication.job.tile_window import BranchRun, FilmTile
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
@@ -38,7 +40,13 @@ from vinefab.outline.body_outline import flat_layout
 from vinefab.outline.joint import Point
 
 OVERLAP_MM = 12.0
-"""Overlap of paths where they are parted, half of it on each side."""
+"""Least overlap of paths where they are parted, half of it on each side."""
+
+
+def overlap_mm(profile: LaserProfile) -> float:
+    """Return the overlap of paths where they are parted: that of closed seams, if it is larger."""
+    return max(OVERLAP_MM, profile.settings(profile.recipe.seals).overcut_mm.value)
+
 
 _MEETS_MM = 1e-6
 
@@ -78,7 +86,9 @@ class BranchAxes:
         return bool(self.along[branch][0] * y - self.along[branch][1] * x > 0.0)
 
 
-def stations_mm(axes: BranchAxes, contours: Sequence[Contour]) -> list[list[float]]:
+def stations_mm(
+    axes: BranchAxes, contours: Sequence[Contour], overlap_mm: float = OVERLAP_MM
+) -> list[list[float]]:
     """Return the places along each branch's axis where all paths may be parted."""
     rows = {name: row for row, name in enumerate(axes.names)}
     allowed: dict[tuple[int, Part], list[Range]] = {}
@@ -104,7 +114,7 @@ def stations_mm(axes: BranchAxes, contours: Sequence[Contour]) -> list[list[floa
                 allowed.setdefault((row, part), []).extend(both)
     found: list[list[float]] = [[] for _ in axes.names]
     from_bend_mm = 10.0  # least distance between a parting and a joint, tip, pouch or collar
-    clear = from_bend_mm + OVERLAP_MM / 2.0
+    clear = from_bend_mm + overlap_mm / 2.0
     step_mm = 25.0
     for (row, _), ranges in allowed.items():
         low, high = max(one for one, _ in ranges) + clear, min(two for _, two in ranges) - clear
@@ -113,10 +123,6 @@ def stations_mm(axes: BranchAxes, contours: Sequence[Contour]) -> list[list[floa
             step = (high - low) / (count + 1)
             found[row] += [low + step * (k + 0.5) for k in range(count + 1)]
     return [sorted(places) for places in found]
-
-
-BranchRun = tuple[int, int]
-"""A branch, and the number of a piece of it, counted from its base."""
 
 
 def stretches(
@@ -143,14 +149,16 @@ def stretches(
     return found
 
 
-def lengthened(run: list[Segment], *, at_start: bool, at_end: bool) -> list[Segment]:
+def lengthened(
+    run: list[Segment], overlap_mm: float, *, at_start: bool, at_end: bool
+) -> list[Segment]:
     """Return a run of segments extended by half the overlap at its parted ends."""
     longer = list(run)
     for row, wanted, sign in ((0, at_start, -1.0), (-1, at_end, 1.0)):
         if wanted:
             segment = longer[row]
             start, end = np.array(segment.start_mm), np.array(segment.end_mm)
-            beyond = sign * OVERLAP_MM / 2.0 * (end - start) / segment.length_mm
+            beyond = sign * overlap_mm / 2.0 * (end - start) / segment.length_mm
             if sign < 0.0:
                 longer[row] = replace(segment, start_mm=_point(start + beyond))
             else:
@@ -165,20 +173,13 @@ def _point(point: Floats) -> tuple[float, float]:
 TARGET_MM = 8.0
 """Width and height of a registration target, a cross."""
 
+STRIP_TARGET_MM = 5.0
+"""Width and height of a target on the robot, a smaller cross."""
+
+STRIP_CLEAR_MM = 2.0
+"""Lumen between a target on the robot and its seam."""
+
 _TARGET_RIM_MM = TARGET_MM / 2.0 + 0.5
-
-
-@dataclass(slots=True)
-class FilmTile:
-    """One window onto the film."""
-
-    pieces: set[BranchRun]  # the pieces of the robot in it
-    box_mm: Box  # box around its paths
-    paths: list[LaserPath] = field(default_factory=list)  # in the coordinates of the whole robot
-    low_mm: Point = (0.0, 0.0)  # lower left corner of its window
-    after: int | None = None  # number of the earlier tile that it is aligned to; None for the first
-    found_mm: list[Point] = field(default_factory=list)  # targets that it is aligned to
-    made_mm: list[Point] = field(default_factory=list)  # targets that it makes for later tiles
 
 
 class NoTilesError(Exception):
@@ -186,14 +187,19 @@ class NoTilesError(Exception):
 
 
 def film_tiles(
-    axes: BranchAxes, paths: Sequence[LaserPath], room_mm: Point, *, pass_through: bool = False
+    axes: BranchAxes,
+    paths: Sequence[LaserPath],
+    room_mm: Point,
+    overlap_mm: float = OVERLAP_MM,
+    *,
+    pass_through: bool = False,
 ) -> list[FilmTile]:
     """Return the tiles of a robot in the order of cutting, the mouth's first; see `register`."""
     contours = [path.contour for path in paths]
     x0, y0, x1, y1 = box_around_mm(contours)
     wide, high = (x1 - x0) / room_mm[0], (y1 - y0) / room_mm[1]
     _refuse_many(wide if pass_through else max(wide, high))
-    places = stations_mm(axes, contours)
+    places = stations_mm(axes, contours, overlap_mm)
     parted = [stretches(axes, contour, places) for contour in contours]
     boxes: dict[BranchRun, Box] = {}
     for segment, piece in (stretch for found in parted for stretch in found):
@@ -219,13 +225,16 @@ def film_tiles(
     number = {piece: row for row, tile in enumerate(tiles) for piece in tile.pieces}
     for path, found in zip(paths, parted, strict=True):
         owners = [number[_joined(axes, places, piece)] for _, piece in found]
-        for owner, run in _runs(path.contour, [segment for segment, _ in found], owners):
+        for owner, run in _runs(
+            path.contour, [segment for segment, _ in found], owners, overlap_mm
+        ):
             part = Contour.from_segments(_simple(run), closed=False)
             tiles[owner].paths.append(
                 LaserPath(operation=path.operation, contour=part, label=path.label, of=path.of)
             )
     ordered = _ordered(axes, places, tiles)
-    _place_windows(ordered, room_mm, boxes, pass_through=pass_through)
+    _place_windows(ordered, room_mm, boxes, overlap_mm, pass_through=pass_through)
+    _mark_partings(ordered, axes, places, room_mm)
     return ordered
 
 
@@ -297,7 +306,7 @@ def _merged(tiles: list[FilmTile], fits: Callable[[Box], bool]) -> list[FilmTile
 
 
 def _runs(
-    contour: Contour, segments: list[Segment], owners: list[int]
+    contour: Contour, segments: list[Segment], owners: list[int], overlap_mm: float
 ) -> list[tuple[int, list[Segment]]]:
     """Return a path's runs through one tile each, reaching over where they are parted."""
     runs: list[tuple[int, list[Segment]]] = []
@@ -311,7 +320,10 @@ def _runs(
         runs[0] = runs[0][0], [*runs.pop()[1], *runs[0][1]]
     last = len(runs) - 1
     return [
-        (owner, lengthened(run, at_start=around or row > 0, at_end=around or row < last))
+        (
+            owner,
+            lengthened(run, overlap_mm, at_start=around or row > 0, at_end=around or row < last),
+        )
         for row, (owner, run) in enumerate(runs)
     ]
 
@@ -359,12 +371,17 @@ def _ordered(axes: BranchAxes, places: list[list[float]], tiles: list[FilmTile])
 
 
 def _place_windows(
-    tiles: list[FilmTile], room_mm: Point, boxes: dict[BranchRun, Box], *, pass_through: bool
+    tiles: list[FilmTile],
+    room_mm: Point,
+    boxes: dict[BranchRun, Box],
+    overlap_mm: float,
+    *,
+    pass_through: bool,
 ) -> None:
     """Put each window around its tile, as near as possible to that of the tile before."""
     floor = min(box[1] for box in boxes.values())
     for tile in tiles:
-        reach = OVERLAP_MM / 2.0
+        reach = overlap_mm / 2.0
         x0, y0, x1, y1 = tile.box_mm
         lows = x1 + reach - room_mm[0], y1 + reach - room_mm[1]
         highs = x0 - reach, y0 - reach
@@ -374,6 +391,35 @@ def _place_windows(
             near = tiles[tile.after].low_mm
         x, y = (min(max(n, low), high) for n, low, high in zip(near, lows, highs, strict=True))
         tile.low_mm = (x, floor) if pass_through else (x, y)
+
+
+def _mark_partings(
+    tiles: list[FilmTile], axes: BranchAxes, places: list[list[float]], room_mm: Point
+) -> None:
+    """Put a target on the robot wherever two tiles part a branch that is wide enough for it.
+
+    Only film that is not cut yet holds the robot: targets outside of it do not tell whether it has
+    moved.
+    """
+    number = {piece: row for row, tile in enumerate(tiles) for piece in tile.pieces}
+    sides = shapely.union_all(
+        [shapely.LineString(path.contour.points_mm) for tile in tiles for path in tile.paths]
+    )
+    half = STRIP_TARGET_MM / 2.0
+    for (branch, part), row in number.items():
+        other = row if part == 0 else number[_joined(axes, places, (branch, part - 1))]
+        if other == row:
+            continue
+        at = axes.start_mm[branch] + places[branch][part - 1] * axes.along[branch]
+        point = _point(at)
+        in_both = all(
+            tiles[one].low_mm[axis] + half <= point[axis] <= tiles[one].low_mm[axis] + room - half
+            for one in (row, other)
+            for axis, room in enumerate(room_mm)
+        )
+        if in_both and sides.distance(shapely.Point(point)) >= half + STRIP_CLEAR_MM:
+            tiles[min(row, other)].strip_made_mm.append(point)
+            tiles[max(row, other)].strip_found_mm.append(point)
 
 
 def union_box(one: Box, two: Box) -> Box:
@@ -394,6 +440,9 @@ _BESIDE_MM = (15.0, 30.0, 60.0, 120.0, 180.0, 240.0)
 
 TARGET = "registration target"
 """Label of the lines of a registration target."""
+
+STRIP_TARGET = "registration target on the robot"
+"""Label of the lines of a target on the robot, which is drawn by hand."""
 
 VERIFICATION = "verification mark"
 """Label of the first marks of a tile, over the targets that it is aligned by."""
@@ -429,7 +478,11 @@ def tiled(
         paths = [replace(path, contour=placement.moved(path.contour)) for path in body.paths]
         try:
             tiles = film_tiles(
-                BranchAxes.of(design, placement), paths, room, pass_through=pass_through
+                BranchAxes.of(design, placement),
+                paths,
+                room,
+                overlap_mm(profile),
+                pass_through=pass_through,
             )
         except NoTilesError as error:
             reasons[row] = str(error)
@@ -442,7 +495,7 @@ def tiled(
         except NoTilesError as error:
             reasons[row] = str(error)
         else:
-            return one
+            return replace(one, tiles=tuple(in_making_order(one.tiles, profile, room)))
     return reasons[min(reasons)]
 
 
@@ -527,10 +580,14 @@ def target_paths(tile: FilmTile, profile: LaserProfile) -> list[LaserPath]:
         verifying = [
             replace(mark(line, VERIFICATION, ""), variant=VERIFY, settings=settings)
             for line in cross_lines(tile.found_mm, turn_rad=math.pi / 4)
+            if tile.verified
         ]
     else:
         made = [reg(path.contour) for path in made]
-    return [*verifying, *made, *(reg(line) for line in cross_lines(tile.found_mm))]
+    found = [reg(line) for line in cross_lines(tile.found_mm)]
+    on_robot = cross_lines([*tile.strip_found_mm, *tile.strip_made_mm], wide_mm=STRIP_TARGET_MM)
+    # A beam does not mark what has to hold air.
+    return [*verifying, *made, *found, *(reg(line, STRIP_TARGET) for line in on_robot)]
 
 
 def tile_jobs(
@@ -560,25 +617,29 @@ def tile_jobs(
                     "tiles": len(tiles),
                     "window_x_mm": -shift[0] - parted.film_mm[0],
                     "window_y_mm": -shift[1] - parted.film_mm[1],
-                    "overlap_mm": OVERLAP_MM,
+                    "overlap_mm": overlap_mm(profile),
                     "aligned_to_tile": None if tile.after is None else tile.after + 1,
                     "targets_found_mm": _seen(tile.found_mm, shift),
                     "targets_made_mm": _seen(tile.made_mm, shift),
+                    "robot_targets_found_mm": _seen(tile.strip_found_mm, shift),
+                    "robot_targets_made_mm": _seen(tile.strip_made_mm, shift),
                 },
             )
         )
     return tuple(jobs)
 
 
-def reg(contour: Contour) -> LaserPath:
+def reg(contour: Contour, label: str = TARGET) -> LaserPath:
     """Return a line of a registration target as a path that is never cut."""
-    return LaserPath(operation=Operation.REG, contour=contour, label=TARGET)
+    return LaserPath(operation=Operation.REG, contour=contour, label=label)
 
 
-def cross_lines(middles_mm: Sequence[Point], turn_rad: float = 0.0) -> list[Contour]:
+def cross_lines(
+    middles_mm: Sequence[Point], turn_rad: float = 0.0, wide_mm: float = TARGET_MM
+) -> list[Contour]:
     """Return the two lines of a cross on each of some points, turned."""
     lines = []
-    dx0, dy0 = TARGET_MM / 2.0 * math.cos(turn_rad), TARGET_MM / 2.0 * math.sin(turn_rad)
+    dx0, dy0 = wide_mm / 2.0 * math.cos(turn_rad), wide_mm / 2.0 * math.sin(turn_rad)
     for x, y in middles_mm:
         for dx, dy in ((dx0, dy0), (-dy0, dx0)):
             ends = np.array([[x - dx, y - dy], [x + dx, y + dy]])

@@ -35,10 +35,12 @@ from vinefab.fabrication.formats.laser_formats import (
     format_words,
     formats_for,
 )
+from vinefab.fabrication.formats.pointing_format import POINTING
 from vinefab.fabrication.job.bar_strokes import FOLLOW_MM, bar_strokes, seams_name
 from vinefab.fabrication.job.passes import WEB_MM, cut_offset_mm, sealed_by_hand, weld_offset_mm
 from vinefab.fabrication.job.placement import box_around_mm
 from vinefab.fabrication.job.steps import JobStep, process_place, steps_of
+from vinefab.fabrication.job.tile_order import BRIDGE_MM, bridge_count
 from vinefab.fabrication.job.tiling import PIN_HOLE, TARGET
 from vinefab.fabrication.package import piece_joining
 from vinefab.fabrication.package.bom import computed_energies, film_piece_mm, robot_count
@@ -49,6 +51,7 @@ from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import NO_SHRINKAGE, LapBond, LaserProfile, Material
 from vinefab.model.machine import Machine, OperationSettings, Sealer, Tool
+from vinefab.model.outline import Part
 from vinefab.model.quantity import Quantity, quantities
 from vinefab.model.tree import Partition
 from vinefab.physics.tube import lap_load_n_mm
@@ -77,6 +80,7 @@ def readme_text(
     job, profile, colours = spec.job, spec.recipe_profile, spec.colours
     formats = formats_for(profile, requested)
     plan = [file for run in files_by_run(spec, requested).values() for file in run]
+    formats = _there(formats, plan)
     written = [op for op in Operation if op in colours.styles and job.along(op)]
     sealed = [op for op in written if op in (Operation.WELD, Operation.WELDCUT)]
     film_mm = [math.ceil(side_mm - 1e-6) for side_mm in film_piece_mm(job, profile)]
@@ -130,9 +134,13 @@ def readme_text(
             for table in profile.recipe.table_of(operation)
         ],
         "formats": [one for one in formats.values() if one.whole],
-        "format_lines": [format_words(name, _alone(one, plan)) for name, one in formats.items()],
+        "format_lines": [
+            format_words(name, _alone(one, plan), _stem(one, plan)) for name, one in formats.items()
+        ],
         "orient_mm": max((orientation_mm(one) for one in profile.machines), default=0.0),
         "tiles": job.tiles,
+        "bridges": bridge_count(job),
+        "bridge_mm": BRIDGE_MM,
         "marks_targets": TARGET in {path.label for path in job.along(Operation.MARK)},
         "least_seam_mm": min(
             (profile.settings(op).seam_width_mm.value for op in sealed), default=math.nan
@@ -167,6 +175,20 @@ def readme_text(
 _COLOUR_NAMES = {"#000000": "black", "#0000FF": "blue", "#FF00FF": "magenta", "#FF0000": "red"}
 
 
+def _there(
+    formats: Mapping[str, LaserFormat], plan: Sequence[PlannedFile]
+) -> dict[str, LaserFormat]:
+    """Return the formats of which there are files."""
+    kinds = [file.kind for file in plan]
+    return {name: one for name, one in formats.items() if one in kinds}
+
+
+def _stem(one: LaserFormat, plan: Sequence[PlannedFile]) -> str:
+    """Return how the name of a format's first file begins, without its folder."""
+    first = next(file.name for file in plan if file.kind is one)
+    return first.rpartition("/")[2].removesuffix(one.suffix)
+
+
 def _alone(one: LaserFormat, plan: Sequence[PlannedFile]) -> list[str]:
     """Return the files of a format that hold one operation; those of every sheet have one name."""
     names = (file.name for file in plan if file.kind is one and file.step is not None)
@@ -178,10 +200,14 @@ def _run(spec: LaserFileSpec, number: int, requested: Collection[str]) -> Simple
     job, profile, colours = spec.job, spec.recipe_profile, spec.colours
     run, count = job.runs[number], len(job.runs)
     stem, plan = list(files_by_run(spec, requested).items())[number - count]
-    strokes = bar_strokes(run, profile)
-    title = "The sheet"
+    strokes, tool = bar_strokes(run, profile), _tool_of(run, profile)
+    title, is_mouth = "The sheet", False
     if job.tiles:
-        title = f"Tile {number + 1} of {count}"
+        made_here = [path for path in run.paths if path.operation.is_machined]
+        is_mouth = all(set(path.contour.parts) == {Part.MOUTH} for path in made_here)
+        cuts_alone = {path.operation for path in made_here} == {Operation.CUT}
+        what = ": the mouth" if is_mouth else ": cut" if cuts_alone else ""
+        title = f"Tile {number + 1} of {count}{what}"
     elif job.sheets:
         pieces = ", ".join(job.labels_on(number + 1))
         title = f"Sheet {number + 1} of {count}: pieces {pieces}"
@@ -202,7 +228,12 @@ def _run(spec: LaserFileSpec, number: int, requested: Collection[str]) -> Simple
         presses=sum(stroke.presses for stroke in strokes),
         gap_mm=max((stroke.gap_mm for stroke in strokes), default=math.nan),
         job=run,
+        is_first=number == 0,
         is_last=number == count - 1,
+        is_mouth=is_mouth,
+        pointing=next((file.name for file in plan if file.kind is POINTING), ""),
+        machine=profile.machine_of(tool) or profile.machine,
+        machine_template=tool_template(tool),
         box=(min(low_x), min(low_y), max(high_x), max(high_y)),
         known=_known_length(run),
         seam_places=_seam_places(run),
@@ -220,6 +251,12 @@ def _run(spec: LaserFileSpec, number: int, requested: Collection[str]) -> Simple
             for _, group in groupby(machined, key=lambda one: (one.path.operation, one.style.layer))
         ],
     )
+
+
+def _tool_of(run: Job, profile: LaserProfile) -> Tool:
+    """Return the tool of the machine that the film of a run lies on."""
+    tools = [path.settings_in(profile).tool for path in run.paths if path.operation.is_machined]
+    return next((tool for tool in tools if not tool.by_hand), tools[0])
 
 
 def _layer(
@@ -402,6 +439,7 @@ def job_text(
     formats, runs = formats_for(profile, requested), drawn_jobs(job)
     files = files_by_run(spec, requested)
     plan = [file for run in files.values() for file in run]
+    formats = _there(formats, plan)
     recipe, build = profile.recipe, design.build
     pouch, collar = build.pouch, build.collar
     content: dict[str, object] = {
@@ -459,7 +497,7 @@ def job_text(
                 "paths": _paths(tile, colours),
             }
             for stem, tile in runs.items()
-            if job.tiles
+            if tile in job.tiles  # the whole is shown, not made
         ],
     }
     if job.sheets:

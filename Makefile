@@ -91,7 +91,7 @@ format: $(READY)
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[cluster,dev,docs,evolution,gis,studies,studio,vision]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[cluster,dev,docs,evolution,gis,studies,studio,tables,vision]'
 	touch $(READY)
 
 $(PAGE_READY): $(PAGE)/package.json $(PAGE)/package-lock.json

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from vinefab.maps import summary
     from vinefab.pages import html
     from vinefab.prediction import deploy, map_info
+    from vinefab.search import run_pages
 else:
     noun_pictures = imported_later("vinefab.noun_pictures")
     maps = imported_later("vinefab.app.maps")
@@ -21,8 +22,12 @@ else:
     html = imported_later("vinefab.pages.html")
     deploy = imported_later("vinefab.prediction.deploy")
     map_info = imported_later("vinefab.prediction.map_info")
+    run_pages = imported_later("vinefab.search.run_pages")
 
 ABOVE.picture = lambda noun: noun_pictures.svg_of(noun)
+ABOVE.plot = lambda drawn, ax, *, legend: noun_pictures.plotted(drawn, ax, legend=legend)
+ABOVE.score_page = lambda score: noun_pictures.score_page(score)
+ABOVE.history_page = lambda history: run_pages.history_figure(history)
 ABOVE.grow = lambda design, world, pose, **options: deploy.grow_design(
     design, world, pose, **options
 )

@@ -152,6 +152,8 @@ OTHERWISE = {
     "map": "the studio and growth in free space need none",
     "base": "`new` is told where the base of a drawing is, `rig` whether to print one",
     "design": "of a rig none, of the studio a shipped one",
+    "designs": "`compare` needs some, the benchmark takes them in place of searches",
+    "optimizers": "a contest needs some",
     "environment": "`map` is told which one to make, the studio begins with one",
     "contacts": "`calibrate` adds to the file",
     "seed": "a run has its own, the demonstration a tried one",

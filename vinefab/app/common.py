@@ -18,6 +18,7 @@ from vinefab.core.view import Block, Notes, Result, Rows, Text, lines
 from vinefab.model.inputs import (
     FOLDER,
     PAIRS,
+    PICTURE_ENDS,
     MapsLike,
     Pairs,
     PathText,
@@ -100,7 +101,7 @@ OutFolder = Annotated[
 ]
 PageFile = Annotated[PathText, written(".html", ".htm"), Doc("The page to write.")]
 PictureFile = Annotated[
-    PathText | None, written(".svg", ".png"), also("--svg"), Doc("A picture to write.")
+    PathText | None, written(*PICTURE_ENDS), also("--svg"), Doc("A picture to write.")
 ]
 SKELETON_ENDS = (".csv", ".dxf", ".geojson", ".svg")
 """Endings of the files that skeletons are written to."""

@@ -41,6 +41,7 @@ from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.inputs import (
     DESIGNS,
     FOLDER,
+    PICTURE_ENDS,
     ContactsLike,
     DesignLike,
     DesignsLike,
@@ -84,7 +85,7 @@ if TYPE_CHECKING:
 else:
     PrinterLike = Annotated[object, Kind(metavar="PRINTER", files=partial(all_names, "printer"))]
     PicturesLike = Annotated[
-        object, Kind(metavar="FILE", writes="file", ends=(".svg", ".png", ".dxf"), several=True)
+        object, Kind(metavar="FILE", writes="file", ends=(*PICTURE_ENDS, ".dxf"), several=True)
     ]
 
 
@@ -704,7 +705,7 @@ def inflate(
     alone: bool = False,
     free: bool = False,
     across: Annotated[int, Within(4, 32)] = 8,
-    out: Annotated[PathText | None, written(".html", ".htm", ".svg", ".png")] = None,
+    out: Annotated[PathText | None, written(".html", ".htm", *PICTURE_ENDS)] = None,
     mesh: Annotated[PathText | None, written(".stl", ".obj", ".3mf", ".ply")] = None,
     progress: ProgressLike = True,
     force: Force = False,

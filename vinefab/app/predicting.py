@@ -46,6 +46,7 @@ from vinefab.core.verbs import (
     verb,
 )
 from vinefab.model.inputs import (
+    PICTURE_ENDS,
     BodyWidth,
     ContactsLike,
     DesignLike,
@@ -110,7 +111,7 @@ def grow(
     contacts: ContactsLike | None = None,
     children_of_stuck: StuckChildren | None = None,
     out: Annotated[PathText | None, written(*SKELETON_ENDS)] = None,
-    svg: Annotated[PathText | None, written(".svg", ".png")] = None,
+    svg: Annotated[PathText | None, written(*PICTURE_ENDS)] = None,
     label: bool = False,
     history: Annotated[
         int | tuple[float, ...] | None,
@@ -342,7 +343,7 @@ def aim(
     head_on_half_angle_deg: HalfAngle | None = None,
     contacts: ContactsLike | None = None,
     growth: GrowthLike | None = None,
-    out: Annotated[PathText | None, written(".html", ".htm", ".svg", ".png")] = None,
+    out: Annotated[PathText | None, written(".html", ".htm", *PICTURE_ENDS)] = None,
     progress: ProgressLike = True,
     force: Force = False,
     **parameters: TaskParameters,

@@ -95,7 +95,7 @@ else:
     ]
     ContendersLike = Contenders
 
-_FRONT_FILES = ("front.json", "front.svg", "front.png")
+_FRONT_FILES = ("front.json", "front.svg", "front.png", "front.pdf")
 
 
 @verb

@@ -10,6 +10,7 @@ EXTRAS = {
     "gis": ("pyogrio", "pyproj"),
     "studies": ("matplotlib",),
     "studio": ("starlette", "tomlkit", "uvicorn", "watchfiles", "websockets"),
+    "tables": ("pandas",),
     "vision": ("cv2",),
 }
 """By extra for users: the modules that it brings and vinefab imports."""

@@ -55,6 +55,9 @@ class Above:
     """Functions of rooms above that methods of nouns call; set by `vinefab.bindings`."""
 
     picture: Callable[..., Any]  # ``_repr_svg_`` of nouns
+    plot: Callable[..., Any]  # ``plot`` of nouns and results
+    score_page: Callable[..., Any]  # `Score.drawing`
+    history_page: Callable[..., Any]  # `RunResult.drawing`
     grow: Callable[..., Any]  # `Design.grow`
     deployment_summary: Callable[..., Any]  # `Deployment.summary`
     write_deployment: Callable[..., Any]  # `Deployment.write`

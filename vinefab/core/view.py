@@ -13,12 +13,18 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from vinefab.core.errors import BadInputError
-from vinefab.core.front_door import ABOVE
+from vinefab.core.errors import BadInputError, UnfitInputError
+from vinefab.core.extras import ensure_extra
+from vinefab.core.front_door import ABOVE, imported_later
 from vinefab.core.plain_text import counted, json_text, visible
 from vinefab.core.progress import each
+
+if TYPE_CHECKING:
+    import pandas
+else:
+    pandas = imported_later("pandas")
 
 NO_INTERVAL = "no interval"
 
@@ -359,6 +365,56 @@ class Result:
         plain: Mapping[str, Any] = json.loads(self.json_text())
         return plain
 
+    @property
+    def records(self) -> list[dict[str, Any]]:
+        """Its main table as plain values, a dict for each row: the first list in its JSON."""
+        every = self.numbers.values()
+        return next((one for one in every if isinstance(one, list) and _is_table(one)), [])
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """Yield its `records`."""
+        return iter(self.records)
+
+    def to_pandas(self) -> Any:  # noqa: ANN401  pandas is optional
+        """Return its `records` as a `pandas.DataFrame`.
+
+        Inner values have columns with dots, ``pose.x_mm``.
+
+        Raises
+        ------
+        MissingPackageError
+            If pandas is not installed.
+        """
+        ensure_extra("tables", "to_pandas")
+        return pandas.json_normalize(self.records)
+
+    def drawing(self) -> Any:  # noqa: ANN401  a page of a room above
+        """Return the page that `plot` draws; None where there is none."""
+        return None
+
+    def plot(self, ax: Any = None, *, legend: bool = True) -> Any:  # noqa: ANN401  of Matplotlib
+        """Draw its main picture on axes of Matplotlib, and return them.
+
+        Parameters
+        ----------
+        ax
+            The axes; None: new ones.
+        legend
+            Whether to explain signs and colours next to the axes.
+
+        Raises
+        ------
+        BadInputError
+            If the result has no picture.
+        MissingPackageError
+            If Matplotlib is not installed.
+        """
+        drawn = self.drawing()
+        if drawn is None:
+            name = type(self).__name__
+            raise UnfitInputError("plot", f"a {name} has no picture", "plot its records yourself")
+        return ABOVE.plot(drawn, ax, legend=legend)
+
     def page(self) -> str:
         """Return the result as an HTML page."""
         blocks = [*self.view(), *([self.origin.section] if self.origin else [])]
@@ -380,6 +436,11 @@ class Result:
         """Show the result in a notebook."""
         shown: str = ABOVE.blocks_html(self.view())
         return shown
+
+
+def _is_table(value: list[Any]) -> bool:
+    """Tell whether a list of JSON is a table with rows."""
+    return bool(value) and all(isinstance(one, dict) for one in value)
 
 
 class WrittenResult(Result):

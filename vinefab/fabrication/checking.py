@@ -196,7 +196,7 @@ def findings_drawing(design: Design, profile: LaserProfile, report: CheckReport)
 
 
 def findings_file(design: Design, profile: LaserProfile, report: CheckReport, path: Path) -> bytes:
-    """Return the findings in place, as the DXF, SVG or PNG that a path's name asks for."""
+    """Return the findings in place, as the DXF, SVG, PNG or PDF that a path's name asks for."""
     if path.suffix.lower() == ".dxf":
         spec = laser_drawing.LaserFileSpec(job=findings_drawing(design, profile, report))
         text = dxf_format.DXF.write(spec)

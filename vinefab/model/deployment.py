@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from os import PathLike
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -197,6 +197,27 @@ class Deployment:
         """
         written: Path = ABOVE.write_deployment(self, path, force=force)
         return written
+
+    def plot(self, ax: Any = None, *, legend: bool = True) -> Any:  # noqa: ANN401  of Matplotlib
+        """Draw the robot on its map on axes of Matplotlib, and return them.
+
+        Parameters
+        ----------
+        ax
+            The axes, in mm; None: new ones.
+        legend
+            Whether to explain signs and colours next to the axes.
+
+        Raises
+        ------
+        MissingPackageError
+            If Matplotlib is not installed.
+
+        Examples
+        --------
+        >>> deployment.plot()  # doctest: +SKIP
+        """
+        return ABOVE.plot(self, ax, legend=legend)
 
     def _repr_svg_(self) -> str | None:
         """Show the robot on its map in a notebook, or alone where the map is not known."""

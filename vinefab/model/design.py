@@ -1327,6 +1327,27 @@ class Design(Table):
         )
         return grown
 
+    def plot(self, ax: Any = None, *, legend: bool = True) -> Any:  # noqa: ANN401  of Matplotlib
+        """Draw the flat outline on axes of Matplotlib, and return them.
+
+        Parameters
+        ----------
+        ax
+            The axes, in mm; None: new ones.
+        legend
+            Whether to explain signs and colours next to the axes.
+
+        Raises
+        ------
+        MissingPackageError
+            If Matplotlib is not installed.
+
+        Examples
+        --------
+        >>> Design.read("plain_vine").plot()  # doctest: +SKIP
+        """
+        return ABOVE.plot(self, ax, legend=legend)
+
     def _repr_svg_(self) -> str | None:
         """Show the flat outline in a notebook."""
         drawn: str | None = ABOVE.picture(self)

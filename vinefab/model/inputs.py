@@ -190,6 +190,9 @@ def written(*endings: str) -> Kind:
     return Kind(metavar="FILE", writes="file", ends=endings)
 
 
+PICTURE_ENDS = (".svg", ".png", ".pdf")
+"""Endings of the files that figures are written to."""
+
 Body = Literal["inflated", "centerline"]
 ChildrenOfStuck = Literal["stop", "deploy"]
 
@@ -404,9 +407,9 @@ def as_several(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
 
 
 def _is_one(given: object) -> bool:
-    """Tell whether this is a single thing; a declared table is one, although it iterates."""
-    is_table = hasattr(type(given), "model_fields")
-    return is_table or isinstance(given, str | PathLike) or not isinstance(given, Iterable)
+    """Tell whether this is a single thing; tables and results are, although they iterate."""
+    is_whole = any(hasattr(type(given), name) for name in ("model_fields", "records"))
+    return is_whole or isinstance(given, str | PathLike) or not isinstance(given, Iterable)
 
 
 def as_mapping(key: str, given: object) -> Mapping[str, Any]:

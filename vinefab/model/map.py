@@ -284,6 +284,29 @@ class Map:
         """Return the map as its file holds it: GeoJSON, ``vinefab/map-1``."""
         return map_text(self)
 
+    def plot(self, ax: Any = None, *, legend: bool = True) -> Any:  # noqa: ANN401  of Matplotlib
+        """Draw the plan on axes of Matplotlib, and return them.
+
+        Parameters
+        ----------
+        ax
+            The axes, in mm; None: new ones.
+        legend
+            Whether to explain signs and colours next to the axes.
+
+        Raises
+        ------
+        MissingPackageError
+            If Matplotlib is not installed.
+
+        Examples
+        --------
+        >>> from vinefab import maps
+        >>> maps.pegs(seed=1).plot().get_xlabel()  # doctest: +SKIP
+        'x (mm)'
+        """
+        return ABOVE.plot(self, ax, legend=legend)
+
     def _repr_svg_(self) -> str | None:
         """Show the plan in a notebook."""
         drawn: str | None = ABOVE.picture(self)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 
@@ -295,6 +296,27 @@ class Contour:
             branches=self.branches,
             closed=self.closed,
         )
+
+    def plot(self, ax: Any = None, *, legend: bool = True) -> Any:  # noqa: ANN401  of Matplotlib
+        """Draw the contour on axes of Matplotlib, and return them.
+
+        Parameters
+        ----------
+        ax
+            The axes, in mm; None: new ones.
+        legend
+            Whether to explain signs and colours next to the axes.
+
+        Raises
+        ------
+        MissingPackageError
+            If Matplotlib is not installed.
+
+        Examples
+        --------
+        >>> contour.plot()  # doctest: +SKIP
+        """
+        return ABOVE.plot(self, ax, legend=legend)
 
     def _repr_svg_(self) -> str | None:
         """Show the contour in a notebook."""

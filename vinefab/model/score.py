@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import ConfigDict
 
 from vinefab.core.codec import EXACT
+from vinefab.core.front_door import ABOVE
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import clopper_pearson, means_by_map, samples_text
 from vinefab.core.validation import Floats
@@ -146,6 +147,10 @@ class Score(Result):
     targets: TargetsResult | None = None
     schema = "vinefab/score-1"
     __pydantic_config__: ClassVar[ConfigDict] = EXACT
+
+    def drawing(self) -> Any:  # noqa: ANN401  a page of a room above
+        """Return the chart of the score of every deployment, by map."""
+        return ABOVE.score_page(self)
 
     def view(self) -> Iterator[Block]:
         """Yield the composites, what earned and cost the mean, and the evaluations."""

@@ -14,6 +14,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import imported_later
 from vinefab.core.plain_text import counted, one_line
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
@@ -45,6 +46,9 @@ from vinefab.physics.tube import inflated_diameter_mm, inflated_radius_mm
 
 if TYPE_CHECKING:
     from vinefab.maps.importers.photo_map import PhotoMap
+    from vinefab.pages import page_pdf
+else:
+    page_pdf = imported_later("vinefab.pages.page_pdf")  # PDF takes a library
 
 
 # --- What is seen of a map in a picture -----------------------------------------------------------
@@ -238,8 +242,14 @@ _START_EDGE = Ink(line=START, width_pt=0.9, dash_pt=(4.0, 3.0))
 
 
 def page_bytes(page: Page, suffix: str, dpi: int = 150) -> bytes:
-    """Return a page as ``.png`` or, for every other suffix, as SVG."""
-    return page_png(page, dpi) if suffix.lower() == ".png" else page_svg(page)
+    """Return a page as ``.png``, ``.pdf`` or, for every other suffix, as SVG."""
+    match suffix.lower():
+        case ".png":
+            return page_png(page, dpi)
+        case ".pdf":
+            return page_pdf.page_pdf(page)
+        case _:
+            return page_svg(page)
 
 
 def draw_map(panel: Panel, world: Map, box: Box | None = None) -> None:

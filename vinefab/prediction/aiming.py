@@ -35,6 +35,7 @@ from vinefab.growth.options import HALF_ANGLE_DEG, GrowthChoice, growth_text
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.target import TargetsResult
+from vinefab.pages.panel import Page
 from vinefab.pages.plan import page_bytes
 from vinefab.prediction.aim_pictures import (
     aim_sheet,
@@ -360,7 +361,11 @@ class AimResult(Result, Aims):
 
     def picture(self, suffix: str) -> bytes:
         """Return the maps, the best deployments and the headings of all designs in one picture."""
-        return page_bytes(aim_sheet(self), suffix)
+        return page_bytes(self.drawing(), suffix)
+
+    def drawing(self) -> Page:
+        """Return the same as a page."""
+        return aim_sheet(self)
 
     @property
     def first(self) -> AimedRobot:

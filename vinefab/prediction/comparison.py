@@ -211,7 +211,7 @@ class DesignComparison(Result):
             "plain" if clear else "caution",
         )
         yield Picture(
-            image=lambda: page_svg(paired_difference_chart(measure, self.in_measure(measure))),
+            image=lambda: page_svg(self.drawing()),
             caption=f"Paired differences in {measure.title}, with 95 % intervals (simulated).",
         )
         yield Notes(self.growth_notes)
@@ -296,6 +296,17 @@ class DesignComparison(Result):
         """What a user should know about the deployments, a sentence each."""
         named = {f"{name}: ": design for name, design in zip(self.names, self.designs, strict=True)}
         return deployment_notes([self.results[0].prepared], self.plan, named)
+
+    @property
+    def records(self) -> list[dict[str, object]]:
+        """Every deployment as plain values: design, map, pose and all measures."""
+        return [
+            {"design": name, **row} for name, one in self.outcomes().items() for row in one.records
+        ]
+
+    def drawing(self) -> Page:
+        """Return the chart of paired differences in the measure that counts most."""
+        return paired_difference_chart(self.measure, self.in_measure(self.measure))
 
     def outcomes(self) -> dict[str, MeasureTable]:
         """Return the outcomes by the designs' names."""

@@ -49,10 +49,11 @@ from vinefab.model.deployment import (
 from vinefab.model.design import Design
 from vinefab.model.files.run_context import RunContext
 from vinefab.model.files.shipped import path_given
-from vinefab.model.inputs import MapLike, PoseLike, as_growth, as_map
+from vinefab.model.inputs import PICTURE_ENDS, MapLike, PoseLike, as_growth, as_map
 from vinefab.model.map import Map, Pose
 from vinefab.model.target import TargetsResult, out_of_reach
 from vinefab.pages.animation import DeploymentFrame, gif_animation, svg_animation
+from vinefab.pages.panel import Page
 from vinefab.pages.plan import deployment_plan, page_bytes
 from vinefab.tasks.reach import touched_targets
 
@@ -368,8 +369,11 @@ class DeployedDesign(Result):
 
     def picture(self, suffix: str, *, named: bool = False) -> bytes:
         """Return a plan of the deployment."""
-        plan = deployment_plan(self.world, self.deployment, self._widths_mm, named=named)
-        return page_bytes(plan, suffix)
+        return page_bytes(self.drawing(named=named), suffix)
+
+    def drawing(self, *, named: bool = False) -> Page:
+        """Return the same as a page."""
+        return deployment_plan(self.world, self.deployment, self._widths_mm, named=named)
 
     def animation(self, suffix: str, frames: int = FRAMES) -> bytes:
         """Return the deployment as a moving picture."""
@@ -506,8 +510,9 @@ def write_deployment(
     """Write a deployment; see `vinefab.model.deployment.Deployment.write`."""
     target = path_given("path", path)
     suffix = target.suffix.lower()
-    if suffix not in (".json", ".svg", ".png", ".gif"):
-        raise BadInputError("path", str(target), "a name ending in .json, .svg, .png or .gif")
+    if suffix not in (".json", *PICTURE_ENDS, ".gif"):
+        allowed = "a name ending in .json, .svg, .png, .pdf or .gif"
+        raise BadInputError("path", str(target), allowed)
     whole_deployment = _deployed(deployment)
     if suffix == ".json":
         return write_text(target, whole_deployment.json_text(), force=force)

@@ -295,7 +295,11 @@ class InflatedDesign(Result):
 
     def picture(self, suffix: str) -> bytes:
         """Return the picture as ``.png`` or ``.svg``."""
-        return page_bytes(inflation_sheet(self), suffix)
+        return page_bytes(self.drawing(), suffix)
+
+    def drawing(self) -> Page:
+        """Return the same as a page."""
+        return inflation_sheet(self)
 
     def mesh(self, suffix: str) -> bytes:
         """Return the deployed body as a closed surface in mm: .stl, .obj, .3mf or .ply."""

@@ -33,6 +33,7 @@ from vinefab.growth.terrain import MANY_NOTCHES, NOTCH_SHARE, Terrain, shrunk_pi
 from vinefab.maps.passages import Passage, narrow_passages, without_notches
 from vinefab.maps.summary import import_notes
 from vinefab.model.files.shipped import path_given
+from vinefab.model.inputs import PICTURE_ENDS
 from vinefab.model.map import Map, Pose
 from vinefab.pages.panel import (
     ALERT,
@@ -358,20 +359,24 @@ class MapInfo(Result):
         """
         target = path_given("path", path)
         suffix = target.suffix.lower()
-        if suffix not in (".svg", ".png", ".json"):
-            raise BadInputError("path", str(target), "a name ending in .svg, .png or .json")
+        if suffix not in (*PICTURE_ENDS, ".json"):
+            allowed = "a name ending in .svg, .png, .pdf or .json"
+            raise BadInputError("path", str(target), allowed)
         data = self.json_text().encode() if suffix == ".json" else self.picture(suffix)
         return write_bytes(target, data, force=force)
 
     def picture(self, suffix: str) -> bytes:
-        """Return a plan with the passages, as SVG, or PNG for the suffix ``.png``."""
-        plan = passage_plan(
+        """Return a plan with the passages, as SVG, PNG or PDF by the suffix."""
+        return page_bytes(self.drawing(), suffix)
+
+    def drawing(self) -> Page:
+        """Return a plan with the passages."""
+        return passage_plan(
             self.world,
             [gate.passage for gate in self.passages],
             [room.clearance_mm for room in self.starts],
             None if self.body is None else (self.body.width_mm, self.body.region),
         )
-        return page_bytes(plan, suffix)
 
 
 def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) -> MapInfo:

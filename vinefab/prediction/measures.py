@@ -276,6 +276,19 @@ class MeasureTable:
         """Number of different maps."""
         return len(set(self.map_names))
 
+    @property
+    def records(self) -> list[dict[str, object]]:
+        """Every deployment as plain values: its map, its pose and each measure, None without."""
+        columns = [(m.key, self.values[m.key].tolist()) for m in self.measures]
+        return [
+            {
+                "map": name,
+                "pose": pose.content,
+                **{key: None if math.isnan(found[row]) else found[row] for key, found in columns},
+            }
+            for row, (name, pose) in enumerate(zip(self.map_names, self.poses, strict=True))
+        ]
+
     def spread(self, measure: Measure) -> MeasureSpread | None:
         """Return how a measure is spread, or None where no deployment has it."""
         values = self.values[measure.key]

@@ -59,6 +59,7 @@ from vinefab.model.quantity import Quantity, Standing
 from vinefab.model.score import FAILED_PERCENT, HARDLY_GROWN, NOTHING_TOUCHED, Failures
 from vinefab.model.target import TargetsResult
 from vinefab.pages.page_files import page_svg
+from vinefab.pages.panel import Page
 from vinefab.physics.anchoring import ASSUMED_FRICTION, payload_over_mass
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, NO_TENSION
 from vinefab.physics.supply import SupplyFlow
@@ -420,6 +421,19 @@ class Predicted(WrittenResult):
         return _ASKED.get(str(self.prepared.design.origin.get("task")), SEEN)
 
     @property
+    def records(self) -> list[dict[str, object]]:
+        """Every deployment as plain values: family, map, pose and all measures."""
+        return [
+            {"maps": one.outcomes.label, **row}
+            for one in self.results
+            for row in one.outcomes.records
+        ]
+
+    def drawing(self) -> Page:
+        """Return the chart of the score and the cost of assumed contacts."""
+        return cost_chart(*contact_costs(self.contacts, self.main.outcomes, self.asked))
+
+    @property
     def supply(self) -> SupplyFlow | None:
         """The flow of air that all tips take together; None where no speed is named."""
         design, speed = self.prepared.design, self.plan.tip_speed_mm_s
@@ -466,7 +480,7 @@ class Predicted(WrittenResult):
         yield from self._typical()
         yield Facts(tuple(self._headlines(asked)), lead=True)
         yield Picture(
-            image=lambda: page_svg(cost_chart(*contact_costs(self.contacts, outcomes, self.asked))),
+            image=lambda: page_svg(self.drawing()),
             caption=COST_CAPTION,
             file="contacts",
         )

@@ -17,8 +17,8 @@ from vinefab.growth.batch import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import design_text
 from vinefab.model.files.run_context import RunContext
+from vinefab.model.inputs import PICTURE_ENDS
 from vinefab.model.map import Map
-from vinefab.pages.page_files import page_png, page_svg
 from vinefab.pages.panel import (
     INK,
     LEVEL_COLOURS,
@@ -31,7 +31,7 @@ from vinefab.pages.panel import (
     page_of_rows,
     plan_panel,
 )
-from vinefab.pages.plan import draw_deployment, draw_map, draw_targets
+from vinefab.pages.plan import draw_deployment, draw_map, draw_targets, page_bytes
 from vinefab.search.finalists import LEAST_BEND, feasible_points, knee, minimized, non_dominated
 from vinefab.search.free_space import space_of
 from vinefab.search.record.generations import Finalist
@@ -167,8 +167,8 @@ def write_front(
     document = FrontFile.of(members, result, settings).json_text()
     write_text(out / FRONT_FILE, document, force=force)
     figure = front_picture(members, result, settings, training_maps(settings)[0])
-    write_bytes(out / "front.svg", page_svg(figure), force=force)
-    write_bytes(out / "front.png", page_png(figure), force=force)
+    for suffix in PICTURE_ENDS:
+        write_bytes(out / f"front{suffix}", page_bytes(figure, suffix), force=force)
     return members
 
 

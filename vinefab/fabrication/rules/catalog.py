@@ -174,6 +174,7 @@ class RuleBook(Result, dict[str, Rule]):
     """Rules by id; an unknown one is an error that names the nearest."""
 
     schema = "vinefab/rules-1"
+    __iter__ = dict.__iter__  # type: ignore[assignment]  # over the ids, as of every dict
 
     @classmethod
     def of(cls, words: str | None = None) -> "RuleBook":

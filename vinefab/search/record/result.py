@@ -24,6 +24,7 @@ from vinefab.core.errors import (
     UnreadableFileError,
     VinefabError,
 )
+from vinefab.core.front_door import ABOVE
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import MeanValue
@@ -349,6 +350,10 @@ class RunResult(Result):
     def score(self) -> Score:
         """The winner's score on fresh poses on the training maps."""
         return self.finalists[0].score
+
+    def drawing(self) -> Any:  # noqa: ANN401  a page of a room above
+        """Return the chart of the fitness over the generations."""
+        return ABOVE.history_page(self.history)
 
     def with_prediction(self, prediction: WinnerPrediction) -> "RunResult":
         """Return the result with the winner's prediction, also in the winner's origin."""

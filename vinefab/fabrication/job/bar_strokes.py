@@ -69,7 +69,6 @@ class BarStroke:
     gap_mm: float = 0.0  # largest distance from the seam's middle
     before_mm: float = 0.0  # how far the bar may reach beyond its first end; at most the bar
     after_mm: float = 0.0
-    sense: int  # 1 where the lumen lies to its left, else -1
     bar_mm: float
 
     @property
@@ -106,20 +105,21 @@ def bar_strokes(job: Job, profile: LaserProfile) -> tuple[BarStroke, ...]:
         seams[0].settings_in(profile).seam_width_mm.value,
         machine.bar_mm.value,
     )
-    bodies = [_Body(runs=runs) for runs in bodies_of_paths(seams)]
+    bodies = [SealedBody(runs=runs) for runs in bodies_of_paths(seams)]
     strokes = [
-        BarStroke(segment=chord, label=path.label, gap_mm=gap, sense=body.sense, bar_mm=bar_mm)
+        BarStroke(segment=chord, label=path.label, gap_mm=gap, bar_mm=bar_mm)
         for body in bodies
         for path in body.runs
         for chord, gap in _merged(_chords(path.contour, body.sense, GAP_SHARE * width_mm))
     ]
-    lumens = shapely.union_all([body.lumen(width_mm) for body in bodies])
+    lumens = shapely.union_all([body.lumen(width_mm, _OPEN_MM) for body in bodies])
+    lumens = lumens.buffer(-_TOUCH_MM)
     found = _with_ways(strokes, lumens, width_mm)
     return tuple(sorted(found, key=lambda stroke: not stroke.needs_shield))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Body:
+class SealedBody:
     """The seams of one robot or piece."""
 
     runs: tuple[LaserPath, ...]
@@ -134,17 +134,19 @@ class _Body:
         """1 where the lumen lies to the left of the seams, else -1."""
         return 1 if self.area.exterior.is_ccw else -1
 
-    def lumen(self, width_mm: float) -> BaseGeometry:
-        """Return what no bar may seal: the lumen, with a little more in front of open ends."""
+    def lumen(self, width_mm: float, beyond_mm: float) -> BaseGeometry:
+        """Return the lumen between seams of a width, and as much beyond its open ends."""
         half = width_mm / 2.0
         ends = [run.contour.points_mm[[0, -1]] for run in self.runs]
         mouths = [
-            shapely.LineString([one[1], two[0]]).buffer(_OPEN_MM + half, cap_style="flat")
+            # To one side alone: that of the waste.
+            shapely.LineString([one[1], two[0]]).buffer(
+                -self.sense * (beyond_mm + half), cap_style="flat", single_sided=True
+            )
             for one, two in zip(ends, [*ends[1:], ends[0]], strict=True)
             if math.dist(one[1], two[0]) > width_mm
         ]
-        within = shapely.union_all([self.area.buffer(0.0), *mouths])
-        return within.buffer(-half - _TOUCH_MM)
+        return shapely.union_all([self.area.buffer(0.0), *mouths]).buffer(-half)
 
 
 def _chords(contour: Contour, sense: int, most_mm: float) -> Iterator[tuple[Segment, float]]:

@@ -46,6 +46,7 @@ from vinefab.fabrication.package import piece_joining
 from vinefab.fabrication.package.bom import computed_energies, film_piece_mm, robot_count
 from vinefab.fabrication.package.folding import FoldedTube, fold_steps, folded_tube
 from vinefab.fabrication.package.piece_joining import face_words
+from vinefab.fabrication.package.press_mask import TAB_MM, mask_names
 from vinefab.inflation.pattern import Pattern, pattern_blocks, pattern_table
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
@@ -124,9 +125,12 @@ def readme_text(
         "can_mark": Operation.MARK in written,
         "pins": max(sum(path.label == PIN_HOLE for path in run.job.paths) for run in runs),
         "pin_mm": weld.pin_mm if isinstance(weld, Sealer) else None,
-        "guide_mm": cut_offset_mm(profile) - weld_offset_mm(profile) if by_hand else math.nan,
+        "guide_mm": cut_offset_mm(profile) - weld_offset_mm(profile)
+        if Operation.WELD in sealed
+        else math.nan,
         "web_mm": WEB_MM,
         "follow_mm": FOLLOW_MM,
+        "tab_mm": TAB_MM,
         "recipe_tables": [
             table
             for operation in written
@@ -224,6 +228,7 @@ def _run(spec: LaserFileSpec, number: int, requested: Collection[str]) -> Simple
         patterns=[file.name for file in plan if file.kind.paper],
         strokes=strokes,
         seams_file=seams_name(stem),
+        mask_files=mask_names(stem),
         shields=sum(stroke.needs_shield for stroke in strokes),
         presses=sum(stroke.presses for stroke in strokes),
         gap_mm=max((stroke.gap_mm for stroke in strokes), default=math.nan),

@@ -47,6 +47,7 @@ from vinefab.fabrication.package.piece_joining import (
     order_reasons,
     pieces_words,
 )
+from vinefab.fabrication.package.press_mask import mask_files
 from vinefab.fabrication.package.sheet_pictures import (
     findings_plan,
     job_animation,
@@ -269,6 +270,7 @@ def package(prepared: Prepared) -> dict[str, bytes]:
         "bom.csv": bom_text(job, profile, joints, requested).encode(),
         **assembly_files(cut, partition, outlines, profile),
         **_seam_lists(job, profile),
+        **mask_files(job, profile, prepared.paper),
         **(fold_files(tube, prepared.paper) if isinstance(tube, FoldedTube) else {}),
     }
     digests = {name: sha256_of(data) for name, data in files.items()}

@@ -25,6 +25,7 @@ EXPERIMENTS: Registry["Callable[[JobStore], StudyResult]"] = Registry(
         "search": "vinefab.studies.training_studies:optimizer_study",
         "ablation": "vinefab.studies.assumption_studies:ablation",
         "price": "vinefab.studies.assumption_studies:price",
+        "scale": "vinefab.studies.scale_study:scale_study",
     },
 )
 """The paper's experiments; each is loaded when it is done."""

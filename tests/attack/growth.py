@@ -246,7 +246,7 @@ def _nasty_value(rng: np.random.Generator, option: DeclaredKey) -> Any:
     if option.field == "head_on_half_angle_rad":
         angle_rad = math.radians(float(rng.choice([0.0, 1.0, 15.0, 30.0, 90.0])))
         return (0.0, angle_rad) if angle_rad and rng.random() < 0.2 else angle_rad
-    if option.field == "contacts":  # says where the other numbers come from, and changes nothing
+    if option.field in ("contacts", "surface"):  # say where other numbers come from, change nothing
         return None
     if option.limits:
         low, high = (

@@ -111,9 +111,11 @@ def test_demo_at_its_smallest_writes_the_whole_chain(vinefab, tmp_path):
     out = tmp_path / "demo"
     code, words, complaint = vinefab("demo", "--out", out, "--generations", 6, "--population", 12)
     assert (code, complaint) == (0, "")
-    for name in ("report.html", "run/best.toml", "package/outline.dxf", "rig/rig.json"):
+    for name in ("report.html", "run/best.toml", "package/README.txt", "rig/rig.json"):
         assert (out / name).stat().st_size > 0
         assert name.split("/")[0] in words
+    drawn = [path.stat().st_size for path in (out / "package").rglob("outline.dxf")]
+    assert min(drawn, default=0) > 0, "one for each sheet"
     assert "unseen maps" in words
 
 

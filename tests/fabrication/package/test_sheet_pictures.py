@@ -130,6 +130,20 @@ def test_a_robot_in_tiles_lies_on_film_and_not_on_a_bed():
     path = LaserPath(operation=Operation.WELDCUT, contour=line)
     job = Job(name="long", sheet_width_mm=400.0, sheet_height_mm=10.0, paths=(path,))
     assert "bed 400 x 10 mm" in job_plan(job).panels[0].title
-    title = job_plan(replace(job, tiles=(job, job))).panels[0].title
+    windows = [{"window_x_mm": x, "window_y_mm": 0.0} for x in (0.0, 200.0, 0.0)]
+    crosses = {
+        "targets_made_mm": [[10.0, 5.0], [20.0, 5.0]],
+        "robot_targets_made_mm": [[30.0, 5.0]],
+    }
+    tiles = tuple(
+        replace(job, sheet_width_mm=220.0, facts={**window, **crosses}) for window in windows
+    )
+    panel = job_plan(replace(job, tiles=tiles)).panels[0]
+    words = [one.text for one in panel.primitives if isinstance(one, Words)]
+    assert {"tile 1, 3", "tile 2"} <= set(words)  # the mouth is cut where the first tile lies
+    signs = {one.size_pt: one.points for one in panel.primitives if getattr(one, "sign", "") == "+"}
+    assert sorted(signs[8.0][:, 0].tolist()) == [10.0, 10.0, 20.0, 20.0, 210.0, 220.0]
+    assert sorted(signs[5.0][:, 0].tolist()) == [30.0, 30.0, 230.0]
+    title = panel.title
     assert "film, in tiles, 400 x 10 mm" in title
     assert "bed" not in title

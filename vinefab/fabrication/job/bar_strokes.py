@@ -55,6 +55,7 @@ GAP_SHARE = 0.25
 FOLLOW_MM = 5.0
 """By which a press of the bar overlaps the one before on the same stretch (assumed)."""
 
+_LEAST_GAP_MM = 0.05  # no hand places a bar finer, however thin its seam
 _OPEN_MM = 2.0  # in front of a mouth that no bar seals, beyond the cut
 _TOUCH_MM = 0.1  # by which a band may touch a lumen: gaps of chords, rounding
 _SAME_RAD = 1e-6
@@ -106,11 +107,12 @@ def bar_strokes(job: Job, profile: LaserProfile) -> tuple[BarStroke, ...]:
         machine.bar_mm.value,
     )
     bodies = [SealedBody(runs=runs) for runs in bodies_of_paths(seams)]
+    most_mm = max(GAP_SHARE * width_mm, _LEAST_GAP_MM)
     strokes = [
         BarStroke(segment=chord, label=path.label, gap_mm=gap, bar_mm=bar_mm)
         for body in bodies
         for path in body.runs
-        for chord, gap in _merged(_chords(path.contour, body.sense, GAP_SHARE * width_mm))
+        for chord, gap in _merged(_chords(path.contour, body.sense, most_mm))
     ]
     lumens = shapely.union_all([body.lumen(width_mm, _OPEN_MM) for body in bodies])
     lumens = lumens.buffer(-_TOUCH_MM)

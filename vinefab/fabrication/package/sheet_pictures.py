@@ -10,7 +10,7 @@ import shapely
 
 from vinefab.core.plain_text import GENERATOR, counted
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.placement import SheetPlaces, box_around_mm, piece_name
+from vinefab.fabrication.job.placement import SheetPlaces, box_around_mm, fact_rows, piece_name
 from vinefab.fabrication.job.timing import PathPass, schedule
 from vinefab.fabrication.rules.pressure_rules import deployed_capsules
 from vinefab.inflation.pattern import Pattern
@@ -118,6 +118,7 @@ def _sheet_panel(job: Job, title: Callable[[bool], str], longest_pt: float) -> P
     panel.polygons([bed.intersection(shapely.box(*box))], Ink(fill="#fbfcfd", line=SOFT))
     for operation in Operation:
         _draw_operation(panel, job, operation, longer_mm(box) / 16.0)
+    _draw_tiles(panel, job)
     paths = run_paths(job)
     for number, path in enumerate(paths if len(paths) <= MOST_NUMBERS else (), start=1):
         x, y = path.contour.points_mm[0].tolist()
@@ -125,6 +126,30 @@ def _sheet_panel(job: Job, title: Callable[[bool], str], longest_pt: float) -> P
         panel.words((x, y), str(number), TICK_PT, colour=colour, shift_pt=(4.0, 6.0))
     panel.title = title(cropped)
     return panel
+
+
+_WINDOW = Ink(line=SOFT, width_pt=0.6, dash_pt=(4.0, 3.0))
+
+
+def _draw_tiles(panel: Panel, job: Job) -> None:
+    """Draw the windows of tiles with their numbers, and the crosses by which they are aligned."""
+    windows: dict[Box, list[str]] = {}
+    crosses, on_robot = list[Floats](), list[Floats]()
+    for number, tile in enumerate(job.tiles, start=1):
+        x, y = _window_mm(tile)
+        box = x, y, x + tile.sheet_width_mm, y + tile.sheet_height_mm
+        windows.setdefault(box, []).append(str(number))
+        for key, found in (("targets_made_mm", crosses), ("robot_targets_made_mm", on_robot)):
+            found += [np.array([(x, y)]) + point for point in fact_rows(tile, key)]
+    for box, numbers in windows.items():
+        x0, y0, x1, y1 = box
+        panel.line([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)], _WINDOW)
+        shown = max(x0, panel.box[0]), min(y1, panel.box[3])
+        words = f"tile {', '.join(numbers)}"
+        panel.words(shown, words, TICK_PT, colour=SOFT, shift_pt=(4.0, -8.0))
+    for places, size_pt in ((crosses, 8.0), (on_robot, 5.0)):
+        if places:
+            panel.marks(np.concatenate(places), "+", size_pt, Ink(line=INK, width_pt=0.7))
 
 
 def run_paths(job: Job) -> tuple[LaserPath, ...]:

@@ -12,12 +12,14 @@ from shapely import LineString, Point, Polygon
 
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.fabrication.job.tile_order import BRIDGE_MM
+from vinefab.fabrication.job.tile_order import BRIDGE_MM, in_making_order
+from vinefab.fabrication.job.tile_window import FilmTile
 from vinefab.fabrication.job.tiling import STRIP_TARGET
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import names
-from vinefab.model.job import Job, Operation
+from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, read_profile
+from vinefab.model.outline import Contour, Part, Segment
 
 MACHINES = {
     "laser, one pass": ("co2_40w__stretchlon_200", "weldcut"),
@@ -161,3 +163,28 @@ def test_an_overlap_of_the_recipe_that_is_larger_is_kept() -> None:
     over = sum(path.contour.length_mm for path in runs) - job.length_mm(Operation.WELD)
     assert over == pytest.approx(20.0 * (len(runs) - 1))
     assert math.isclose(job.tiles[0].facts["overlap_mm"], 20.0)
+
+
+def test_a_last_tile_whose_window_holds_the_mouth_cuts_it_at_its_end() -> None:
+    profile = read_profile("co2_40w__stretchlon_200")
+
+    def tile(low_x: float, *paths: LaserPath) -> FilmTile:
+        return FilmTile(
+            pieces=set(), box_mm=(0.0, 0.0, 1.0, 1.0), paths=list(paths), low_mm=(low_x, 0.0)
+        )
+
+    def line(operation: Operation, x0: float, x1: float, part: Part) -> LaserPath:
+        segment = Segment(start_mm=(x0, 50.0), end_mm=(x1, 50.0), part=part, branch="0")
+        contour = Contour.from_segments([segment], closed=False)
+        return LaserPath(operation=operation, contour=contour)
+
+    side = line(Operation.WELDCUT, 10.0, 150.0, Part.SIDE)
+    mouth = line(Operation.CUT, 60.0, 100.0, Part.MOUTH)
+    for low_x, runs in (
+        (50.0, 2),
+        (70.0, 3),
+    ):  # the second window holds the mouth, or not all of it
+        made = in_making_order([tile(0.0, side, mouth), tile(low_x, side)], profile, (200.0, 100.0))
+        assert len(made) == runs
+        assert [path.contour.parts for path in made[-1].paths][-1] == (Part.MOUTH,)
+        assert all(path.operation is Operation.WELDCUT for run in made[:-1] for path in run.paths)

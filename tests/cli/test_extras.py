@@ -32,7 +32,7 @@ COMMANDS = {
     "gis": (("pyogrio", "pyproj"), ["map", "import", EXAMPLES / "imports/survey.gpkg"]),
     "studies": (
         ("matplotlib",),
-        ["study", "reproduce", "transfer", "--quick", "--out", "study"],
+        ["study", "reproduce", "convergence", "--quick", "--out", "study"],
     ),
     "studio": (
         ("starlette", "tomlkit", "uvicorn", "watchfiles", "websockets"),

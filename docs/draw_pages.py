@@ -6,20 +6,28 @@ folder, and their pictures kept. Pictures of HTML pages are taken by the browser
 
 import contextlib
 from collections.abc import Iterator
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
 from PIL import Image
 from playwright.sync_api import sync_playwright
 from studio_film import CHROMIUM
 
 import vinefab as vf
-from vinefab.fabrication.package.prepare import prepare
+from vinefab.fabrication.formats.laser_drawing import package_spec
+from vinefab.fabrication.formats.pdf_format import pattern_page
+from vinefab.fabrication.job.bar_strokes import bar_strokes
+from vinefab.fabrication.package.prepare import Prepared, prepare
 from vinefab.fabrication.package.sheet_pictures import job_plan
 from vinefab.model.laser import read_profile
 from vinefab.noun_pictures import svg_of
 from vinefab.pages.page_files import page_svg
+from vinefab.pages.panel import Layer, Page, Words
+from vinefab.pages.paper_tiles import paper_sheets
+from vinefab.pages.true_scale import PT_PER_MM
 
 PAGES = Path(__file__).resolve().parent / "pictures" / "pages"
 SPRIG = "examples/arena/sprig.toml"
@@ -46,6 +54,10 @@ def making() -> Iterator[tuple[str, bytes]]:
     for name, film in {"sheet": "stretchlon_200", "sealer": "stretchlon_800"}.items():
         job = prepare(tree, read_profile(f"co2_60w__{film}")).job
         yield f"{name}.svg", page_svg(job_plan(job))
+    by_hand = prepare(tree, read_profile("impulse_sealer_300__stretchlon_800"))
+    yield "pattern.svg", page_svg(pattern_sheet(by_hand, 5))
+    in_tiles = prepare(tree, read_profile("hot_tip_250__stretchlon_200")).job
+    yield "tiles.svg", page_svg(job_plan(in_tiles))
     vf.fabricate("grid_explorer_pieces", out="pieces", allow_uncalibrated=True)
     yield "pieces.svg", Path("pieces/assembly.svg").read_bytes()
     vf.fabricate("scout", out="scout", allow_uncalibrated=True)
@@ -93,6 +105,30 @@ def reality() -> Iterator[tuple[str, bytes]]:
         vf.observe(photo, "arena.geojson", SPRIG, pose, obstacle_height_mm=30.0, out="seen.html")
         yield f"seen_{number}.webp", shot("seen.html", (1000, 800), "figure")
         Path("seen.html").unlink()
+
+
+def pattern_sheet(prepared: Prepared, number: int) -> Page:
+    """Return a sheet of the pattern on paper, as it is printed."""
+    spec = package_spec(prepared.job, prepared.profile)
+    drawing = pattern_page(spec, bar_strokes(spec.job, prepared.profile))
+    boxes = np.array([styled.path.contour.box_mm for styled in spec.paths])
+    box = *boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0)
+    sheet = paper_sheets(drawing, box, "a4", f"{spec.job.name}: pattern")[number]
+    high = sheet.page.height_pt
+    x, y = PT_PER_MM * np.array(sheet.shift_mm)
+    shift = np.array([x, high - y - drawing.height_pt])
+    x0, y0, x1, y1 = PT_PER_MM * np.array(sheet.window_mm)
+    window = x0, high - y1, x1, high - y0
+    layers = []
+    for primitive in (one for layer in drawing.layers for one in layer.primitives):
+        if isinstance(primitive, Words):
+            moved = replace(primitive, at=tuple(shift + primitive.at))
+            if not (x0 < moved.at[0] < x1 and window[1] < moved.at[1] < window[3]):
+                continue
+        else:
+            moved = replace(primitive, chains=[chain + shift for chain in primitive.chains])
+        layers.append(Layer(primitives=[moved], window=window))
+    return replace(sheet.page, layers=[*layers, *sheet.page.layers])
 
 
 def svg_bytes(noun: vf.Map | vf.Deployment) -> bytes:

@@ -283,7 +283,7 @@ LINES = {
     "rig jagged.geojson --out out": "jagged.geojson: map 'jagged': it has 12004 corners",
     "inflate plain_vine --across 7": "--across",
     "inflate plain_vine --across 400": "--across",
-    "inflate plain_vine --out shape.pdf": "--out",
+    "inflate plain_vine --out shape.gif": "--out",
     "inflate plain_vine --mesh shape.glb": "--mesh",
     "inflate plain_vine --recipe moon": "moon",
     "inflate grid_explorer --across 32": "--across is 32; allowed: 4 to 20 for grid_explorer",
@@ -312,7 +312,7 @@ LINES = {
     "aim plain --map grid.geojson --deployments 5": "--deployments",
     "aim plain --map grid.geojson --placing-mm nan": "--placing-mm",
     "aim plain --map grid.geojson --task moon": "moon",
-    "aim plain --map grid.geojson --out aim.pdf": "--out",
+    "aim plain --map grid.geojson --out aim.gif": "--out",
     "aim plain --map grid.geojson --set targets=[[900,900]]": "targets",
     "aim plain --map grid.geojson --growth head_on_half_angle_deg=15,1": "head-on-half-angle-deg",
     # runs

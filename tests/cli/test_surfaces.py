@@ -7,6 +7,7 @@ import tomllib
 
 import pytest
 
+from vinefab.core.errors import UnknownNameError
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.contacts import (
     SURFACES,
@@ -16,6 +17,7 @@ from vinefab.model.contacts import (
     contacts_of,
     contacts_text,
 )
+from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.rig.part_files import RIG_NAME
 
@@ -146,6 +148,24 @@ def test_an_unknown_surface_is_one_line(vinefab, on, verb):
     assert code == 2
     (line,) = complaint.splitlines()
     assert "no surface is called 'ruogh'; did you mean 'rough'?; there are: rough, smooth" in line
+
+
+def test_a_run_on_an_unknown_surface_is_refused_before_it_begins(vinefab, on, tmp_path):
+    world = on("ruogh")
+    run = tmp_path / "run.toml"
+    run.write_text(f'schema = "vinefab/run-1"\n[maps]\nfiles = ["{world.name}"]\n')
+    code, _, complaint = vinefab("optimize", run, "--out", tmp_path / "run", "-q")
+    assert (code, complaint.count("\n")) == (2, 1)
+    assert "no surface is called 'ruogh'" in complaint
+    assert not (tmp_path / "run").exists()
+
+
+def test_growth_in_python_knows_the_surface_of_the_map(on, ours):
+    world, vine = Map.read(on("grey_pla")), Design.read("plain_vine")
+    grown = vine.grow(world, contacts=ours)
+    assert grown.growth["head_on_half_angle_deg"] == 12.0
+    with pytest.raises(UnknownNameError, match="grey_pla"):
+        vine.grow(world)
 
 
 def test_maps_of_different_surfaces_are_not_mixed(vinefab, on, grid):

@@ -70,7 +70,7 @@ def test_the_board_is_one_closed_solid_on_one_bed(folder):
 
 def test_tubes_have_room_next_to_each_wall(folder):
     world, strip = Map.read(folder / "contact_test.geojson"), Design.read(folder / "strip.toml")
-    assert world.surface == "grey_pla"
+    assert world.surface == ""  # not measured yet: growth would not know it
     diameter_mm = 2.0 * GrowthOptions().radius_mm(strip.build.widths_mm[0])
     walls = shapely.union_all([*world.obstacles, world.bounds.exterior])
     for lane in contact_lanes():

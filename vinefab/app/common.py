@@ -309,12 +309,9 @@ def context_of(
 
 def on_surface(growth: Mapping[str, Any] | None, worlds: Sequence[Map]) -> dict[str, Any]:
     """Return growth options with the surface that maps name, where the caller gives none."""
-    from vinefab.growth.options import surface_of
+    from vinefab.growth import options
 
-    given = dict(as_mapping("growth", growth))
-    if given.get("surface") is None and (surface := surface_of(worlds)):
-        given["surface"] = surface
-    return given
+    return options.on_surface(as_mapping("growth", growth), worlds)
 
 
 def note_surface(context: Context) -> None:

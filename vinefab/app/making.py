@@ -677,7 +677,7 @@ def _contact_test(
     folder = folder_to_write("out", out, RIG_MARK, force=force)
     surface = options.surface or UNNAMED
     options = contact_options(printer, options.changed(surface=surface))
-    world = replace(contact_map(), surface=surface)
+    world = contact_map()  # its surface is not measured yet: a map cannot name it
     with told(progress):
         request = RigRequest(design=strip_design(), pictures=pictures, extras=False)
         made = make_rig(world, printer, options, request)

@@ -212,7 +212,7 @@ def grow(
     note_surface(context)
     (robot,), here = context.as_grown, None if pose is None else Pose.of(pose)
     with told(progress):
-        found = deploy(robot, context.worlds[0], here, on_surface(context.given, context.worlds))
+        found = deploy(robot, context.worlds[0], here, context.given)
         if drawing is not None:
             where = f"on {context.worlds[0].name}"
             lines = Skeleton.of_deployment(found.deployment, robot, where)

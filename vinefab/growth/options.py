@@ -624,6 +624,20 @@ def surface_words() -> str:
     return f"surface and tube decide: {', '.join(known)}"
 
 
+def on_surface(given: Mapping[str, Any] | None, worlds: Iterable[Map]) -> dict[str, Any]:
+    """Return growth options by name with the surface that maps name, where none is given."""
+    options = dict(given or {})
+    if options.get("surface") is None and (surface := surface_of(worlds)):
+        options["surface"] = surface
+    return options
+
+
+def on_maps(growth: GrowthOptions, worlds: Iterable[Map]) -> GrowthOptions:
+    """Return growth options that know the surface of maps; the half-angle stays."""
+    surface = growth.surface or surface_of(worlds)
+    return growth if surface is None else growth.changed(surface=surface)
+
+
 def surface_of(worlds: Iterable[Map]) -> str | None:
     """Return the surface that maps name; None where none names one.
 

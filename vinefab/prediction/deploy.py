@@ -34,7 +34,7 @@ from vinefab.core.view import (
     document,
 )
 from vinefab.growth.batch import Engine, grow_on
-from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
+from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text, on_surface
 from vinefab.growth.plan import Plan
 from vinefab.growth.terrain import Terrain
 from vinefab.inflation.pattern import as_grown
@@ -399,7 +399,7 @@ def deploy(
     given
         Growth options by name, in place of those that the design was trained with.
     """
-    choice = GrowthChoice.of([design], given).single
+    choice = GrowthChoice.of([design], on_surface(given, [world])).single
     pose = pose or first_start(world)
     terrain = Terrain.of(world)
     deployment = grow_on(design, terrain, pose, choice.options)

@@ -24,7 +24,7 @@ from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.pieces.partition import pieces_of
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.growth.batch import Batch
-from vinefab.growth.options import GrowthOptions
+from vinefab.growth.options import GrowthOptions, on_maps
 from vinefab.growth.plan import Plans
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.deployment import Deployment, Stop
@@ -214,7 +214,8 @@ def predicted(search: Search, result: RunResult) -> tuple[WinnerPrediction, Prep
     """
     settings, evaluator = search.settings, search.evaluator
     design, task = result.finalists[0].design, evaluator.spec.search_task
-    usual = settings.growth.at_one_angle.changed(emergence=settings.growth.emergence)
+    trained = on_maps(settings.growth, [prepared.world for prepared in evaluator.maps])
+    usual = trained.at_one_angle.changed(emergence=trained.emergence)
     fresh = PreparedFamily(
         label=counted(len(evaluator.maps), "training map"),
         maps=evaluator.maps,
@@ -268,8 +269,8 @@ def predicted(search: Search, result: RunResult) -> tuple[WinnerPrediction, Prep
     found = WinnerPrediction(
         task=settings.task.name,
         title=result.score.title_of_task,
-        head_on_half_angles_deg=settings.growth.contact_angles_deg,
-        head_on_half_angles_standing=settings.growth.contact_angles_standing,
+        head_on_half_angles_deg=trained.contact_angles_deg,
+        head_on_half_angles_standing=trained.contact_angles_standing,
         trained_half_angle_deg=settings.growth.half_angle_deg,
         unseen=scores_on("unseen"),
         training=scores_on("training"),

@@ -21,6 +21,7 @@ from vinefab.core.progress import Progress, announce, each, phase
 from vinefab.core.registry import parameter_names, parameter_values
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats
+from vinefab.growth.options import on_maps
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.files.run_context import RunRecipe
@@ -183,6 +184,7 @@ class Search:
                 own = parameter_values(optimizer)
                 named = PartSettings(name=type(optimizer).__name__, parameters=own)
             settings = settings.changed(optimizer=named)
+        on_maps(settings.growth, maps)  # a surface that is not known is refused here
         spec = EvaluatorSpec(settings=settings, maps=tuple(maps), penalty=penalty, task=task)
         evaluator = Evaluator.of(spec)
         config = optimizer or make_optimizer_config(

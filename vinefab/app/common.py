@@ -285,12 +285,13 @@ def context_of(
         others += of_task[1]
     choice, given = None, as_growth(None if growth is ... else growth, **shortcuts)
     if growth is not ...:
-        from vinefab.growth.options import GrowthChoice
+        from vinefab.growth.options import GrowthChoice, on_surface
 
-        choice = GrowthChoice.of(robots, on_surface(given, worlds))
         if run.growth:
             used.append("growth options")
             others += [f"{', '.join(given)} as given"] * bool(given)
+        given = on_surface(given, worlds)
+        choice = GrowthChoice.of(robots, given)
     if used or (others and run.kept):
         of_run = f"{', '.join(used)} of {run.title}" if used else run.title
         others.insert(0, of_run)
@@ -305,13 +306,6 @@ def context_of(
         growth=choice,
         given=given,
     )
-
-
-def on_surface(growth: Mapping[str, Any] | None, worlds: Sequence[Map]) -> dict[str, Any]:
-    """Return growth options with the surface that maps name, where the caller gives none."""
-    from vinefab.growth import options
-
-    return options.on_surface(as_mapping("growth", growth), worlds)
 
 
 def note_surface(context: Context) -> None:

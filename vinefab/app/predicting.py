@@ -23,7 +23,6 @@ from vinefab.app.common import (
     families_of,
     note_seen,
     note_surface,
-    on_surface,
     page_path,
     parted,
     with_origin,
@@ -63,6 +62,7 @@ from vinefab.model.inputs import (
     TargetsLike,
     as_design,
     as_map,
+    as_mapping,
     as_path,
     as_several,
     as_starts,
@@ -424,7 +424,7 @@ def aim(
     )
     (place,) = context.worlds
     compared = held_against(*context.as_grown, alone=alone)
-    choice = aim_growth(compared, on_surface(context.given, context.worlds))
+    choice = aim_growth(compared, context.given)
     plan = AimPlan(
         where=where,
         deployments=deployments,
@@ -502,7 +502,7 @@ def compare(
     >>> sorted(found.means)
     ['plain_vine', 'three_level_tree']
     """
-    from vinefab.growth.options import shown_growth
+    from vinefab.growth.options import on_surface, shown_growth
     from vinefab.prediction.comparison import compare_designs, measure_named
     from vinefab.prediction.family_deployments import PredictionPlan
     from vinefab.prediction.measures import TASK_SCORE
@@ -522,7 +522,10 @@ def compare(
             task=task,
             usual_task="",
             parameters=of_task,
-            growth=on_surface(growth, [world for family in families for world in family.worlds]),
+            growth=on_surface(
+                as_mapping("growth", growth),
+                [world for family in families for world in family.worlds],
+            ),
             body=body,
             head_on_half_angle_deg=head_on_half_angle_deg,
             contacts=contacts,

@@ -1,17 +1,21 @@
 """The mask for a heat press: the lumen, with a tab at its mouth, at true scale."""
 
 import io
+import math
 import re
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
 import pypdfium2
 import pytest
 import shapely
+from shapely import LineString
 
 from tests.fabrication.conftest import fan, plan
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.package.press_mask import TAB_MM, mask_files
+from vinefab.fabrication.package.press_mask import TAB_MM, mask_files, masks_of
+from vinefab.model.job import Operation
 from vinefab.model.laser import read_profile
 from vinefab.outline.body_outline import body_outline
 
@@ -49,6 +53,28 @@ def test_the_pdf_shows_all_of_it_on_sheets_of_paper(files: dict[str, bytes]) -> 
     words = document[0].get_textpage().get_text_bounded()
     assert f"a tab of {TAB_MM:g} mm at every open end" in " ".join(words.split())
     assert len(document) > 2
+
+
+def test_no_tab_covers_the_seam_of_a_neighbour() -> None:
+    profile = read_profile("impulse_sealer_300__stretchlon_800")
+    job = laser_job(plan((40.0,)), profile)
+    (seam,) = job.along(Operation.WELD)
+    x0, _, x1, y1 = seam.contour.box_mm
+    # Another one stands on its side: its mouth is 10 mm away from the first.
+    turned = seam.contour.moved(math.pi / 2.0, 0.0, 0.0)
+    low = turned.box_mm
+    other = turned.moved(0.0, (x0 + x1) / 2.0 - low[0], y1 + 10.0 - low[1])
+    both = replace(
+        job, paths=(seam, replace(seam, contour=other, label="another")), sheet_height_mm=2000.0
+    )
+    masks = masks_of(both, profile)
+    lines = [LineString(path.contour.flattened_mm()) for path in both.paths]
+    bands = shapely.union_all(lines).buffer(0.99, cap_style="flat")
+    assert masks.intersection(bands).area == pytest.approx(0.0, abs=1e-6)
+    lumens = [shapely.Polygon(line.coords).buffer(-1.01) for line in lines]
+    assert all(masks.contains(lumen) for lumen in lumens)
+    between = shapely.box(other.box_mm[0] + 1.1, y1 + 1.1, other.box_mm[2] - 1.1, y1 + 9.0)
+    assert masks.contains(between)  # the tab, up to the seam of the first
 
 
 def test_film_that_a_machine_marks_needs_no_mask() -> None:

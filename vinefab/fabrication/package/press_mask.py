@@ -77,7 +77,10 @@ def masks_of(sheet: Job, profile: LaserProfile) -> BaseGeometry:
     seams = sheet.along(Operation.WELD)
     width_mm = seams[0].settings_in(profile).seam_width_mm.value
     bodies = [SealedBody(runs=runs) for runs in bodies_of_paths(seams)]
-    return shapely.union_all([body.lumen(width_mm, TAB_MM) for body in bodies])
+    # A tab may reach over the seam of a neighbour, which must be fused all the same.
+    lines = [shapely.LineString(path.contour.flattened_mm()) for path in seams]
+    fused = shapely.union_all(lines).buffer(width_mm / 2.0, cap_style="flat")
+    return shapely.union_all([body.lumen(width_mm, TAB_MM) for body in bodies]) - fused
 
 
 def _rings(masks: BaseGeometry) -> Iterator[BaseGeometry]:

@@ -81,26 +81,26 @@ _TARGETS = {
 """Three points of a known Grid, touched from any start of a range; every seed has its own Grid."""
 
 DIGESTS: Mapping[str, str] = {
-    "grid-coverage-levels-pass": "4f0b58692f26",
-    "grid-coverage-levels-stop": "bb86e5a72706",
-    "grid-coverage-free-pass": "e864df720969",
-    "grid-coverage-free-stop": "b5c23e1000e2",
-    "grid-reach-levels-pass": "db499c397c3d",
-    "grid-reach-levels-stop": "778784671252",
-    "grid-reach-free-pass": "a62e2c7dc777",
-    "grid-reach-free-stop": "330d71ea2f79",
-    "cave-coverage-levels-pass": "519276d6cfa0",
-    "cave-coverage-levels-stop": "6b2fee5c5f98",
-    "cave-coverage-free-pass": "6bf24f61c0ae",
-    "cave-coverage-free-stop": "29552a071778",
-    "cave-reach-levels-pass": "64db4ec2fe13",
-    "cave-reach-levels-stop": "31da7a13f859",
-    "cave-reach-free-pass": "a73ab5dd3900",
-    "cave-reach-free-stop": "6d79a63abe3d",
-    "targets-levels-pass": "deb4b6c9538c",
-    "targets-levels-stop": "27def8d8398e",
-    "targets-free-pass": "633da7c9a4df",
-    "targets-free-stop": "29f46d5969b7",
+    "grid-coverage-levels-pass": "b278afa449e5",
+    "grid-coverage-levels-stop": "7273d1861b51",
+    "grid-coverage-free-pass": "5f9db33fa3d9",
+    "grid-coverage-free-stop": "8f86a77b0f5e",
+    "grid-reach-levels-pass": "489229bf0283",
+    "grid-reach-levels-stop": "26a14e1639c8",
+    "grid-reach-free-pass": "2543a265c6da",
+    "grid-reach-free-stop": "a0b0e0415b12",
+    "cave-coverage-levels-pass": "2c7beb179d31",
+    "cave-coverage-levels-stop": "1b4d2af39465",
+    "cave-coverage-free-pass": "382740681f2c",
+    "cave-coverage-free-stop": "17c5c480572d",
+    "cave-reach-levels-pass": "774eb58fef39",
+    "cave-reach-levels-stop": "0cb408eeea61",
+    "cave-reach-free-pass": "aef47121abbf",
+    "cave-reach-free-stop": "6188b122b5fa",
+    "targets-levels-pass": "018e0586e4ef",
+    "targets-levels-stop": "5a0195621f17",
+    "targets-free-pass": "8c44fd714c99",
+    "targets-free-stop": "d9e1a17dbafe",
 }
 """Of every problem of this version: its settings, its first training maps, all its unseen maps."""
 
@@ -159,13 +159,21 @@ def _posed(
 def digest_of(name: str) -> str:
     """Return the digest of a problem: its settings, its first maps, and those of the test."""
     settings = frozen_problems()[name]
-    plain, maps = plain_settings(settings.changed(name="")), settings.maps
+    plain, maps = _given(plain_settings(settings.changed(name=""))), settings.maps
     test = () if has_own_targets(settings) else unseen_sites(maps, UNSEEN)
     prints = [
         *_first_prints(maps.environment, maps.seed, maps.count),
         *(map_fingerprint(site.world) for site in test),
     ]
     return fingerprint(VERSION, GROWTHS, UNSEEN, plain, prints)
+
+
+def _given(plain: object) -> object:
+    """Return plain settings without those that are off: what later versions add changes nothing."""
+    if isinstance(plain, dict):
+        found = {key: _given(value) for key, value in plain.items()}
+        return {key: value for key, value in found.items() if value not in (None, "", [], {})}
+    return [_given(value) for value in plain] if isinstance(plain, list) else plain
 
 
 @lru_cache

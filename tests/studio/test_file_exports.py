@@ -112,6 +112,7 @@ class FoundInNoTime:
     given: tuple
     origin: object = None
     path: object = None
+    growth_notes: tuple = ()
     summary = ("found",)
     numbers = MappingProxyType({"schema": "vinefab/prediction-1"})
 

@@ -297,7 +297,10 @@ type Block =
   | { kind: "facts"; rows: string[][] }
   | { kind: "table"; caption: string; headings: string[]; rows: string[][] };
 
-type GrowthValues = Omit<GrowthOptions, "contacts"> & { contacts: MeasuredContacts | null };
+type GrowthValues = Omit<GrowthOptions, "contacts" | "surface"> & {
+  contacts: MeasuredContacts | null;
+  surface: string | null;
+};
 
 type LiveAnswer = {
   engine: string;

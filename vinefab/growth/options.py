@@ -144,6 +144,7 @@ class GrowthOptions(Table):
     ] = None
     surface: Annotated[
         str | None,
+        Field(exclude_if=lambda name: name is None),  # records of before have none
         Doc("of the walls: smooth, rough, or one of `contacts`; else the maps', where they say it"),
     ] = None
 
@@ -213,8 +214,9 @@ class GrowthOptions(Table):
 
     @property
     def values(self) -> dict[str, object]:
-        """All options as files have them."""
-        plain = {name: getattr(self, name) for name in GROWTH_NAMES[1:]}
+        """All options as files have them; a surface only where it is known, as in older records."""
+        names = GROWTH_NAMES[1:] if self.surface is not None else GROWTH_NAMES[1:-1]
+        plain = {name: getattr(self, name) for name in names}
         measured = None if self.contacts is None else self.contacts.content
         return {HALF_ANGLE_DEG: self.half_angle_deg, **plain, "contacts": measured}
 

@@ -327,8 +327,14 @@ def plain_settings(settings: object) -> object:
     if isinstance(settings, AnyStart):
         return start_record(settings)
     if isinstance(settings, Table):
-        declared = [name for name in type(settings).model_fields if name != "schema_"]
-        return {name: plain_settings(getattr(settings, name)) for name in declared}
+        # What a field leaves out of files is left out here: earlier records have no such key.
+        values = {
+            name: getattr(settings, name)
+            for name, field in type(settings).model_fields.items()
+            if name != "schema_"
+            and not (field.exclude_if and field.exclude_if(getattr(settings, name)))
+        }
+        return {name: plain_settings(value) for name, value in values.items()}
     if is_dataclass(settings):
         return {f.name: plain_settings(getattr(settings, f.name)) for f in fields(settings)}
     if isinstance(settings, Mapping):

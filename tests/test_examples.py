@@ -81,7 +81,13 @@ ALONE = ("add_a_rule",)
 """Run in a process of its own, as a user does; the others here, where nothing is loaded again."""
 
 
-@pytest.mark.parametrize(("name", "arguments"), SCRIPTS.items(), ids=SCRIPTS)
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        pytest.param(*one, marks=[pytest.mark.thorough] if one[1] else [], id=one[0])
+        for one in SCRIPTS.items()
+    ],
+)
 def test_an_example_draws_its_picture(run_script, name, arguments, tmp_path):
     picture = tmp_path / "picture.png"
     run_script(name, *arguments, picture)
@@ -183,11 +189,11 @@ def test_every_script_in_the_folder_is_tried():
 
 OPTIMIZED = (
     "grid_explorer",
-    "cave_explorer_pieces",
     "six_branch_anchor",
     *(
         pytest.param(name, marks=pytest.mark.thorough)
         for name in (
+            "cave_explorer_pieces",
             "grid_explorer_pieces",
             "cave_explorer",
             "grid_explorer_levels",

@@ -137,6 +137,8 @@ def check_laser_format(laser_format: LaserFormat) -> None:
         job = Subject.of(Design.read(name), profile).job
         if job is not None:
             spec = LaserFileSpec(job=job, profile=profile)
+            if laser_format.where_needed and not laser_format.paths(spec):
+                continue
             problems = file_problems(laser_format, laser_format.write(spec).encode(), spec)
             _ensure(not problems, f"{name}: {'; '.join(problems)}")
 

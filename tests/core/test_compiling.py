@@ -105,6 +105,7 @@ def test_code_that_names_a_type_of_an_earlier_version_is_compiled_anew(toy, tmp_
     assert [called(toy()), called(toy())] == [(8.0, 0), (8.0, 1)]
 
 
+@pytest.mark.thorough
 def test_code_that_a_wheel_brought_is_compiled_for_the_own_processor_meanwhile(
     tmp_path: Path,
 ) -> None:

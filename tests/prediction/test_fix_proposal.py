@@ -59,7 +59,11 @@ def test_an_error_that_no_change_clears_is_reported(profile):
 
 @pytest.mark.parametrize(
     "keep",
-    [[], pytest.param(["branches"], marks=pytest.mark.thorough), ["branches", "length", "width"]],
+    [
+        pytest.param([], marks=pytest.mark.thorough),
+        pytest.param(["branches"], marks=pytest.mark.thorough),
+        ["branches", "length", "width"],
+    ],
 )
 def test_one_fan_that_is_too_narrow_is_opened_and_nothing_else_changes(profile, keep):
     """What clears the quick rules at the lowest cost does not pass the full check here."""

@@ -79,6 +79,7 @@ def test_a_run_ends_in_a_free_tree_that_passes_the_check(result):
     assert {len(generation.x) for generation in result.history[:4]} <= set(range(1, 13))
 
 
+@pytest.mark.thorough
 def test_a_run_does_not_depend_on_its_workers(result):
     again = search(settings()).run(workers=2)
     assert again.best.tree.key == result.best.tree.key

@@ -54,10 +54,11 @@ def small(monkeypatch):
 
 
 @pytest.mark.usefixtures("small")
-def test_searches_give_the_same_file_however_they_are_done(tmp_path):
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.thorough)])
+def test_searches_give_the_same_file_however_they_are_done(tmp_path, workers):
     do = partial(vf.benchmark, seeds=2, progress=False, designs="plain_vine")
     found = do(optimizers=("islands", "random"), out=tmp_path / "one")
-    again = do(optimizers=("islands", "random"), out=tmp_path / "two", workers=2)
+    again = do(optimizers=("islands", "random"), out=tmp_path / "two", workers=workers)
     assert again.json_text() == found.json_text()
     kept = BenchmarkResults.read(tmp_path / "one" / "benchmark.json")
     assert kept == found

@@ -297,10 +297,7 @@ type Block =
   | { kind: "facts"; rows: string[][] }
   | { kind: "table"; caption: string; headings: string[]; rows: string[][] };
 
-type GrowthValues = Omit<GrowthOptions, "contacts" | "surface"> & {
-  contacts: MeasuredContacts | null;
-  surface: string | null;
-};
+type GrowthValues = Omit<GrowthOptions, "contacts"> & { contacts: MeasuredContacts | null };
 
 type LiveAnswer = {
   engine: string;

@@ -81,13 +81,8 @@ ALONE = ("add_a_rule",)
 """Run in a process of its own, as a user does; the others here, where nothing is loaded again."""
 
 
-@pytest.mark.parametrize(
-    ("name", "arguments"),
-    [
-        pytest.param(*one, marks=[pytest.mark.thorough] if one[1] else [], id=one[0])
-        for one in SCRIPTS.items()
-    ],
-)
+@pytest.mark.parametrize(("name", "arguments"), SCRIPTS.items(), ids=SCRIPTS)
+@pytest.mark.thorough
 def test_an_example_draws_its_picture(run_script, name, arguments, tmp_path):
     picture = tmp_path / "picture.png"
     run_script(name, *arguments, picture)

@@ -49,7 +49,8 @@ def forget():
     solving._joint.cache_clear()
 
 
-@pytest.mark.parametrize("compensated", [True, pytest.param(False, marks=pytest.mark.thorough)])
+@pytest.mark.thorough
+@pytest.mark.parametrize("compensated", [True, False])
 def test_side_by_side_they_are_the_same_to_the_last_bit(caches, monkeypatch, compensated):
     tasks = [task(angle, compensated=compensated) for angle in (20.0, 31.0, 44.0, 57.0)]
     caches()

@@ -320,6 +320,7 @@ def test_an_added_obstacle_is_drawn_by_a_drag(tab, grid):
     assert [kind for kind, _ in tab.state()["map"]["edits"]] == ["add"]
 
 
+@pytest.mark.thorough
 def test_an_obstacle_is_typed_resized_and_turned(tab, grid):
     """Its frame as the library has it, before and after."""
     tab.page.select_option("#thing", "obstacle 4")

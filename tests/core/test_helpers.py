@@ -14,8 +14,10 @@ from vinefab.core.helpers import helped, processors
 
 
 def note(path):
-    """Leave a file with the number of the process that worked on it."""
-    Path(path).write_text(str(os.getpid()), encoding="utf-8")
+    """Leave a file with the number of the process that worked on it, whole once it is there."""
+    part = Path(path).with_suffix(".part")
+    part.write_text(str(os.getpid()), encoding="utf-8")
+    part.rename(path)
 
 
 def note_once(path):

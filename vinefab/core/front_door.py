@@ -97,3 +97,37 @@ def callable_room(room: str) -> None:
             raise AttributeError(f"module {room!r} has no attribute {wanted!r}")
 
     sys.modules[room].__class__ = CallableRoom
+
+
+class Pictured:
+    """A noun that has a picture: in notebooks, and on axes of Matplotlib."""
+
+    __slots__ = ()
+
+    def plot(self, ax: Any = None, *, legend: bool = True) -> Any:  # noqa: ANN401  of Matplotlib
+        """Draw it on axes of Matplotlib, and return them.
+
+        Parameters
+        ----------
+        ax
+            The axes, in mm; None: new ones.
+        legend
+            Whether to explain signs and colours next to the axes.
+
+        Raises
+        ------
+        MissingPackageError
+            If Matplotlib is not installed.
+
+        Examples
+        --------
+        >>> from vinefab import maps
+        >>> maps.pegs(seed=1).plot().get_xlabel()  # doctest: +SKIP
+        'x (mm)'
+        """
+        return ABOVE.plot(self, ax, legend=legend)
+
+    def _repr_svg_(self) -> str | None:
+        """Show it in a notebook; a robot on its map, or alone where the map is not known."""
+        drawn: str | None = ABOVE.picture(self)
+        return drawn

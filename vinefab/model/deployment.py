@@ -5,14 +5,14 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.codec import IF_KNOWN, Record
 from vinefab.core.errors import BadInputError
-from vinefab.core.front_door import ABOVE
+from vinefab.core.front_door import ABOVE, Pictured
 from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted, json_text
 from vinefab.core.validation import Floats, Ints
@@ -46,7 +46,7 @@ CUT_STOPS = (Stop.BRANCH, Stop.NOT_EVERTED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Deployment:
+class Deployment(Pictured):
     """The final state of one growth, as arrays over the branches of its tree.
 
     Parameters
@@ -197,32 +197,6 @@ class Deployment:
         """
         written: Path = ABOVE.write_deployment(self, path, force=force)
         return written
-
-    def plot(self, ax: Any = None, *, legend: bool = True) -> Any:  # noqa: ANN401  of Matplotlib
-        """Draw the robot on its map on axes of Matplotlib, and return them.
-
-        Parameters
-        ----------
-        ax
-            The axes, in mm; None: new ones.
-        legend
-            Whether to explain signs and colours next to the axes.
-
-        Raises
-        ------
-        MissingPackageError
-            If Matplotlib is not installed.
-
-        Examples
-        --------
-        >>> deployment.plot()  # doctest: +SKIP
-        """
-        return ABOVE.plot(self, ax, legend=legend)
-
-    def _repr_svg_(self) -> str | None:
-        """Show the robot on its map in a notebook, or alone where the map is not known."""
-        drawn: str | None = ABOVE.picture(self)
-        return drawn
 
 
 def deployment_text(

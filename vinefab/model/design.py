@@ -34,7 +34,7 @@ from vinefab.core.errors import (
     located,
     nearest,
 )
-from vinefab.core.front_door import ABOVE
+from vinefab.core.front_door import ABOVE, Pictured
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import file_number, rad
 from vinefab.core.plain_text import GENERATOR, agreeing, counted, some_of
@@ -582,7 +582,7 @@ class Waiver(Table):
 _NAME = re.compile(r"[\w.-]+")
 
 
-class Design(Table):
+class Design(Pictured, Table):
     """A branching vine robot, lengths in millimetres.
 
     In Python ``trunk_length_mm`` is given in place of ``trunk``. Lengths in a file are multiplied
@@ -1326,32 +1326,6 @@ class Design(Table):
             growth=growth,
         )
         return grown
-
-    def plot(self, ax: Any = None, *, legend: bool = True) -> Any:  # noqa: ANN401  of Matplotlib
-        """Draw the flat outline on axes of Matplotlib, and return them.
-
-        Parameters
-        ----------
-        ax
-            The axes, in mm; None: new ones.
-        legend
-            Whether to explain signs and colours next to the axes.
-
-        Raises
-        ------
-        MissingPackageError
-            If Matplotlib is not installed.
-
-        Examples
-        --------
-        >>> Design.read("plain_vine").plot()  # doctest: +SKIP
-        """
-        return ABOVE.plot(self, ax, legend=legend)
-
-    def _repr_svg_(self) -> str | None:
-        """Show the flat outline in a notebook."""
-        drawn: str | None = ABOVE.picture(self)
-        return drawn
 
 
 def design_of(content: Mapping[str, Any], source: str | Path) -> Design:

@@ -18,7 +18,7 @@ from typing_extensions import Doc
 
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError, UnreadableFileError, inside, located
-from vinefab.core.front_door import ABOVE
+from vinefab.core.front_door import ABOVE, Pictured
 from vinefab.core.frozen import FrozenMapping
 from vinefab.core.limits import DEFAULT_MARKER_MM, deg
 from vinefab.core.plain_text import GENERATOR, counted, plain, visible
@@ -43,7 +43,7 @@ __all__ = ["Map", "Pose", "Start"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Map:
+class Map(Pictured):
     """One instance of an environment, coordinates in millimetres.
 
     Parameters
@@ -283,34 +283,6 @@ class Map:
     def json_text(self) -> str:
         """Return the map as its file holds it: GeoJSON, ``vinefab/map-1``."""
         return map_text(self)
-
-    def plot(self, ax: Any = None, *, legend: bool = True) -> Any:  # noqa: ANN401  of Matplotlib
-        """Draw the plan on axes of Matplotlib, and return them.
-
-        Parameters
-        ----------
-        ax
-            The axes, in mm; None: new ones.
-        legend
-            Whether to explain signs and colours next to the axes.
-
-        Raises
-        ------
-        MissingPackageError
-            If Matplotlib is not installed.
-
-        Examples
-        --------
-        >>> from vinefab import maps
-        >>> maps.pegs(seed=1).plot().get_xlabel()  # doctest: +SKIP
-        'x (mm)'
-        """
-        return ABOVE.plot(self, ax, legend=legend)
-
-    def _repr_svg_(self) -> str | None:
-        """Show the plan in a notebook."""
-        drawn: str | None = ABOVE.picture(self)
-        return drawn
 
 
 MARKER_CELLS: tuple[tuple[str, str, str, str], ...] = (

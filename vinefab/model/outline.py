@@ -4,12 +4,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.front_door import ABOVE
+from vinefab.core.front_door import Pictured
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, frozen_floats
 
@@ -144,7 +143,7 @@ class Segment:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Contour:
+class Contour(Pictured):
     """A chain of lines and arcs, each starting where the one before ends.
 
     Parameters
@@ -296,32 +295,6 @@ class Contour:
             branches=self.branches,
             closed=self.closed,
         )
-
-    def plot(self, ax: Any = None, *, legend: bool = True) -> Any:  # noqa: ANN401  of Matplotlib
-        """Draw the contour on axes of Matplotlib, and return them.
-
-        Parameters
-        ----------
-        ax
-            The axes, in mm; None: new ones.
-        legend
-            Whether to explain signs and colours next to the axes.
-
-        Raises
-        ------
-        MissingPackageError
-            If Matplotlib is not installed.
-
-        Examples
-        --------
-        >>> contour.plot()  # doctest: +SKIP
-        """
-        return ABOVE.plot(self, ax, legend=legend)
-
-    def _repr_svg_(self) -> str | None:
-        """Show the contour in a notebook."""
-        drawn: str | None = ABOVE.picture(self)
-        return drawn
 
 
 def following(points_mm: Floats) -> Floats:

@@ -215,8 +215,9 @@ class GrowthOptions(Table):
     @property
     def values(self) -> dict[str, object]:
         """All options as files have them; a surface only where it is known, as in older records."""
-        names = GROWTH_NAMES[1:] if self.surface is not None else GROWTH_NAMES[1:-1]
-        plain = {name: getattr(self, name) for name in names}
+        plain = {name: getattr(self, name) for name in GROWTH_NAMES[1:]}
+        if self.surface is None:
+            del plain["surface"]
         measured = None if self.contacts is None else self.contacts.content
         return {HALF_ANGLE_DEG: self.half_angle_deg, **plain, "contacts": measured}
 

@@ -642,39 +642,3 @@ def test_every_public_function_stands_on_a_page():
     pages = [DOCS / "library.md", *VERB_PAGES.values()]
     text = "".join(page.read_text(encoding="utf-8") for page in pages)
     assert [name for name in vf.__all__ if name.islower() and f"vf.{name}" not in text] == []
-
-
-# --- A notebook ---------------------------------------------------------------------------------
-
-
-def test_the_notebook_runs_and_every_cell_shows_something(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    notebook = json.loads((ROOT / "examples" / "first_robot.ipynb").read_text(encoding="utf-8"))
-    names: dict[str, object] = {}
-    shown = []
-    for cell in notebook["cells"]:
-        if cell["cell_type"] != "code":
-            continue
-        assert cell["outputs"] == []  # what was computed once may be out of date
-        tree = ast.parse("".join(cell["source"]))
-        last = tree.body.pop()
-        exec(compile(tree, "cell", "exec"), names)  # noqa: S102  it is ours
-        assert isinstance(last, ast.Expr), "a cell ends with what it shows"
-        value = eval(compile(ast.Expression(last.value), "cell", "eval"), names)  # noqa: S307
-        draw = getattr(value, "_repr_svg_", None) or getattr(value, "_repr_html_", None)
-        assert draw is not None, f"{type(value).__name__} shows itself as text only"
-        shown.append((type(value).__name__, draw()))
-    kinds = [name for name, _ in shown]
-    assert kinds == ["Map", "Design", "Deployment", "Score", *["CheckReport"] * 2, "WrittenFolder"]
-    texts = dict(shown)
-    assert "(simulated)" in texts["Score"]
-    assert "VF-W01" in texts["CheckReport"], "the narrow level is found"
-    assert "outline.dxf" in texts["WrittenFolder"]
-    assert all(text.startswith("<") for _, text in shown)
-
-
-def test_what_users_named_is_text_in_a_notebook():
-    world = replace(vf.maps.pegs(seed=1), name="<script>x</script>")
-    shown = vf.score("plain_vine", "coverage", maps=[world], poses=1)._repr_html_()
-    assert "<script>" not in shown
-    assert "&lt;script&gt;" in shown

@@ -14,9 +14,17 @@ from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileE
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Design, PieceSettings
+from vinefab.search.run import generated_maps
 from vinefab.search.settings import RunSettings, read_run
 from vinefab.studies.assumption_studies import VARIANTS
-from vinefab.studies.deployment_studies import BEYOND, RedeploymentJob, shape_count, tip_groups
+from vinefab.studies.deployment_studies import (
+    BEYOND,
+    RedeploymentJob,
+    reach_run,
+    redeployments,
+    shape_count,
+    tip_groups,
+)
 from vinefab.studies.study_runs import (
     EXPERIMENTS,
     PAPER_GROWTH,
@@ -199,7 +207,9 @@ def test_a_design_is_kept_to_the_bit_without_its_origin():
 def once():
     """A straight vine too short to meet a wall, launched once."""
     short = Design.read("plain_vine").changed(trunk={"length_mm": 14.0})
-    return RedeploymentJob(design=short, worlds=maps_of("grid", 3, 1), headings=1, buffer_mm=20.0)
+    return RedeploymentJob(
+        design=short, worlds=maps_of(QUICK_SIZE, "grid", 3, 1), headings=1, buffer_mm=20.0
+    )
 
 
 def test_headings_that_meet_the_same_fate_count_once(once):
@@ -276,6 +286,33 @@ def test_every_run_trains_on_maps_of_its_own():
     ways = variety_runs(size)
     assert [[run.maps.seed for run in group] for group in ways.values()] == [[1, 4, 7]] * 4
     assert [group[0].maps.count for group in ways.values()] == [1, 1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("home", "size_mm", "radius_mm", "buffer_mm", "vine_mm"),
+    [("grid", 1250.0, 125.0, 100.0, 3750.0), ("cave", 900.0, 90.0, 72.0, 2700.0)],
+)
+def test_large_maps_enlarge_what_the_paper_does_not_publish(
+    home, size_mm, radius_mm, buffer_mm, vine_mm
+):
+    """Table 1 stays."""
+    large = replace(QUICK_SIZE, large_maps=True)
+    usual, run = coverage_run(QUICK_SIZE, home, 0), coverage_run(large, home, 0)
+    assert run.space == usual.space
+    (world,) = generated_maps(run.maps.changed(count=1))
+    assert world.bounds.bounds == (0.0, 0.0, size_mm, size_mm)
+    assert run.task.parameters == {"radius_mm": radius_mm}
+    assert usual.task.parameters == {"radius_mm": 50.0}
+    assert reach_run(large, home, 0).task.parameters == {"buffer_mm": buffer_mm}
+    job = redeployments(large, home)[0]
+    assert (job.design.trunk_length_mm, job.buffer_mm) == (vine_mm, buffer_mm)
+    named = {variant.name: variant for variant in VARIANTS}
+    at_scale = named["maps of the scale of Fig. 4"]
+    assert at_scale.run(QUICK_SIZE, home, 0) == named["base"].run(large, home, 0)
+    assert at_scale.redeployments(QUICK_SIZE, home) == named["base"].redeployments(large, home)
+    other = named["the same, sensors of 50 mm"].run(QUICK_SIZE, home, 0)
+    assert other.maps == run.maps
+    assert other.task.parameters["radius_mm"] == 50.0
 
 
 def test_trade_offs_of_small_deviation_cost_what_they_are_called():

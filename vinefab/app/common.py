@@ -14,7 +14,7 @@ from vinefab.core.errors import BadInputError, UnfitInputError, located
 from vinefab.core.limits import deg
 from vinefab.core.plain_text import counted
 from vinefab.core.verbs import Doc, Kind, Within, also, note, registered_names, this_call, wrote
-from vinefab.core.view import Block, Notes, Result, Rows, Text, lines
+from vinefab.core.view import Block, Notes, Result, Rows, Text, lines, main_table
 from vinefab.model.inputs import (
     FOLDER,
     PAIRS,
@@ -567,12 +567,20 @@ class StudyOutcome(Result):
         The JSON document.
     exit_code
         Of the command.
+    table
+        Its main table; by default the first one of the document.
     """
 
     found: Any
     blocks: tuple[Block, ...]
     text: str = field(repr=False)
     exit_code: int = 0
+    table: tuple[dict[str, Any], ...] = field(default=(), repr=False)
+
+    @property
+    def records(self) -> list[dict[str, Any]]:
+        """Its main table as plain values, a dict for each row: claims, optimizers, speeds."""
+        return [*self.table] or main_table(self.numbers)
 
     def view(self) -> tuple[Block, ...]:
         """Return the numbers to take away."""

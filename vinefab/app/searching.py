@@ -77,7 +77,7 @@ if TYPE_CHECKING:
     from vinefab.tasks.task import Task
 
     RunLike = RunSettings | str | PathLike[str]
-    RunsLike = str | PathLike[str] | tuple[str | PathLike[str], ...]
+    RunsLike = RunLike | tuple[RunLike, ...]
     Contenders = str | tuple[str, ...]
     ContendersLike = Contenders | OptimizerConfig
 else:
@@ -318,7 +318,7 @@ def _searched_by(
     return settings, optimizer
 
 
-def _run_of(given: RunLike) -> tuple[RunSettings, Path | None]:
+def _run_of(given: RunLike, key: str = "run") -> tuple[RunSettings, Path | None]:
     """Return the settings of a run, and the file that they come from."""
     from vinefab.model.files.shipped import locate
     from vinefab.search.manufacturability import with_build_for_film
@@ -327,7 +327,7 @@ def _run_of(given: RunLike) -> tuple[RunSettings, Path | None]:
     if isinstance(given, RunSettings):
         return with_build_for_film(given), None
     allowed = "RunSettings, the path of a run file (TOML), or the name of a shipped one"
-    path = locate("run file", name_or_path("run", given, allowed, "run file"))
+    path = locate("run file", name_or_path(key, given, allowed, "run file"))
     return with_build_for_film(read_run(path)), path
 
 
@@ -479,7 +479,7 @@ def contest(
     Parameters
     ----------
     run_files
-        The problems: run files, or shipped names.
+        The problems: run files, or shipped names; in Python RunSettings too.
     optimizers
         NAME or NAME:KEY=VALUE,...; several; the first is the reference.
     out
@@ -503,8 +503,6 @@ def contest(
 
     >>> contest("grid_coverage", optimizers=("cmaes", "random"), out="x")  # doctest: +SKIP
     """
-    from vinefab.search.manufacturability import with_build_for_film
-    from vinefab.search.settings import read_run
     from vinefab.studies.optimizer_contest import (
         Contest,
         comparison_blocks,
@@ -513,15 +511,14 @@ def contest(
         contest_rows,
     )
 
-    files = [Path(name_or_path("run_files", one, "run files", "run file"))
-             for one in as_several(run_files)]  # fmt: skip
+    problems = [_run_of(one, "run_files") for one in as_several(run_files)]
     plan = Contest(
-        problems=tuple(with_build_for_film(read_run(path)) for path in files),
+        problems=tuple(settings for settings, _ in problems),
         contenders=tuple(_contenders(optimizers)),
         seeds=seeds,
         unseen=unseen,
         poses=poses,
-        sources=tuple(files),
+        sources=tuple(path or Path(settings.name) for settings, path in problems),
     )
     folder = as_path("out", out)
     with told(progress):
@@ -634,6 +631,7 @@ def reproduce(
     ],
     out: Annotated[PathText, FOLDER],
     quick: bool = False,
+    large_maps: bool = False,
     workers: Annotated[Workers, Within(1, 256)] = 2,
     progress: ProgressLike = True,
 ) -> StudyOutcome:
@@ -651,6 +649,8 @@ def reproduce(
         The folder; a stopped run continues in it.
     quick
         A smoke run within a minute.
+    large_maps
+        Maps of the scale of Fig. 4 (Grid 1,250 mm, Cave 900 mm) instead of 500 mm.
 
     Raises
     ------
@@ -665,6 +665,8 @@ def reproduce(
 
     >>> reproduce("transfer", out="reproduction", quick=True)  # doctest: +SKIP
     """
+    from dataclasses import replace
+
     from vinefab.studies import EXPERIMENTS
     from vinefab.studies.study_runs import (
         NUMBERS,
@@ -680,6 +682,7 @@ def reproduce(
         raise BadInputError("NAME", None, f"{', '.join(EXPERIMENTS)}, or all")
     ensure_extra("studies", "reproduce")
     folder, size = as_path("out", out), QUICK_SIZE if quick else PAPER_SIZE
+    size = replace(size, large_maps=large_maps)
     with told(progress):
         done = do_experiments(
             names, folder, size, workers=workers,
@@ -692,7 +695,9 @@ def reproduce(
         Answer(f"{held} of {claims} claims of the paper hold; {spent}"),
         _written_facts({"read this first": folder / STUDY_PAGE, "numbers": folder / NUMBERS}),
     )
-    return StudyOutcome(found=done, blocks=blocks, text=numbers_text(done))
+    claimed = ((one.name, claim.plain()) for one in done.findings for claim in one.claims)
+    table = tuple({"experiment": name, **plain} for name, plain in claimed)
+    return StudyOutcome(found=done, blocks=blocks, text=numbers_text(done), table=table)
 
 
 def _written_facts(files: Mapping[str, Path]) -> Facts:

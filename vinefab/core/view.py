@@ -368,8 +368,7 @@ class Result:
     @property
     def records(self) -> list[dict[str, Any]]:
         """Its main table as plain values, a dict for each row: the first list in its JSON."""
-        every = self.numbers.values()
-        return next((one for one in every if isinstance(one, list) and _is_table(one)), [])
+        return main_table(self.numbers)
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
         """Yield its `records`."""
@@ -438,9 +437,14 @@ class Result:
         return shown
 
 
-def _is_table(value: list[Any]) -> bool:
-    """Tell whether a list of JSON is a table with rows."""
-    return bool(value) and all(isinstance(one, dict) for one in value)
+def main_table(numbers: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the first list of records in a result's JSON; an empty one where there is none."""
+    return next((one for one in numbers.values() if _is_table(one)), [])
+
+
+def _is_table(value: object) -> bool:
+    """Tell whether a value of JSON is a table with rows."""
+    return isinstance(value, list) and bool(value) and all(isinstance(one, dict) for one in value)
 
 
 class WrittenResult(Result):

@@ -17,7 +17,7 @@ from vinefab.model.design import Design, PieceSettings, Pouch
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import read_profile
 from vinefab.search.manufacturability import ManufacturabilityPenalty
-from vinefab.search.settings import PartSettings, RunSettings, plain_settings
+from vinefab.search.settings import MapSettings, RunSettings, plain_settings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 from vinefab.studies.claims import (
     ConfidenceInterval,
@@ -32,18 +32,19 @@ from vinefab.studies.claims import (
 from vinefab.studies.deployment_studies import (
     ANCHORING_TASK,
     BUFFER_MM,
-    REACH_TASK,
     SPACE,
+    RedeploymentJob,
     reach_designs,
     reach_run,
+    reach_task,
     reach_test,
     redeployments,
 )
 from vinefab.studies.paper_charts import Bar, forest, grouped_bars, svg_bytes
 from vinefab.studies.study_runs import (
-    COVERAGE_TASK,
     NAMES,
     PAPER_GROWTH,
+    SENSOR_MM,
     STUDIED_ENVIRONMENTS,
     Exchange,
     JobResult,
@@ -73,36 +74,54 @@ class AblationVariant:
     growth: GrowthOptions = PAPER_GROWTH  # how robots grow
     clip: str = "free"  # what the sensors see
     space: SpaceSettings = field(default_factory=SpaceSettings)  # the design space
-    loops: float = 1.0  # share of the Cave's short cuts that are open
-    buffer_mm: float = BUFFER_MM  # distance from the body that counts as reached
+    maps: Mapping[str, object] = field(default_factory=dict)  # of the Cave, other options
+    buffer: float = 1.0  # distance from the body that counts as reached, in usual ones
+    large_maps: bool = False  # at the scale of Fig. 4; trees are trained there too
+    sensor_mm: float | None = None  # radius that a sensor sees; none: as the maps' scale asks
+
+    def of(self, size: StudySize) -> StudySize:
+        """Return the size of the study with the scale of these maps."""
+        return replace(size, large_maps=size.large_maps or self.large_maps)
 
     def run(self, size: StudySize, environment: str, number: int) -> RunSettings:
         """Return a run of half the usual length, under this assumption."""
-        run = coverage_run(size, environment, number)
+        run = coverage_run(self.of(size), environment, number)
+        seen: dict[str, object] = {"area": "fast", "clip": self.clip}
+        if self.sensor_mm is not None:
+            seen["radius_mm"] = self.sensor_mm
         return run.changed(
-            maps=run.maps.changed(options=self.options(environment)),
+            maps=self.worlds(run.maps),
             space=self.space,
             build=SLIM,
             growth=self.growth,
-            task=self.seen,
+            task=run.task.changed(parameters={**run.task.parameters, **seen}),
             search=run.search.changed(generations=max(1, size.generations // 2)),
         )
 
-    @property
-    def seen(self) -> PartSettings:
-        """The task in training, and in the tests of specialization."""
-        return PartSettings(name="coverage", parameters={"area": "fast", "clip": self.clip})
-
     def reach_test(self, size: StudySize, design: Design, home: str) -> Testing:
         """Return the test of one branched deployment, under this assumption."""
-        test = reach_test(size, design, home)
-        worlds = test.worlds.changed(options=self.options(home))
-        task = PartSettings(name="reach", parameters={"buffer_mm": self.buffer_mm})
-        return replace(test, worlds=worlds, task=task, growth=self.growth)
+        test = reach_test(self.of(size), design, home)
+        task = reach_task(self.buffer * self.of(size).scaled_mm(home, BUFFER_MM))
+        return replace(test, worlds=self.worlds(test.worlds), task=task, growth=self.growth)
 
-    def options(self, environment: str) -> Mapping[str, object]:
-        """Return the common options of an environment's maps."""
-        return {"loops": self.loops} if environment == "cave" else {}
+    def redeployments(self, size: StudySize, home: str) -> list[RedeploymentJob]:
+        """Return the plain vine's redeployments, under this assumption."""
+        return [
+            replace(
+                job,
+                design=slim(job.design),
+                worlds=self.worlds(job.worlds),
+                buffer_mm=self.buffer * job.buffer_mm,
+                growth=self.growth,
+            )
+            for job in redeployments(self.of(size), home)
+        ]
+
+    def worlds(self, maps: MapSettings) -> MapSettings:
+        """Return maps with the options of this assumption."""
+        if maps.environment != "cave":
+            return maps
+        return maps.changed(options={**maps.options, **self.maps})
 
 
 BASE = AblationVariant(name="base")
@@ -133,9 +152,16 @@ VARIANTS = (
         asks=(SPECIALIZATION,),
         clip="sight",
     ),
-    AblationVariant(name="Cave with 0.4 of its short cuts", loops=0.4),
-    AblationVariant(name="buffer 25 mm", asks=(REACHABILITY,), buffer_mm=25.0),
-    AblationVariant(name="buffer 55 mm", asks=(REACHABILITY,), buffer_mm=55.0),
+    AblationVariant(name="Cave with 0.4 of its short cuts", maps={"loops": 0.4}),
+    AblationVariant(name="buffer 25 mm", asks=(REACHABILITY,), buffer=25.0 / BUFFER_MM),
+    AblationVariant(name="buffer 55 mm", asks=(REACHABILITY,), buffer=55.0 / BUFFER_MM),
+    AblationVariant(name="maps of the scale of Fig. 4", large_maps=True),
+    AblationVariant(
+        name="the same, sensors of 50 mm",
+        asks=(SPECIALIZATION,),
+        large_maps=True,
+        sensor_mm=SENSOR_MM,
+    ),
 )
 
 
@@ -143,45 +169,40 @@ LEADS = {home: f"{NAMES[home]} designs lead\nin the {NAMES[home]}" for home in S
 REACHES = {home: f"one branched above\nall plain, {NAMES[home]}" for home in STUDIED_ENVIRONMENTS}
 CONCLUSIONS = (*LEADS.values(), *REACHES.values())
 
+Differences = dict[str, ConfidenceInterval]
+"""By conclusion."""
+
+Shares = dict[str, Floats]
+"""Of one tree, by environment, shape (1, maps, 1)."""
+
+
+def conclusions(store: JobStore, variant: AblationVariant) -> tuple[Differences, Shares]:
+    """Train and test under one variant: its conclusions, and the shares that trees reach."""
+    size, found, reached = store.size, Differences(), Shares()
+    if SPECIALIZATION in variant.asks:
+        exchange = Exchange.of(store, partial(variant.run, size), size.ablation_seeds)
+        for home in STUDIED_ENVIRONMENTS:
+            found[LEADS[home]] = exchange.native_claim(home).tested
+    if REACHABILITY in variant.asks:
+        for home in STUDIED_ENVIRONMENTS:
+            # The kept designs of `reach`, as slim as all others here.
+            designs, best = reach_designs(store, variant.of(size), home)
+            test = variant.reach_test(size, slim(designs[best]), home)
+            one = reached[home] = study_scores(store, [test])
+            plain = store.do(variant.redeployments(size, home), "redeploying")
+            many = np.array([part.share for part in plain])
+            found[REACHES[home]] = difference(one, many.reshape(1, -1, 1))
+    return found, reached
+
 
 def ablation(store: JobStore) -> StudyResult:
     """Train and test under every variant."""
-    size, designs = store.size, {}
-    for environment in STUDIED_ENVIRONMENTS:
-        # The kept designs of `reach`, as slim as all others here.
-        reached, best = reach_designs(store, environment)
-        designs[environment] = slim(reached[best])
-    ones = {
-        variant.name: {
-            home: study_scores(store, [variant.reach_test(size, designs[home], home)])
-            for home in STUDIED_ENVIRONMENTS
-        }
-        for variant in VARIANTS
-        if REACHABILITY in variant.asks
-    }
-    results: dict[str, dict[str, ConfidenceInterval]] = {}
+    size, ones = store.size, dict[str, Shares]()
+    results: dict[str, Differences] = {}
     rows = list[PaperNumber]()
     for variant in VARIANTS:
-        name, found = variant.name, dict[str, ConfidenceInterval]()
-        if SPECIALIZATION in variant.asks:
-            make = partial(variant.run, size)
-            exchange = Exchange.of(store, make, size.ablation_seeds, variant.seen)
-            for home in STUDIED_ENVIRONMENTS:
-                found[LEADS[home]] = exchange.native_claim(home).tested
-        for home, one in ones.get(name, {}).items():
-            jobs = [
-                replace(
-                    job,
-                    design=slim(job.design),
-                    worlds=job.worlds.changed(options=variant.options(home)),
-                    buffer_mm=variant.buffer_mm,
-                    growth=variant.growth,
-                )
-                for job in redeployments(size, home)
-            ]
-            many = np.array([part.share for part in store.do(jobs, "redeploying")])
-            found[REACHES[home]] = difference(one, many.reshape(1, -1, 1))
-        results[name] = found
+        name = variant.name
+        results[name], ones[name] = found, shares = conclusions(store, variant)
         rows += [
             PaperNumber(
                 what=f"{name}: {what.replace(chr(10), ' ')}",
@@ -194,7 +215,7 @@ def ablation(store: JobStore) -> StudyResult:
                 what=f"{name}: reached by one branched, {NAMES[home]}",
                 ours=percent_text(share_interval(share)),
             )
-            for home, share in ones.get(name, {}).items()
+            for home, share in shares.items()
         ]
     panels = {
         what: {name: found[what] for name, found in results.items() if what in found}
@@ -213,6 +234,9 @@ def ablation(store: JobStore) -> StudyResult:
             f"'transfer', tested on {size.unseen_maps} unseen maps, areas measured fast (0.1 % "
             "off in the mean square). Reachability: the kept designs of 'reach', not trained "
             f"again, against {size.headings} redeployments of a plain vine under the same variant.",
+            "At the scale of Fig. 4 a Grid has 1,250 mm and 4 x 4 cells, a Cave 900 mm; buffer, "
+            "plain vine and, unless it says otherwise, sensors are the same share of a map, and "
+            "the trees of 'reach' are trained there.",
             "'Theta to either side' reads the paper's 'starting angle of new branches' as the "
             "angle of the outermost ones, so that fans are twice as wide. Every robot here is "
             "24 mm wide at the trunk, 0.65 of that at each next level, which matters to the "
@@ -235,9 +259,7 @@ def ablation(store: JobStore) -> StudyResult:
                 "differences": {
                     what.replace("\n", " "): [r.value, r.low, r.high] for what, r in found.items()
                 },
-                "one_branched": {
-                    home: float(share.mean()) for home, share in ones.get(name, {}).items()
-                },
+                "one_branched": {home: float(share.mean()) for home, share in ones[name].items()},
             }
             for name, found in results.items()
         },
@@ -278,7 +300,7 @@ class FullCheckJob:
         return FullyChecked(key=self.key, passes=passes)
 
 
-_TASKS = {"coverage": COVERAGE_TASK, "reach": REACH_TASK, "anchoring": ANCHORING_TASK}
+_TASKS = ("coverage", "reach", "anchoring")
 POUCHED = BuildSettings(pouch=Pouch(shape="rectangle", length_mm=25.0, width_mm=40.0))
 
 
@@ -306,7 +328,7 @@ class ThreeWays:
         found = trained(store, [run_of_way(run, way) for way in _WAYS for run in free])
         scores = study_scores(
             store,
-            [unseen_test(size, run.design, home, measured_fast(_TASKS[task])) for run in found],
+            [unseen_test(size, run.design, home, measured_fast(free[0].task)) for run in found],
         )
         checked = store.do([FullCheckJob(design=run.design) for run in found], "checking")
         passing = np.array([part.passes for part in checked]).reshape(len(_WAYS), -1)

@@ -40,6 +40,7 @@ from vinefab.studies.study_runs import (
     NAMES,
     PAPER_GROWTH,
     STUDIED_ENVIRONMENTS,
+    USUAL_MM,
     Exchange,
     JobResult,
     JobStore,
@@ -118,7 +119,9 @@ class RedeploymentJob:
         ((start,),) = poses_on([place], 1, [self.worlds.seed])
         terrain = place.terrain
         if self.open_bounds:  # they are too far away for any robot here to meet
-            bounds = shapely.box(*place.world.bounds.buffer(2.0 * LONG_MM).bounds)
+            west_mm, _, east_mm, _ = place.world.bounds.bounds
+            away_mm = 2.0 * VINE_MM / USUAL_MM * (east_mm - west_mm)
+            bounds = shapely.box(*place.world.bounds.buffer(away_mm).bounds)
             terrain = Terrain.of(replace(place.world, bounds=bounds))
         if self.headings == 1:
             return [grow_on(self.design, terrain, start, self.growth)]
@@ -177,36 +180,41 @@ def tip_groups(tips_mm: Floats) -> int:
 
 
 BUFFER_MM = 40.0
-"""Twelve to a 500 mm map. The paper does not publish its buffer; this one is assumed."""
+"""Twelve to a map, here of 500 mm. The paper does not publish its buffer; this one is assumed."""
 
 MOST = 0.9
 """Least share for one branched deployment; the paper's reached 93 and 94 %."""
 
-LONG_MM = 1500.0
-"""A plain vine so long that walls stop it, not its length."""
+VINE_MM = 1500.0
+"""A plain vine so long on a map of 500 mm that walls stop it, not its length."""
 
 PAPER_REACH = {
     "grid": {"one": "93.0 %", "many": "68.3 %", "shapes": "6", "more": "24.7"},
     "cave": {"one": "94.3 %", "many": "61.6 %", "shapes": "5", "more": "32.7"},
 }
-REACH_TASK = PartSettings(name="reach", parameters={"buffer_mm": BUFFER_MM})
+
+
+def reach_task(buffer_mm: float) -> PartSettings:
+    """Return reach with a buffer, without any cost of film or branches."""
+    return PartSettings(name="reach", parameters={"buffer_mm": buffer_mm})
 
 
 def reach_run(size: StudySize, environment: str, number: int) -> RunSettings:
     """Return a run that is paid for its reach and for nothing else, as in the paper."""
     run = coverage_run(size, environment, number)
     run = with_evaluation(run, maps_per_generation=size.reach_maps_at_once)
-    return run.changed(name=f"reach_{environment}", task=REACH_TASK)
+    task = reach_task(size.scaled_mm(environment, BUFFER_MM))
+    return run.changed(name=f"reach_{environment}", task=task)
 
 
 def redeployments(size: StudySize, environment: str) -> list[RedeploymentJob]:
     """Return the plain vine's redeployments on every unseen map."""
     return [
         RedeploymentJob(
-            design=plain_vine(LONG_MM),
-            worlds=maps_of(environment, FIRST_TEST_SEED + index, 1),
+            design=plain_vine(size.scaled_mm(environment, VINE_MM)),
+            worlds=maps_of(size, environment, FIRST_TEST_SEED + index, 1),
             headings=size.headings,
-            buffer_mm=BUFFER_MM,
+            buffer_mm=size.scaled_mm(environment, BUFFER_MM),
         )
         for index in range(size.reach_maps)
     ]
@@ -257,8 +265,9 @@ class OpenBounds:
 
 def reach_test(size: StudySize, design: Design, environment: str) -> Testing:
     """Return the test of one deployment on the same maps, from the same places."""
-    worlds = maps_of(environment, FIRST_TEST_SEED, size.reach_maps)
-    return replace(unseen_test(size, design, environment, REACH_TASK), worlds=worlds, poses=1)
+    worlds = maps_of(size, environment, FIRST_TEST_SEED, size.reach_maps)
+    task = reach_task(size.scaled_mm(environment, BUFFER_MM))
+    return replace(unseen_test(size, design, environment, task), worlds=worlds, poses=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -277,7 +286,7 @@ def redeployment_study(store: JobStore) -> StudyResult:
     size = store.size
     found, panels = dict[str, Redeployments](), list[PlanPanel]()
     for environment in STUDIED_ENVIRONMENTS:
-        designs, best = reach_designs(store, environment)
+        designs, best = reach_designs(store, size, environment)
         again = store.do(redeployments(size, environment), "redeploying")
         tests = [reach_test(size, design, environment) for design in designs]
         all_seeds = study_scores(store, tests)
@@ -305,19 +314,20 @@ def redeployment_study(store: JobStore) -> StudyResult:
                     title=f"{NAMES[environment]}: {title}, {100 * shares[0, 0, 0]:.0f} %",
                     world=place.world,
                     deployments=tuple(grown),
-                    buffer_mm=BUFFER_MM,
+                    buffer_mm=job.buffer_mm,
                 )
             )
     return StudyResult(
         name="reach",
         title="Reachability (Fig. 4)",
         protocol=(
-            f"A plain vine of {LONG_MM:g} mm was deployed {size.headings} times from one place "
-            f"with headings spread over {FANNED_DEG:g} degrees; what lies within {BUFFER_MM:g} mm "
-            "of any of its bodies counts as reached. The branching design was trained on the same "
+            f"A plain vine of {VINE_MM / USUAL_MM:g} sizes of its map was deployed {size.headings} "
+            f"times from one place with headings spread over {FANNED_DEG:g} degrees; what lies "
+            f"within {BUFFER_MM / USUAL_MM:.0%} of that size of any of its bodies counts as "
+            "reached. The branching design was trained on the same "
             f"measure ({size.training_maps} maps, {size.seeds} seeds, no cost for film or "
-            f"branches) and deployed once from that place. {size.reach_maps} unseen maps of 500 mm "
-            "in each environment, areas exact.",
+            f"branches) and deployed once from that place. {size.reach_maps} unseen maps in each "
+            "environment, areas exact.",
             f"Buffer, lengths and map size are assumed: the paper publishes none of them. Two "
             f"final shapes count as one when they are within {SAME_MM:g} mm of each other all "
             "along, directly or through others. The paper shows "
@@ -363,9 +373,9 @@ def redeployment_study(store: JobStore) -> StudyResult:
     )
 
 
-def reach_designs(store: JobStore, environment: str) -> tuple[list[Design], int]:
+def reach_designs(store: JobStore, size: StudySize, environment: str) -> tuple[list[Design], int]:
     """Return the designs trained for reach, and which of them is kept."""
-    runs = [reach_run(store.size, environment, number) for number in range(store.size.seeds)]
+    runs = [reach_run(size, environment, number) for number in range(size.seeds)]
     designs = [run.design for run in trained(store, runs)]
     return designs, kept(store, runs, designs)
 
@@ -539,7 +549,7 @@ def anchor(store: JobStore) -> StudyResult:
                 kind="our threshold",
             ),
         ]
-        place = site(maps_of(home, FIRST_TEST_SEED, 1), 0)
+        place = site(maps_of(size, home, FIRST_TEST_SEED, 1), 0)
         ((pose,),) = poses_on([place], 1, [FIRST_TEST_SEED])
         robot = grow_on(design, place.terrain, pose, PAPER_GROWTH)
         title = f"{name}: amplification {kept_native[0, 0, 0]:.2f}"

@@ -17,23 +17,24 @@ from vinefab.studies.claims import (
     percent_text,
     share_interval,
 )
-from vinefab.studies.deployment_studies import BUFFER_MM, PAPER_REACH, RedeploymentJob, reach_run
+from vinefab.studies.deployment_studies import (
+    BUFFER_MM,
+    PAPER_REACH,
+    VINE_MM,
+    RedeploymentJob,
+    reach_run,
+)
 from vinefab.studies.study_runs import (
     FIRST_TEST_SEED,
     NAMES,
     QUICK_SIZE,
+    USUAL_MM,
     JobStore,
     StudySize,
     design_words,
     plain_vine,
     trained,
 )
-
-USUAL_MM = 500.0
-"""Size of the maps of all other experiments."""
-
-VINE_SIZES = 3.0
-"""Length of the plain vine in sizes of its map: walls stop it."""
 
 SETTINGS: Mapping[str, tuple[dict[str, float], ...]] = {
     "grid": tuple(
@@ -110,7 +111,7 @@ def scale_study(store: JobStore) -> StudyResult:
     settings = tuple(scale_settings(size))
     trees = [run.design for run in trained(store, [setting.run(size) for setting in settings])]
     for setting, tree in zip(settings, trees, strict=True):
-        vine = plain_vine(VINE_SIZES * setting.size_mm)
+        vine = plain_vine(VINE_MM * setting.size_mm / USUAL_MM)
         again = store.do(setting.jobs(size, vine, size.headings), "redeploying")
         once = store.do(setting.jobs(size, tree, 1), "redeploying")
         many, one = _row(part.share for part in again), _row(part.share for part in once)
@@ -141,13 +142,15 @@ def scale_study(store: JobStore) -> StudyResult:
         protocol=(
             "The paper states lengths of robots (Table 1) and no size of its maps. Here maps grow, "
             f"with a buffer of {BUFFER_MM / USUAL_MM:.0%} of their size and a plain vine of "
-            f"{VINE_SIZES:g} sizes, while lengths of Table 1 stay. {size.reach_maps} unseen maps a "
-            "setting, intervals over maps; one search for each tree, trained in its setting.",
+            f"{VINE_MM / USUAL_MM:g} sizes, while lengths of Table 1 stay. {size.reach_maps} "
+            "unseen maps a setting, intervals over maps; one search for each tree, trained in its "
+            "setting.",
         ),
         rows=tuple(rows),
         remarks=(
             "No setting is chosen by these numbers: the experiments stay at "
-            f"{USUAL_MM:g} mm. The paper's figures are of one example of each environment.",
+            f"{USUAL_MM:g} mm, unless large maps are asked for. The paper's figures are of one "
+            "example of each environment.",
         ),
         data=data,
     )

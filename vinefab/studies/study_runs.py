@@ -52,10 +52,27 @@ from vinefab.studies.workers import WorkerProcesses
 from vinefab.tasks import make_task
 from vinefab.tasks.evaluate import PreparedMap, composites, poses_on, score_design
 
+USUAL_MM = 500.0
+"""Size of the maps where a study does not say otherwise."""
+
+USUAL_MAPS: Mapping[str, Mapping[str, Any]] = {"grid": {}, "cave": {"loops": 1.0}}
+"""Options of an environment's maps that are not the generator's default: the
+paper's Cave is "a series of interconnected closed pathways" (docs/studies/paper.md)."""
+
+LARGE_MAPS: Mapping[str, Mapping[str, Any]] = {
+    "grid": {"columns": 4, "rows": 4, "size_mm": 1250.0},
+    "cave": {"loops": 1.0, "size_mm": 900.0},
+}
+"""The maps nearest to the paper's Fig. 4 in the study `scale`."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudySize:
-    """Numbers of runs, maps and poses; the defaults are the paper's or larger."""
+    """Numbers of runs, maps and poses, and the maps' scale; the defaults are the paper's or larger.
+
+    Lengths of Table 1 are the same at both scales. Lengths that the paper does not give, those of
+    sensor, buffer and plain vine, are shares of the map.
+    """
 
     seed: int = 1  # seed of the first run; run ``i`` has the i-th seed after it
     seeds: int = 10  # runs per setting, each on separate training maps [paper: 5]
@@ -77,6 +94,21 @@ class StudySize:
     transfer_maps: int = 300  # unseen maps of `transfer`
     reach_maps: int = 25  # unseen maps of `reach`, one start on each
     headings: int = 50  # redeployments of a plain vine [paper: 50]
+    large_maps: bool = False  # maps of the scale of Fig. 4 instead of 500 mm
+
+    def map_options(self, environment: str) -> Mapping[str, Any]:
+        """Return the common options of an environment's maps."""
+        return (LARGE_MAPS if self.large_maps else USUAL_MAPS)[environment]
+
+    @property
+    def quick(self) -> bool:
+        """Whether this is a smoke run."""
+        return replace(self, large_maps=False) == QUICK_SIZE
+
+    def scaled_mm(self, environment: str, length_mm: float) -> float:
+        """Return the length that has the same share of these maps as one on maps of 500 mm."""
+        size_mm: float = self.map_options(environment).get("size_mm", USUAL_MM)
+        return length_mm * size_mm / USUAL_MM
 
 
 PAPER_SIZE = StudySize()
@@ -423,38 +455,40 @@ STUDIED_ENVIRONMENTS = ("grid", "cave")
 
 NAMES = {"grid": "Grid", "cave": "Cave"}
 
-STUDY_MAP_OPTIONS: Mapping[str, Mapping[str, object]] = {"grid": {}, "cave": {"loops": 1.0}}
-"""Options of an environment's maps that are not the generator's default: the
-paper's Cave is "a series of interconnected closed pathways" (docs/studies/paper.md)."""
-
 FIRST_TRAINING = 1
 
 FIRST_CHOICE = 800_001
 """Seed of the first map on which the kept design of several is chosen: none trains or is tested
 there."""
 
-COVERAGE_TASK = PartSettings(name="coverage")
+SENSOR_MM = 50.0
+"""Radius that a sensor sees, on maps of 500 mm. The paper does not publish it."""
+
+
+def coverage_task(size: StudySize, environment: str) -> PartSettings:
+    """Return coverage by sensors of the maps' scale."""
+    radius_mm = size.scaled_mm(environment, SENSOR_MM)
+    return PartSettings(name="coverage", parameters={"radius_mm": radius_mm})
 
 
 def measured_fast(task: PartSettings) -> PartSettings:
-    """Return a task with areas measured as in a search; anchoring has none."""
+    """Return a task with areas measured as in a search; anchoring has none.
+
+    Of coverage that is 0.1 % off in the mean square, and a hundred times faster than exact areas.
+    """
     if task.name == "anchoring":
         return task
     return task.changed(parameters={**task.parameters, "area": "fast"})
 
 
-FAST_COVERAGE = measured_fast(COVERAGE_TASK)
-"""Coverage in tests: 0.1 % off in the mean square, and a hundred times faster than exact areas."""
-
 SWARM = PartSettings(name="particleswarm")
 """The paper's optimizer."""
 
 
-def maps_of(environment: str, first: int, count: int) -> MapSettings:
+def maps_of(size: StudySize, environment: str, first: int, count: int) -> MapSettings:
     """Return maps of an environment from the seed of the first."""
-    return MapSettings(
-        environment=environment, count=count, seed=first, options=STUDY_MAP_OPTIONS[environment]
-    )
+    options = size.map_options(environment)
+    return MapSettings(environment=environment, count=count, seed=first, options=options)
 
 
 def coverage_run(size: StudySize, environment: str, number: int) -> RunSettings:
@@ -463,10 +497,11 @@ def coverage_run(size: StudySize, environment: str, number: int) -> RunSettings:
     Runs of other numbers have other training maps: what is said of all of them is not of one
     choice of maps only.
     """
+    first = FIRST_TRAINING + number * size.training_maps
     return RunSettings(
         name=f"coverage_{environment}",
-        maps=maps_of(environment, FIRST_TRAINING + number * size.training_maps, size.training_maps),
-        task=COVERAGE_TASK,
+        maps=maps_of(size, environment, first, size.training_maps),
+        task=coverage_task(size, environment),
         growth=PAPER_GROWTH,
         optimizer=SWARM,
         search=SearchSettings(
@@ -492,15 +527,15 @@ def unseen_test(
     size: StudySize,
     design: Design,
     environment: str,
-    task: PartSettings = FAST_COVERAGE,
+    task: PartSettings | None = None,
     growth: GrowthOptions | None = None,
 ) -> Testing:
-    """Return the test of a design on unseen maps of an environment."""
+    """Return the test of a design on unseen maps of an environment; of coverage, measured fast."""
     return Testing(
         design=design,
-        worlds=maps_of(environment, FIRST_TEST_SEED, size.unseen_maps),
+        worlds=maps_of(size, environment, FIRST_TEST_SEED, size.unseen_maps),
         poses=size.poses,
-        task=task,
+        task=task or measured_fast(coverage_task(size, environment)),
         growth=growth or PAPER_GROWTH,
     )
 
@@ -580,7 +615,6 @@ class Exchange:
         store: JobStore,
         make_run: MakeRun,
         count: int,
-        task: PartSettings | None = None,
         *,
         unseen_maps: int = 0,
     ) -> "Exchange":
@@ -605,10 +639,10 @@ class Exchange:
                 training_test(size, run, design)
                 for run, design in zip(runs[home], designs[home], strict=True)
             ]
-            training[home] = study_scores(store, _as_run(tests, runs[home][0], task))
+            training[home] = study_scores(store, _as_run(tests, runs[home][0]))
             for place in STUDIED_ENVIRONMENTS:
                 tests = [unseen_test(size, design, place) for design in designs[home]]
-                unseen[home, place] = study_scores(store, _as_run(tests, runs[place][0], task))
+                unseen[home, place] = study_scores(store, _as_run(tests, runs[place][0]))
         return cls(
             designs=designs,
             best={home: kept(store, runs[home], designs[home]) for home in STUDIED_ENVIRONMENTS},
@@ -655,13 +689,13 @@ class Exchange:
         )
 
 
-def _as_run(tests: list[Testing], run: RunSettings, task: PartSettings | None) -> list[Testing]:
+def _as_run(tests: list[Testing], run: RunSettings) -> list[Testing]:
     """Return tests on a run's kind of maps that grow robots and score them as it does."""
     return [
         replace(
             test,
             worlds=test.worlds.changed(options=run.maps.options),
-            task=task or measured_fast(run.task),
+            task=measured_fast(run.task),
             growth=run.growth,
         )
         for test in tests
@@ -722,7 +756,7 @@ def numbers_text(done: Reproduction) -> str:
     """Return everything that was found as JSON: ``vinefab/reproduction-2``."""
     holding, claims = done.held
     content = {
-        "quick": done.size == QUICK_SIZE,
+        "quick": done.size.quick,
         "size": asdict(done.size),
         "claims_held": holding,
         "claims_held_corrected": held_corrected(done.findings),
@@ -748,8 +782,9 @@ SUMMARY = (
 
 DIFFERENCES = (
     "The paper's supplement with map generators, fitness weights, its evolutionary algorithm and "
-    "its sizes is not available. What fills these gaps is vinefab's own and assumed: maps of 500 "
-    "mm, lengths of Table 1 read as mm, sensors of 50 mm, a buffer of 40 mm, LGF as the length of "
+    "its sizes is not available. What fills these gaps is vinefab's own and assumed: the size of "
+    "maps, lengths of Table 1 read as mm, sensors that see a tenth of a map's size, a buffer of 8 "
+    "% of it, LGF as the length of "
     "the last child over the first, weights of coverage, friction 0.3. Numbers may differ for "
     "that; orderings should not.",
     "Training maps: the paper trains on 'several'. Here designs first trained on 6 fixed maps; the "
@@ -779,13 +814,14 @@ def study_blocks(findings: Sequence[StudyResult], size: StudySize) -> Iterator[B
     """Yield the page of some experiments of one size."""
     holding, claims = held(findings)
     verdict = f"{holding} of {claims} orderings that the paper claims hold in these simulations."
-    if size == QUICK_SIZE:
+    if size.quick:
         verdict = f"Smoke run: nothing is to be learned from these numbers. {verdict}"
-    yield Answer(verdict, "good" if holding == claims and size != QUICK_SIZE else "caution")
+    yield Answer(verdict, "good" if holding == claims and not size.quick else "caution")
     yield from next((finding.pictures[:1] for finding in findings if finding.pictures), ())
     yield Facts(
         (
             Fact("experiments", ", ".join(finding.name for finding in findings)),
+            Fact("maps", maps_words(size)),
             Fact("training maps", size.training_maps),
             Fact("unseen maps x poses", f"{size.unseen_maps} x {size.poses}"),
             Fact("search", f"{size.population} designs x {size.generations} generations"),
@@ -820,6 +856,12 @@ def study_blocks(findings: Sequence[StudyResult], size: StudySize) -> Iterator[B
             tables=(numbers, tested) if finding.claims else (numbers,),
             pictures=finding.pictures,
         )
+
+
+def maps_words(size: StudySize) -> str:
+    """Return the size of the maps in a few words."""
+    sizes = {home: size.scaled_mm(home, USUAL_MM) for home in STUDIED_ENVIRONMENTS}
+    return ", ".join(f"{NAMES[home]} {size_mm:,.0f} mm" for home, size_mm in sizes.items())
 
 
 def claims_table(findings: Sequence[StudyResult], columns: int | None = None) -> Rows:

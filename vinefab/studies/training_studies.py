@@ -58,7 +58,7 @@ def transfer(store: JobStore) -> StudyResult:
     known, rows, gaps = dict[str, Floats](), list[PaperNumber](), list[Claim]()
     for home in STUDIED_ENVIRONMENTS:
         # Scores of all designs on the training maps of all of them, shape (runs, maps, poses).
-        worlds = maps_of(home, FIRST_TRAINING, size.seeds * size.training_maps)
+        worlds = maps_of(size, home, FIRST_TRAINING, size.seeds * size.training_maps)
         known[home] = study_scores(
             store,
             [replace(unseen_test(size, one, home), worlds=worlds) for one in found.designs[home]],

@@ -83,6 +83,14 @@ def test_a_copy_of_a_run_file_keeps_the_names_of_its_parts(tmp_path):
     assert (made.name, made.task.name) == ("mine", "reach")
 
 
+def test_a_folder_of_examples_is_copied_by_its_name(tmp_path):
+    assert main(["examples", "notebooks", "survey", "--out", "mine", "-q"]) == 0
+    kept = {path.relative_to(tmp_path / "mine").as_posix() for path in tmp_path.rglob("mine/*/*")}
+    wanted = {place for place in shipped_examples() if place.startswith("notebooks/")}
+    assert len(wanted) > 5
+    assert kept == {*wanted, "imports/survey.gpkg"}
+
+
 @pytest.mark.parametrize("name", ["grid_explorer_levels", "plain_vine"])
 def test_a_design_of_levels_is_written_branch_by_branch(name, capsys):
     assert main(["new", "design", "free.toml", "--from", name, "--branches"]) == 0

@@ -221,7 +221,7 @@ def examples(
     Parameters
     ----------
     *names
-        Examples, with or without folder and ending; all of them if none is named.
+        Examples, with or without folder and ending, or folders of them; all if none is named.
     out
         Copy them into this folder; what is there already and unchanged stays.
 

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from itertools import takewhile
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import shapely
 
@@ -158,15 +158,22 @@ def shipped_examples() -> dict[str, Path]:
 
 
 def examples_named(names: Sequence[str]) -> dict[str, Path]:
-    """Return the examples of some names, with or without folder and ending; all for no names."""
+    """Return the examples of some names, with or without folder and ending; all for no names.
+
+    The name of a folder stands for all that lies in it.
+    """
     known = shipped_examples()
     chosen: dict[str, Path] = {}
     for name in names:
-        fits = [place for place in known if name in (place, Path(place).stem, Path(place).name)]
+        fits = [place for place in known if name in _names_of(PurePosixPath(place))]
         if not fits:
-            raise UnknownNameError("example", name, known)
+            raise UnknownNameError("example", name, {place.split("/")[0] for place in known})
         chosen |= {place: known[place] for place in fits}
     return chosen or known
+
+
+def _names_of(place: PurePosixPath) -> set[str]:
+    return {str(place), place.name, place.stem, *map(str, place.parents[:-1])}
 
 
 def copy_examples(chosen: Mapping[str, Path], out: Path, *, force: bool = False) -> list[Path]:

@@ -11,7 +11,7 @@ PAGE := tests/studio/page
 NODE_BIN := $(PAGE)/node_modules/.bin
 PAGE_READY := $(PAGE)/node_modules/.ready
 
-.PHONY: demo docs test check lint types fast page readers thorough format bench fuzz outlines clean constraints page-lock
+.PHONY: demo docs test check lint types fast coverage page readers thorough format bench fuzz outlines clean constraints page-lock
 
 demo: $(READY)
 	$(BIN)/vinefab demo --out demo
@@ -35,6 +35,13 @@ types: $(READY)
 # The rooms that compute, without a browser or programs of others: what other Pythons are tried with.
 fast: $(READY)
 	$(BIN)/pytest -n 2 --dist worksteal tests/core tests/growth tests/model tests/outline tests/physics tests/tasks
+
+# Lines and branches of kernels and rules that their tests reach, without the compiler, which hides
+# them: docs/testing.md.
+coverage: export NUMBA_DISABLE_JIT = 1
+coverage: $(READY)
+	$(BIN)/coverage run -m pytest -n 0 -m "not thorough and not compiler" tests/growth tests/tasks tests/fabrication/rules tests/search/test_design_batch.py $(wildcard tests/search/test_penalty*.py)
+	$(BIN)/coverage report
 
 # The studio's page: types and lint.
 page: $(PAGE_READY)

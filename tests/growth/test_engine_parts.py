@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from shapely import box
+from shapely import Polygon, box
 
 from vinefab.core import compiling
 from vinefab.core.errors import NotCachedWarning
@@ -57,6 +57,24 @@ def test_release_in_the_kernel():
     assert kernel._slide(ROOM.walls(), RULES, growth, tip, 0, 1000.0).pivot == 1
 
 
+def test_rays_and_turning_bodies_meet_what_geometry_says():
+    """The sums that the benchmark times: rays against a wall, a body turning over three corners."""
+    rays = np.array([(0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.6, 0.8), (0.0, 0.0, -1.0, 0.0)])
+    met = kernel.meet_all(ROOM.walls(), RULES, rays, np.full(3, RIGHT_WALL))
+    assert met == pytest.approx(150.0 + 250.0)  # the third one goes away from it
+    corners = [(50.0, 20.0), (60.0, 60.0), (40.0, 60.0)]
+    world = Map(name="one", bounds=box(-200, -200, 400, 400), obstacles=(Polygon(corners),))
+    walls = Terrain.of(world).walls()
+    places = walls.vertex.tolist()
+    vertex = np.array([places.index([*corner]) for corner in corners])
+    # From (0, 0) to a tip at (100, 0) that slides up: over (x, y) when it is at 100 y / x.
+    sweep = [0.0, 0.0, 100.0, 0.0, 0.0, 1.0, 1.0, 0.0, 1.0, -1.0, -1.0, 1000.0]
+    sweeps = np.tile(sweep, (3, 1))
+    assert kernel.sweep_all(walls, RULES, sweeps, vertex) == pytest.approx(40.0 + 100.0 + 150.0)
+    sweeps[:, -1] = 120.0
+    assert kernel.sweep_all(walls, RULES, sweeps, vertex) == pytest.approx(40.0 + 100.0)
+
+
 def _one_branch(engine, trunk_arrays, most_events, room=50):
     growth = Growth.empty(1, room)
     plan = trunk_arrays(1e5)
@@ -94,6 +112,7 @@ def test_too_little_room_is_reported_not_overrun(engine, trunk_arrays):
     assert growth.first_point[1] == 0
 
 
+@pytest.mark.compiler
 def test_code_is_compiled_without_a_cache_where_none_can_be_written(monkeypatch, tmp_path):
     file = tmp_path / "no folder"
     file.touch()

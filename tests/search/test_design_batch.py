@@ -109,6 +109,7 @@ def test_a_batch_grows_as_its_designs_do(space, body):
     assert lengths[0] == lengths[1]
 
 
+@pytest.mark.compiler
 def test_growth_is_compiled_once_for_all_ways_to_grow():
     """Compiling it again would take ten seconds; arrays of another kind make that necessary."""
     terrains = [Terrain.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]

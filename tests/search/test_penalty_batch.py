@@ -278,6 +278,7 @@ def in_pieces(most, compensation="none", trunk_width_mm=24.0):
     return Space(CROSSING, build)
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize("compensation", CHOICES)
 def test_designs_without_a_penalty_in_pieces_are_cut_in_as_few(compensation):
     """The search's number is never less than the exact one, and hardly ever more."""
@@ -305,6 +306,7 @@ def thick(**recipe):
     return ManufacturabilityPenalty(profile=replace(profile, material=material, recipe=changed))
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize("compensation", CHOICES)
 def test_film_with_laps_in_it_keeps_within_its_lumen(compensation):
     """VF-J04, in the search and in the partition that is cut."""
@@ -331,6 +333,7 @@ def test_film_with_laps_in_it_keeps_within_its_lumen(compensation):
         assert not run_checks(cut, only={check_lap_packing.id}).blocking
 
 
+@pytest.mark.compiler
 def test_branches_whose_lap_would_burst_or_whose_plug_does_not_go_in_are_not_cut():
     """VF-J03 forbids where laps were measured, VF-J06 where the film is thicker than the ease."""
     lap = PENALTY.profile.recipe.lap
@@ -354,6 +357,7 @@ def test_branches_whose_lap_would_burst_or_whose_plug_does_not_go_in_are_not_cut
     assert not PENALTY.within(tight).with_joints(designs)[1].any()
 
 
+@pytest.mark.compiler
 def test_more_pieces_never_make_a_penalty_larger_and_save_many_designs():
     x = np.random.default_rng(8).random((400, len(in_pieces(2))))
     settings = [None, *(PieceSettings(most=most) for most in (1, 2, 3, 6))]
@@ -396,6 +400,7 @@ def test_huge_trees_count_as_one_outline():
     assert found[0] == PENALTY.within(whole)(whole.batch(x))[0]
 
 
+@pytest.mark.compiler
 def test_a_fillet_that_the_seam_turns_into_a_corner_is_no_reason():
     """A seam 5 mm wide runs 2.5 mm outside the lumen: third levels of 24 mm trunks pass the check.
 

@@ -36,6 +36,7 @@ def test_a_block_has_the_areas_of_its_growths(kind: str, task: Reach | Coverage)
             np.testing.assert_allclose(found.terms[name], values, rtol=2e-12, atol=1e-14)
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize("rows", ["one row", "many rows"])
 def test_polygons_that_coincide_count_once(pillar_room: vf.Map, rows: str) -> None:
     """Lines from one point at 45 degrees to each other have the same corners around it, twice."""

@@ -1096,12 +1096,14 @@ def _place_joints(trees, d, capsules, tables, limits, scratch, cutting):
             rise += limits.lap_mm * math.sin(lean)
         blend_mm = limits.blend_ratio * rise
         needed = begin + limits.lap_mm + blend_mm + limits.after_mm + stop
+        cutting.can[k] = 0
+        if k == 0 or not needed <= length + limits.least_depth:
+            continue
         outer = begin + (blend_mm if limits.on_stub else 0.0)
         wide = 2.0 * (capsule[k, 4] + outer / length * (capsule[k, 5] - capsule[k, 4]))
-        fits = wide <= tables.widest_mm[build] and needed <= length + limits.least_depth
-        cutting.can[k] = 1 if k > 0 and fits else 0
-        if cutting.can[k] == 0:
+        if not wide <= tables.widest_mm[build]:
             continue
+        cutting.can[k] = 1
         row, end = capsules + 3 * k, outer + limits.lap_mm
         cutting.wide[k], cutting.rise[k] = wide, rise
         _part(scratch, row + STUB, k, 0.0, end / length, 0.0, limits)

@@ -8,8 +8,10 @@ from vinefab.core.rng import child
 from vinefab.fabrication.rules.spacing import (
     Capsules,
     Hulls,
+    RotatedSpan,
     capsules_of,
     closest,
+    excess_mm,
     hull_gap_mm,
     spacing,
 )
@@ -138,3 +140,26 @@ def test_gaps_of_random_tapered_branches_are_those_of_their_shapes():
         assert max(gap, 0.0) == pytest.approx(first.distance(second), abs=1e-3)
         assert (gap < -1e-3) <= first.intersects(second)
     assert 10 < np.count_nonzero(found > 0.0) < 70
+
+
+def test_discs_reach_across_a_sheet_in_their_best_rotation():
+    """Two discs of radius 10, 100 apart, are 120 long and 20 wide however they lie."""
+    for turn_deg in (0.0, 30.0, 45.0, 90.0, 135.0):
+        turn = np.radians(turn_deg)
+        span = RotatedSpan()
+        span.add(np.array([[0.0, 0.0]]), np.array([10.0]))
+        span.add(100.0 * np.array([[np.cos(turn), np.sin(turn)]]), np.array([10.0]))
+        assert span.excess_mm((120.0, 20.0)) == pytest.approx(0.0, abs=1e-9)
+        assert span.excess_mm((20.0, 120.0)) == pytest.approx(0.0, abs=1e-9)
+        # 300 is room for every rotation with the discs one behind the other.
+        assert span.excess_mm((300.0, 5.0)) == pytest.approx(15.0, abs=1e-9)
+        # On the diagonal of a square: 100 cos 45 + 20 to either side.
+        assert span.excess_mm((100.0, 100.0)) == pytest.approx(100.0 / np.sqrt(2.0) - 80.0)
+
+
+def test_a_flat_robot_exceeds_a_sheet_by_its_length(make):
+    """A trunk of 300 with a tail of 200, whose round end reaches half its width of 40 further."""
+    capsules = flat_capsules(make(trunk_mm=300.0, widths_mm=(40.0,), tail_mm=200.0))
+    assert excess_mm(capsules, (520.0, 40.0)) == pytest.approx(0.0, abs=1e-9)
+    assert excess_mm(capsules, (519.0, 40.0)) == pytest.approx(1.0, abs=1e-9)
+    assert excess_mm(capsules, (10.0, 700.0)) == pytest.approx(30.0)

@@ -17,6 +17,7 @@ import vinefab as vf
 from tests.cli.test_calibration import filled
 from vinefab.core import errors
 from vinefab.core.view import Result
+from vinefab.growth import kernel
 from vinefab.outline.body_outline import body_outline
 
 ROOM = vf.Map(
@@ -160,6 +161,19 @@ def test_every_public_class_is_copied_and_sent(place, pool):
     returned |= {"WrittenFile", "WrittenFolder"}
     missing = CLASSES.keys() - made.keys() - returned
     assert missing == {"VinefabError", "WrittenResult"}
+
+
+def grown_with_a_copy(found):
+    """Grow something of this process's own, then what was sent to it."""
+    vf.score(DESIGN, maps=ROOM)
+    return found.json_text(), len(kernel.grow_jobs.signatures)
+
+
+def test_a_copy_grows_without_compiling_again(pool):
+    """Arrays forget that they are read-only, which is another type to the compiler, for 10 s."""
+    found = VERBS["compare"](None)
+    for again in (pickled(found), copy.deepcopy(found)):
+        assert pool.submit(grown_with_a_copy, again).result() == (found.json_text(), 1)
 
 
 def test_every_verb_is_asked_here():

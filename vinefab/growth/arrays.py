@@ -3,8 +3,8 @@
 `vinefab.growth.kernel.grow_jobs` takes them as they are.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple, TypeVar
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,9 @@ class WallArrays(NamedTuple):
     wall_first: Ints32
     wall_item: Ints32
     vertex_first: Ints32
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _copied, (WallArrays, *self)
 
     @property
     def end(self) -> Floats:
@@ -181,6 +184,9 @@ class TerrainSetArrays(NamedTuple):
     tolerance: Floats
     offset: Ints
 
+    def __reduce__(self) -> tuple[object, ...]:
+        return _copied, (TerrainSetArrays, *self)
+
     @classmethod
     def of(cls, pages: Sequence[WallArrays], tolerances_mm: Sequence[float]) -> "TerrainSetArrays":
         """Return the pages of some maps' walls together. A single page is not copied."""
@@ -197,6 +203,11 @@ class TerrainSetArrays(NamedTuple):
         )
         tolerance = np.array(tolerances_mm, dtype=np.float64)
         return cls(walls=walls, tolerance=_fixed(tolerance), offset=_fixed(offset))
+
+
+def _copied(kind: Callable[..., tuple[Any, ...]], *parts: object) -> tuple[Any, ...]:
+    """Return arrays that were pickled or copied, which took from each that it is read-only."""
+    return kind(*(_fixed(part) if isinstance(part, np.ndarray) else part for part in parts))
 
 
 def _fixed(array: NDArray[T]) -> NDArray[T]:
@@ -233,6 +244,9 @@ class TreesArrays(NamedTuple):
     limit: Floats
     store: Floats
     first: Ints
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _copied, (TreesArrays, *self)
 
     @classmethod
     def of(cls, trees: Sequence["TreesArrays"]) -> "TreesArrays":

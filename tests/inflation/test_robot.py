@@ -57,9 +57,10 @@ CAVE = Design(
     ids=["cave", "grid_explorer_levels", "three_level_tree"],
 )
 def test_tips_of_designs_are_off_as_the_trial_says(design, mean_mm, most_mm):
+    """The trial was another program, with joints of its own: alike within a quarter."""
     errors = inflated_robot(design).tip_errors_mm()
-    assert errors.mean() == pytest.approx(mean_mm, abs=3.0)
-    assert errors.max() == pytest.approx(most_mm, abs=6.0)
+    assert errors.mean() == pytest.approx(mean_mm, rel=0.25)
+    assert errors.max() == pytest.approx(most_mm, rel=0.25)
 
 
 def test_a_pattern_that_overlaps_itself_is_refused():

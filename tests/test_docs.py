@@ -18,6 +18,7 @@ import pytest
 import shapely
 
 import vinefab as vf
+from tests.cli.test_calibration import filled
 from vinefab.app.verbs import GROUPS, SHORT, VERBS
 from vinefab.cli.commands import Command, UsageError, all_options, command_for, flags_of
 from vinefab.cli.main import command_help
@@ -497,13 +498,6 @@ TUTORIALS = {
 """Tutorials whose Python is typed one after the other in one folder."""
 
 
-def fill_in_a_seam(table):
-    rows = table.read_text().splitlines()
-    place = next(i for i, row in enumerate(rows) if row.startswith("seam,weldcut,,"))
-    rows[place] = "seam,weldcut,0.5,mm,0.05,read under a lens"
-    table.write_text("\n".join(rows))
-
-
 @pytest.mark.parametrize(
     "story",
     [pytest.param(name, marks=() if name == "first_robot" else pytest.mark.thorough)
@@ -520,7 +514,7 @@ def test_the_python_of_a_tutorial_needs_no_command_line(story, tmp_path, monkeyp
         for block in blocks:
             assert set(re.findall(r"(?:import|from) (\w+)", block.text)) == {"vinefab"}
             if block.left_out:
-                fill_in_a_seam(tmp_path / "own_coupons" / "results.csv")
+                filled(tmp_path / "own_coupons")
             exec(compile(block.text, page, "exec"), {})  # noqa: S102  it is ours
     printed = capsys.readouterr().out
     assert "(simulated)" in printed

@@ -11,6 +11,7 @@ import pytest
 from tests.oracles.penalty import bare_gaps
 from tests.search.fix_many import fix_many
 from vinefab.core.errors import BadInputError
+from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.rules.catalog import run_checks
 from vinefab.fabrication.rules.clearance_rules import level_joints
 from vinefab.fabrication.rules.pressure_rules import worst_growths
@@ -155,7 +156,7 @@ def test_random_designs_of_table_1_are_fixed(profile):
     cases = fix_many(4, profile, deepest=2)
     assert all(case.fixed is not None for case in cases)
     for case in cases:
-        assert run_checks(Subject.of(case.fixed, profile)).blocking == ()
+        assert check_design(case.fixed, profile).blocking == ()
         assert 0.0 < case.size < 6.0
 
 

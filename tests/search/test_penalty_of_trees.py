@@ -93,16 +93,15 @@ def moved(design, rng, share):
 )
 def test_trees_without_a_penalty_break_no_rule(count):
     """The full check sees outlines, seams and laser paths; the penalty none of them."""
-    rng, agree, told = np.random.default_rng(5), [0, 0], 0
+    rng, told = np.random.default_rng(5), {(one, two): 0 for one in (0, 1) for two in (0, 1)}
     bases = [Design.read(name) for name in ("grid_explorer", "cave_explorer")]
     for number in range(count):
         design = moved(bases[number % 2], rng, (0.01, 0.04, 0.08, 0.12)[number // 2 % 4])
         penalty, broken = PENALTY(design), PENALTY.broken(design)
         if broken is None:
             continue  # a joint that only a simulation tells of
-        told += 1
-        agree[penalty > 0.0] += (penalty > 0.0) == bool(broken)
-    assert told > count / 2
-    assert min(agree) > 0
-    # Details of outlines that are too short to draw, and joints judged a little too hard.
-    assert sum(agree) >= told - math.ceil(0.05 * told)
+        told[penalty > 0.0, bool(broken)] += 1
+    assert sum(told.values()) > count / 2
+    assert min(told[0, 0], told[1, 1]) > 0
+    assert told[0, 1] <= count // 100  # details of outlines that are too short to draw
+    assert told[1, 0] <= math.ceil(0.1 * count)  # joints judged a little too hard

@@ -134,12 +134,13 @@ KINDS: dict[str, Kind] = {
             "fabricate {file} --out out --allow-uncalibrated -q",
         ),
         (ON_GRID,),
+        cpu_s=WIDE_CPU_S,
     ),
     "run": Kind(
         ("tiny.toml", "short/*.toml"),
         ("optimize {file} --out out -q",),
         endless=True,
-        cpu_s=6.0,
+        cpu_s=20.0,
     ),
     "recipe": Kind(
         ("laser_profiles/recipes/*.toml",),

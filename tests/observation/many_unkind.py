@@ -253,7 +253,9 @@ def main():
     say(json.dumps(found, indent=1))
     if given.out:
         given.out.write_text(json.dumps({"summary": found, "photos": rows}, indent=1))
-    return 1 if found["false_stops"] or found["far_and_not_flagged"] else 0
+    # Film that comes back along its own trunk hides all of a child.
+    hidden = 0.01 * found["not_flagged"]
+    return 1 if found["false_stops"] or found["far_and_not_flagged"] > hidden else 0
 
 
 if __name__ == "__main__":

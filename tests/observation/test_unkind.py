@@ -18,6 +18,7 @@ from unkind_photo import Body, Unkind, grow_bent, photographed
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose, Start
 from vinefab.observation.beside_prediction import GOES_ON, NO_VERDICT, UNEXPLAINED
+from vinefab.observation.centre_lines import _Tracing
 from vinefab.observation.observe_photo import PhotoSetup, observe_photo
 from vinefab.photos.photo import read_photo
 
@@ -113,3 +114,17 @@ def test_a_photo_without_a_verdict_gives_no_contact(seen_of):
     for branch in seen.compared.branches:
         assert NO_VERDICT in branch.sight.doubts
         assert {contact.outcome for contact in branch.contacts} <= {"unclear"}
+
+
+def test_a_short_hook_at_the_end_of_a_line_turns_no_child():
+    """The fit may bend the last millimetres of a line; children are planned from the tube's end."""
+    tracing = object.__new__(_Tracing)
+    tracing.tree = Design.read("three_level_tree").tree
+    tracing.radius_mm, tracing.early = [7.0] * len(tracing.tree), [False] * len(tracing.tree)
+    child = int(np.flatnonzero(tracing.tree.parent == 0)[0])
+    planned_deg = 90.0 + np.degrees(tracing.tree.offset_rad[child])
+    for end in ([(50.0, 97.0), (52.1, 99.1)], [(50.0, 100.0)]):
+        tracing.chains = [np.array([(50.0, 0.0), *end])]
+        base, heading_rad = tracing.launch(child)
+        assert base.tolist() == list(end[-1])
+        assert np.degrees(heading_rad) == pytest.approx(planned_deg, abs=10.0)

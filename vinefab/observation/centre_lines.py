@@ -273,6 +273,8 @@ class _Tracing:
         if len(chain) < 2 or self.early[parent]:
             return None
         last = chain[-1] - chain[-2]
+        if np.hypot(*last) < self.radius_mm[parent]:  # the fit may bend so short an end anywhere
+            last = chain[-1] - _cut(chain[::-1], 2.0 * self.radius_mm[parent])[-1]
         heading = float(np.arctan2(last[1], last[0])) + float(self.tree.offset_rad[branch])
         return chain[-1], heading
 

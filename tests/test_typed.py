@@ -46,7 +46,7 @@ COMPLAINT = re.compile(r"^(error: |bash: |Traceback )", re.M)
 
 HELPS = "helps"
 LEAST_LINES = 140
-MOST_LEFT_OUT = 21
+MOST_LEFT_OUT = 25
 PATIENCE_S = 900.0
 
 

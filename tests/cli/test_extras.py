@@ -91,13 +91,16 @@ def test_every_extra_for_users_is_declared_once_and_has_a_command_here():
     assert {extra: modules for extra, (modules, _) in COMMANDS.items()} | OF_PYTHON == EXTRAS
 
 
+@pytest.mark.parametrize(
+    "each", [False, pytest.param(True, marks=pytest.mark.thorough)], ids=["all", "each"]
+)
 @pytest.mark.parametrize("extra", COMMANDS)
-def test_without_an_extra_the_command_names_it_in_one_line(extra, tmp_path):
+def test_without_an_extra_the_command_names_it_in_one_line(extra, each, tmp_path):
     modules, arguments = COMMANDS[extra]
-    for number, absent in enumerate(modules):
+    for number, absent in enumerate([{one} for one in modules] if each else [{*modules}]):
         folder = tmp_path / str(number)
         folder.mkdir()
-        ended = run_program(folder, arguments, {absent})
+        ended = run_program(folder, arguments, absent)
         assert (ended.returncode, ended.stderr.count("\n")) == (2, 1), ended.stderr
         assert f"pip install 'vinefab[{extra}]'" in ended.stderr
         assert {path.name for path in folder.iterdir()} == {"site", "run.toml", "front.toml"}

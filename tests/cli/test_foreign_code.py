@@ -208,8 +208,8 @@ THREADS, CLUSTER = ("--workers", "2"), ("--cluster", "local:2", "--workers", "0"
     ("case", "more"),
     [
         ("1 / 0", THREADS),
-        ("raise SystemExit(0)", THREADS),
-        ("return float('nan'), {}", THREADS),
+        pytest.param("raise SystemExit(0)", THREADS, marks=pytest.mark.thorough),
+        pytest.param("return float('nan'), {}", THREADS, marks=pytest.mark.thorough),
         pytest.param("1 / 0", CLUSTER, marks=pytest.mark.thorough),
         ("raise SystemExit(0)", CLUSTER),
         pytest.param("return float('nan'), {}", CLUSTER, marks=pytest.mark.thorough),
